@@ -1,0 +1,95 @@
+"""What a bridge is told about its robot: plain values, no Django, no ROS.
+
+The registry builds a `BridgeConfig` (`robots.selectors.bridge_config`), the supervisor compares their digests to notice edits.
+Poses are (x, y, yaw) in the base frame, metres and radians.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import msgspec
+from msgspec import Struct
+
+from robots.bridge.gate.values import GateProfile
+
+
+class Topic(Struct, frozen=True):
+    """A topic and its ROS type, such as ("/key_vel", "geometry_msgs/Twist")."""
+
+    name: str
+    type: str
+
+
+class ScanSource(Struct, frozen=True):
+    """A planar laser (sensor_msgs/LaserScan)."""
+
+    topic: str
+    pose: tuple[float, float, float]
+
+
+class SonarSource(Struct, frozen=True):
+    """A range sensor (sensor_msgs/Range); several may share a topic, told apart by frame_id."""
+
+    topic: str
+    frame_id: str
+    pose: tuple[float, float, float]
+    fov: float
+    max_range_m: float
+
+
+class DepthSource(Struct, frozen=True):
+    """A depth image or cloud."""
+
+    topic: str
+    type: str
+
+
+class Topics(Struct, frozen=True):
+    """Where a robot's ROS interface is. None: the robot has no such thing."""
+
+    drive: Topic  # geometry_msgs/Twist or geometry_msgs/TwistStamped
+    odometry: Topic  # nav_msgs/Odometry
+    scans: list[ScanSource] = []
+    sonars: list[SonarSource] = []
+    depth: DepthSource | None = None
+    joint_states: Topic | None = None
+    battery: Topic | None = None  # std_msgs/Float32 percent, or sensor_msgs/BatteryState
+    charging: Topic | None = None  # std_msgs/Bool
+    speech: Topic | None = None
+    motions: Topic | None = None
+    camera: Topic | None = None
+    cancel_on_stop: list[str] = []  # action names whose every goal an emergency stop cancels
+
+
+class LinkAddress(Struct, frozen=True):
+    """Where the bridge listens: a Unix socket (owner only), or TCP with TLS and a shared secret."""
+
+    unix_path: str | None = None
+    host: str | None = None
+    port: int | None = None
+    certificate: str | None = None
+    private_key: str | None = None
+    secret: str | None = None
+
+
+class BridgeConfig(Struct, frozen=True):
+    """Everything one bridge needs."""
+
+    robot_id: str  # UUID
+    slug: str
+    name: str
+    master_uri: str
+    advertised_address: str | None  # what the console calls itself to this robot (ROS_IP)
+    host_aliases: dict[str, str]  # robot host name -> address (libnss-wrapper)
+    topics: Topics
+    gate: GateProfile
+    reverse_steering: str  # "turn" or "car"
+    link: LinkAddress
+    state_dir: str  # lock, latch and fencing number
+    last_fence: int = 0  # highest number the database knows: with it a lost latch file shows
+
+    def digest(self) -> str:
+        """Differs when anything the bridge was told differs (the fencing number apart)."""
+        told = msgspec.structs.replace(self, last_fence=0)
+        return hashlib.sha256(msgspec.json.encode(told, order="deterministic")).hexdigest()

@@ -1,0 +1,97 @@
+"""The values that the gate takes and gives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+
+class Velocity(NamedTuple):
+    """A planar twist in the base frame: m/s forward, m/s left, rad/s counter-clockwise."""
+
+    vx: float
+    vy: float
+    w: float
+
+
+STILL = Velocity(0.0, 0.0, 0.0)
+
+
+class Pose(NamedTuple):
+    """A planar pose: metres, radians."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class Parameters(Struct, frozen=True):
+    """GATE.md's parameters, with the values found good there."""
+
+    lateral_margin_m: float = 0.03  # m_lat
+    front_margin_m: float = 0.08  # m_front
+    hard_margin_m: float = 0.01  # m_hard
+    deceleration_share: float = 0.8  # a = share x limit
+    latency_s: float = 0.20  # T
+    creep_mps: float = 0.10  # v_creep
+    near_miss_s: float = 0.08  # c_lat
+
+
+class Limits(Struct, frozen=True):
+    """What the base can do."""
+
+    forward_mps: float
+    reverse_mps: float  # positive
+    lateral_mps: float  # 0 for a differential base
+    turn_radps: float
+    linear_mps2: float
+    angular_radps2: float
+
+
+class GateProfile(Struct, frozen=True):
+    """What the gate knows of a robot beforehand.
+
+    `outline` is the convex footprint, counter-clockwise, in the base frame; for a disc it is None and `radius_m` holds.
+    `scan_poses` and `sonar_poses` map a source's name (scan topic, sonar frame_id) to its pose.
+    """
+
+    limits: Limits
+    radius_m: float | None
+    outline: tuple[tuple[float, float], ...] | None
+    scan_poses: dict[str, tuple[float, float, float]]
+    sonar_poses: dict[str, tuple[float, float, float]]
+    sonar_fov: dict[str, float]
+    has_depth: bool
+    blind_mps: float  # speed in directions, or heights, that nobody watches
+    parameters: Parameters = Parameters()
+
+
+class Obstacles(NamedTuple):
+    """Points to keep clear of, base frame of now. `points` (N, 2) float64; `source` (N,) index into `names`."""
+
+    points: NDArray[np.float64]
+    source: NDArray[np.intp]
+    names: tuple[str, ...]
+
+
+class Verdict(NamedTuple):
+    """What may be sent, and why not more.
+
+    `code`: "idle" (nothing asked), "free", or the rule that holds back. `neutral` says that this was a stop of the kind
+    after which the stick must return to neutral (stale or missing data).
+    """
+
+    velocity: Velocity
+    asked: Velocity
+    code: str
+    text: str
+    sensor: str | None = None
+    distance_m: float | None = None
+    bearing: float | None = None
+    side: str | None = None
+    point: tuple[float, float] | None = None
+    limits: tuple[str, ...] = ()
+    neutral: bool = False

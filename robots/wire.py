@@ -1,0 +1,488 @@
+"""Every message that crosses a wire: browser <-> web process <-> bridge.
+
+Each message is one JSON object whose ``t`` names its kind. A door decodes and validates in one
+step, with `browser_message`, `link_request` or `link_report`; what does not fit raises `WireError`, which carries the
+`Refusal` to answer with. Units are SI unless the name says otherwise; angles are radians; base
+frame x forward, y left (REP 103). Joystick axes run from -1 to 1.
+
+A view (`View`) is encoded once by the bridge and travels to every viewer untouched: on the link it
+is the only *binary* frame, so that the web process knows it without decoding it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta, Struct
+
+PROTOCOL = 1
+LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
+
+Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
+Share = Annotated[float, Meta(gt=0.0, le=1.0)]
+Fence = Annotated[int, Meta(ge=1, le=2**53 - 1)]
+Seq = Annotated[int, Meta(ge=0, le=2**53 - 1)]
+Milliseconds = Annotated[float, Meta(ge=0.0, le=1e12)]
+ShortText = Annotated[str, Meta(max_length=200)]
+TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")]
+
+
+class Refusal(Struct, frozen=True, omit_defaults=True):
+    """Why something was not done: data first, words for people beside it.
+
+    `code` is stable and for programs; `text` is one plain sentence that says what to do where
+    something can be done; `rule` names the link of the chain that refused (account, lease,
+    dead-man, gate, stop, audit, wire, robot); `figures` holds the numbers behind it, units in the keys.
+    """
+
+    code: str
+    text: str
+    rule: str
+    figures: dict[str, float | int | str | None] = {}
+
+
+class WireError(ValueError):
+    """A message that is not one of ours. `refusal` says what was wrong with it."""
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.text)
+        self.refusal = refusal
+
+
+# --- browser -> web --------------------------------------------------------------------------
+
+
+class Hello(Struct, frozen=True, tag_field="t", tag="hello"):
+    """First message of a page. `tab` is the tab's own random token: a lease belongs to it."""
+
+    tab: TabToken
+
+
+class Take(Struct, frozen=True, tag_field="t", tag="take"):
+    """Take control of a robot that nobody holds."""
+
+
+class TakeOver(Struct, frozen=True, tag_field="t", tag="take_over"):
+    """Take control from its holder (supervisors and staff), with a reason that is kept."""
+
+    reason: Annotated[str, Meta(min_length=3, max_length=200)]
+
+
+class Renew(Struct, frozen=True, tag_field="t", tag="renew"):
+    """Ask for a fresh term of control."""
+
+
+class Release(Struct, frozen=True, tag_field="t", tag="release"):
+    """Give control back."""
+
+
+class Ask(Struct, frozen=True, tag_field="t", tag="ask"):
+    """Ask the holder for control."""
+
+
+class AskCancel(Struct, frozen=True, tag_field="t", tag="ask_cancel"):
+    """Withdraw the question."""
+
+
+class HandOver(Struct, frozen=True, tag_field="t", tag="hand_over"):
+    """Give control to the person behind request number `request`."""
+
+    request: int
+
+
+class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
+    """The stick, now. Forwarded to the bridge byte for byte.
+
+    `x` forward, `y` left (holonomic bases), `w` turn left; `share` is the part of the robot's limits that
+    a full stick means. `seq` grows with every message of one tab; `sent_ms` is the browser's monotonic clock
+    (performance.now()). `fence` is the fencing number of the sender's lease.
+    """
+
+    fence: Fence
+    seq: Seq
+    sent_ms: Milliseconds
+    x: Axis
+    w: Axis
+    y: Axis = 0.0
+    share: Share = 0.4
+
+
+class Stop(Struct, frozen=True, tag_field="t", tag="stop"):
+    """Emergency stop: latched. Anybody signed in who may see the robot."""
+
+
+class Clear(Struct, frozen=True, tag_field="t", tag="clear"):
+    """Clear the latch; moves nothing. The holder, a supervisor or staff."""
+
+
+class Ack(Struct, frozen=True, tag_field="t", tag="ack"):
+    """The last view was drawn: the next may be sent."""
+
+
+class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
+    """Answered at once with `Pong`, to measure the way between page and web process."""
+
+    sent_ms: Milliseconds
+
+
+BrowserMessage = (
+    Hello
+    | Take
+    | TakeOver
+    | Renew
+    | Release
+    | Ask
+    | AskCancel
+    | HandOver
+    | Drive
+    | Stop
+    | Clear
+    | Ack
+    | Ping
+)
+
+
+# --- web -> browser --------------------------------------------------------------------------
+
+
+class Limits(Struct, frozen=True):
+    """What a full stick at share 1 means for this robot (m/s, rad/s), after admin tightening."""
+
+    forward_mps: float
+    reverse_mps: float
+    lateral_mps: float
+    turn_radps: float
+
+
+class SonarPose(Struct, frozen=True):
+    """A range sensor in the base frame."""
+
+    name: str
+    x: float
+    y: float
+    yaw: float
+    fov: float
+
+
+class RobotFacts(Struct, frozen=True):
+    """What a page needs to know of a robot once."""
+
+    slug: str
+    name: str
+    profile: str
+    practice: bool
+    holonomic: bool
+    limits: Limits
+    footprint: list[tuple[float, float]]  # convex outline, base frame, counter-clockwise
+    default_share: float
+    max_share: float
+    reverse_steering: str  # "turn": stick left always turns left; "car": mirrored in reverse
+    drive_topic: str
+    sonars: list[SonarPose]
+
+
+class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
+    """Answer to `Hello`, and again whenever the robot was edited or the person's rights changed."""
+
+    protocol: int
+    you: str
+    role: str  # observer, operator, supervisor, staff
+    robot: RobotFacts
+
+
+class Request(Struct, frozen=True):
+    """Somebody who asks for control."""
+
+    id: int
+    name: str
+    waiting_s: float
+
+
+class Control(Struct, frozen=True, tag_field="t", tag="control"):
+    """Who has control, as this connection may see it. Sent on every change.
+
+    `state`: "free" (take it), "yours", "elsewhere" (yours, in another tab), "other" (see `holder`), "away" (the
+    holder's page is gone; free after `resumable_s`).
+    `refusal` says why this person may not take control now, None if they may.
+    """
+
+    state: str
+    holder: str | None = None
+    fence: int | None = None  # only for the holder's own tab
+    session: str | None = None  # control session id
+    remaining_s: float | None = None  # of the term
+    resumable_s: float | None = None
+    requests: list[Request] = []  # to the holder, and to those who may take over
+    asking: int | None = None  # this connection's own request
+    may_take_over: bool = False
+    may_clear: bool = False
+    refusal: Refusal | None = None
+
+
+class Notice(Struct, frozen=True, tag_field="t", tag="notice"):
+    """Something a person should know: control ended and why, somebody asks, the robot was edited."""
+
+    level: str  # info, warning, error
+    code: str
+    text: str
+
+
+class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=True):
+    """A message that was not carried out. `of` is its kind, `seq` its number if it had one."""
+
+    of: str
+    refusal: Refusal
+    seq: int | None = None
+    fence: int | None = None
+
+
+class Pong(Struct, frozen=True, tag_field="t", tag="pong"):
+    """Answer to `Ping`."""
+
+    sent_ms: float
+
+
+class BridgeGone(Struct, frozen=True, tag_field="t", tag="bridge_gone"):
+    """No link to the robot's bridge, and why; a `View` ends it."""
+
+    refusal: Refusal
+
+
+# --- bridge -> browser (through the web process, untouched) -----------------------------------
+
+
+class Verdict(Struct, frozen=True, omit_defaults=True):
+    """What the gate made of the last command. See docs/protocol.md for the codes."""
+
+    code: str  # "free", "idle", or the rule that holds back
+    text: str  # one line for the operator
+    asked: tuple[float, float, float]  # vx, vy (m/s), w (rad/s)
+    allowed: tuple[float, float, float]
+    sensor: str | None = None
+    distance_m: float | None = None  # gap between hull and obstacle
+    bearing: float | None = None  # of the obstacle, base frame
+    side: str | None = None  # ahead, ahead left, left, behind left, behind, ...
+    point: tuple[float, float] | None = None
+    limits: list[str] = []  # standing limits in words ("held to 0.3 m/s: no depth camera yet")
+
+
+class Sensor(Struct, frozen=True):
+    """How a sensor is. `age_s` None: never seen."""
+
+    name: str
+    kind: str  # scan, sonar, odometry, depth, battery, joints
+    ok: bool
+    age_s: float | None
+    text: str = ""
+
+
+class Odometry(Struct, frozen=True):
+    """Pose in the odometry frame and speed in the base frame."""
+
+    x: float
+    y: float
+    yaw: float
+    vx: float
+    vy: float
+    w: float
+
+
+class StopState(Struct, frozen=True):
+    """`state`: "clear", "stopping" (zeros sent), "stopped" (odometry confirms standstill)."""
+
+    state: str
+    by: str | None = None
+    reason: str = ""
+    standstill_ms: float | None = None  # press -> standstill by odometry
+
+
+class State(Struct, frozen=True):
+    """The robot as its bridge knows it."""
+
+    phase: str  # waiting (no master), connecting (master, no odometry or drive topic yet), online, refused
+    text: str  # one line in words
+    stop: StopState
+    verdict: Verdict
+    odometry: Odometry | None
+    sensors: list[Sensor]
+    battery_percent: float | None
+    charging: bool | None
+    holder: str | None
+    fence: int | None
+    seq: int | None  # last drive message that was accepted
+    neutral_needed: str | None  # why the stick must return to neutral first
+    foreign: list[str]  # other nodes that publish to the drive topic
+    watchers: list[str]
+    clock_skew_s: float | None
+    refused: dict[str, int]  # refused messages so far, by code
+
+
+class Scan(Struct, frozen=True):
+    """What is seen, in the base frame of now, centimetres, flat [x0, y0, x1, y1, ...]."""
+
+    laser_cm: list[int]
+    sonar_cm: list[int | None]  # by index of RobotFacts.sonars; None: nothing in range
+
+
+class View(Struct, frozen=True, tag_field="t", tag="view"):
+    """One picture of the robot for its viewers."""
+
+    state: State
+    scan: Scan | None
+
+
+# --- web -> bridge (the link) -----------------------------------------------------------------
+
+
+class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
+    """First on a link. `web` names the process, for logs and for people."""
+
+    protocol: int
+    web: ShortText
+
+
+class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
+    """Control for `seconds` from arrival, by the bridge's own clock; repeated to renew.
+
+    The bridge refuses a fencing number below the highest it has ever seen, and the same number under another control session.
+    """
+
+    fence: Fence
+    seconds: Annotated[float, Meta(gt=0.0, le=60.0)]
+    session: ShortText
+    holder: ShortText
+    holder_id: ShortText
+    max_share: Share
+
+
+class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
+    """Control under `fence` ends now."""
+
+    fence: Fence
+    reason: ShortText
+
+
+class Hold(Struct, frozen=True, tag_field="t", tag="hold"):
+    """The holder's page is gone: zero at once, stick to neutral before it moves again."""
+
+    fence: Fence
+    reason: ShortText
+
+
+class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop"):
+    """Emergency stop."""
+
+    by: ShortText
+    reason: ShortText = ""
+
+
+class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
+    """Clear the latch. The web process has checked the right."""
+
+    by: ShortText
+
+
+class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
+    """Who looks through this web process; nobody means no views, only `Status`."""
+
+    watchers: Annotated[list[ShortText], Meta(max_length=500)]
+
+
+LinkRequest = LinkHello | Grant | Revoke | Hold | Drive | LinkStop | LinkClear | Watch
+
+
+# --- bridge -> web (the link, text frames) ----------------------------------------------------
+
+
+class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
+    """First from a bridge. `fence` is the highest number it has seen."""
+
+    protocol: int
+    robot: str  # UUID
+    slug: str
+    fence: int
+    state: State
+
+
+class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
+    """A grant was taken (also answers each renewal)."""
+
+    fence: int
+
+
+class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
+    """Control under `fence` ended at the bridge: expired, revoked, superseded, disabled."""
+
+    fence: int
+    reason: str
+
+
+class Status(Struct, frozen=True, tag_field="t", tag="status"):
+    """The state without a picture, twice a second and on change, whoever looks or not."""
+
+    state: State
+
+
+class Stopped(Struct, frozen=True, tag_field="t", tag="stopped"):
+    """Answer to a stop or clear: the latch as it is now."""
+
+    stop: StopState
+
+
+LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Refused
+
+
+# --- doors ------------------------------------------------------------------------------------
+
+_browser = msgspec.json.Decoder(BrowserMessage)
+_request = msgspec.json.Decoder(LinkRequest)
+_report = msgspec.json.Decoder(LinkReport)
+_view = msgspec.json.Decoder(View)
+_encoder = msgspec.json.Encoder()
+
+
+def _decode(decoder: msgspec.json.Decoder[Any], raw: str | bytes) -> Any:
+    if len(raw) > LARGEST_MESSAGE_BYTES:
+        raise WireError(
+            Refusal(
+                "too_large",
+                f"The message has {len(raw)} bytes; at most {LARGEST_MESSAGE_BYTES} are taken.",
+                "wire",
+                {"bytes": len(raw), "limit_bytes": LARGEST_MESSAGE_BYTES},
+            )
+        )
+    try:
+        return decoder.decode(raw)
+    except msgspec.ValidationError as error:
+        raise WireError(Refusal("invalid", f"The message does not fit: {error}", "wire")) from error
+    except (msgspec.DecodeError, UnicodeError) as error:
+        raise WireError(Refusal("not_json", f"Not a JSON message: {error}", "wire")) from error
+
+
+def browser_message(raw: str | bytes) -> BrowserMessage:
+    """Decode what a browser sent, or raise `WireError`."""
+    message: BrowserMessage = _decode(_browser, raw)
+    return message
+
+
+def link_request(raw: str | bytes) -> LinkRequest:
+    """Decode what a web process sent to a bridge, or raise `WireError`."""
+    message: LinkRequest = _decode(_request, raw)
+    return message
+
+
+def link_report(raw: str | bytes) -> LinkReport:
+    """Decode what a bridge said to a web process (text frames), or raise `msgspec.DecodeError`."""
+    message: LinkReport = _report.decode(raw)
+    return message
+
+
+def view(raw: bytes) -> View:
+    """Decode a view. Only for the rare reader that is not a browser."""
+    return _view.decode(raw)
+
+
+def encode(message: Struct) -> bytes:
+    """The message as JSON."""
+    return _encoder.encode(message)
