@@ -1,0 +1,1 @@
+"""The simulated robot's ROS side. With `robots.bridge.ros` the only place that imports rospy."""

@@ -1,0 +1,54 @@
+"""``python -m robots.simulator``: one simulated robot. The master is taken from ROS_MASTER_URI."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import math
+
+from robots.simulator.body import BODIES
+from robots.simulator.odometry import Drift
+from robots.simulator.physics import Pose
+from robots.simulator.robot import Robot
+from robots.simulator.worlds import load_world
+
+
+def pose(text: str) -> Pose:
+    """``X,Y,YAW`` in metres and degrees."""
+    try:
+        x, y, degrees = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,YAW in metres and degrees") from None
+    return Pose(x, y, math.radians(degrees))
+
+
+def arguments() -> argparse.Namespace:
+    """What was asked on the command line."""
+    parser = argparse.ArgumentParser(prog="python -m robots.simulator", description=__doc__)
+    parser.add_argument("--world", default="office", help="name of a world, or path of a .yaml file")
+    parser.add_argument("--pose", type=pose, help="start: X,Y,YAW in metres and degrees")
+    parser.add_argument("--name", default="tiago-1", help="of the robot; names the ROS node")
+    parser.add_argument("--seed", type=int, default=0, help="of every random number")
+    parser.add_argument("--base", choices=sorted(BODIES), default="tiago", help="kind of robot")
+    parser.add_argument("--drift", type=float, default=1.0, help="odometry drift, 1 as on a good day, 0 none")
+    parser.add_argument("--exit-with-parent", action="store_true", help="exit when standard input ends")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Build the robot, then hand it to ROS."""
+    asked = arguments()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s")
+    world = load_world(asked.world)
+    x, y, degrees = world.starts[0] if world.starts else (0.0, 0.0, 0.0)
+    start = asked.pose or Pose(x, y, math.radians(degrees))
+    robot = Robot(world, BODIES[asked.base], start, asked.seed, Drift().times(asked.drift))
+
+    # Imported here, so that --help and a wrong world need no ROS.
+    from robots.simulator.ros.process import run
+
+    run(robot, asked.name, asked.exit_with_parent)
+
+
+if __name__ == "__main__":
+    main()

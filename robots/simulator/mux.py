@@ -1,0 +1,73 @@
+"""Which of several velocity inputs drives the base: twist_mux's rules, without ROS.
+
+An input speaks for `INPUT_TIMEOUT_S` after its last message; the speaking input of highest priority
+that no lock masks is obeyed. A lock masks inputs of a priority lower than its own. Ties go to
+whoever speaks (twist_mux lets both through).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+INPUT_TIMEOUT_S = 0.5
+
+TIAGO_INPUTS: Mapping[str, int] = MappingProxyType(
+    {
+        "joy_vel": 100,
+        "tab_vel": 100,
+        "marker_vel": 99,
+        "phone_vel": 98,
+        "rviz_joy_vel": 95,
+        "key_vel": 90,
+        "servoing_cmd_vel": 20,
+        "nav_vel": 10,
+    }
+)
+
+TIAGO_LOCKS: Mapping[str, int] = MappingProxyType(
+    {
+        "stop_closing_loop": 200,
+        "pause_navigation": 100,
+        "joy_priority": 100,
+        "emergency_brake": 100,
+    }
+)
+
+
+class TwistMux:
+    """Keeps when each input last spoke and which locks are on. Times are seconds of one monotonic clock."""
+
+    def __init__(
+        self,
+        inputs: Mapping[str, int] = TIAGO_INPUTS,
+        locks: Mapping[str, int] = TIAGO_LOCKS,
+        timeout_s: float = INPUT_TIMEOUT_S,
+    ) -> None:
+        self._inputs = inputs
+        self._locks = locks
+        self._timeout_s = timeout_s
+        self._heard_at: dict[str, float] = {}
+        self._locked: set[str] = set()
+
+    def lock(self, name: str, on: bool) -> None:
+        """Set or lift a lock."""
+        if name not in self._locks:
+            raise KeyError(name)
+        if on:
+            self._locked.add(name)
+        else:
+            self._locked.discard(name)
+
+    def passes(self, name: str, now: float) -> bool:
+        """Note that input `name` spoke at `now`; true if its command goes through to the base."""
+        priority = self._inputs[name]
+        self._heard_at[name] = now
+        return priority >= self._highest_lock() and priority == self._highest_speaking(now)
+
+    def _highest_lock(self) -> int:
+        return max((self._locks[name] for name in self._locked), default=0)
+
+    def _highest_speaking(self, now: float) -> int:
+        speaking = (self._inputs[name] for name, at in self._heard_at.items() if now - at <= self._timeout_s)
+        return max(speaking, default=0)

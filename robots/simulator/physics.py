@@ -1,0 +1,133 @@
+"""The robot's body in the world: MuJoCo decides where it goes and what it touches. Knows no ROS."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.base import Twist, clamp
+from robots.simulator.body import Body
+from robots.simulator.scene import ROBOT_GROUP, scene_xml
+from robots.simulator.worlds import World
+
+# What the motors can do to the whole robot; an obstacle that stands pushes back harder.
+_PUSH_N = 250.0
+_TWIST_NM = 80.0
+_SEEN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+
+
+class Pose(NamedTuple):
+    """Planar pose in the world: metres, radians."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class Contact(NamedTuple):
+    """The robot's `part` touches `other`."""
+
+    part: str
+    other: str
+    force_n: float
+
+
+class Physics:
+    """One robot in one world, stepped in real time by its owner."""
+
+    def __init__(self, world: World, body: Body, start: Pose) -> None:
+        self.model = mujoco.MjModel.from_xml_string(scene_xml(world, body))
+        self.data = mujoco.MjData(self.model)
+        self.timestep_s = float(self.model.opt.timestep)
+        self.robot_id = self.model.body("robot").id
+        self._mass = body.mass_kg
+        self._inertia = float(self.model.body("robot").inertia[2])
+        self._parts = np.flatnonzero(self.model.geom_group == ROBOT_GROUP)
+        self.data.qpos[:3] = start
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot truly is."""
+        x, y, yaw = self.data.qpos[:3].tolist()
+        return Pose(x, y, yaw)
+
+    @property
+    def velocity(self) -> Twist:
+        """How the robot truly moves, in its own frame."""
+        x, y, w = self.data.qvel[:3].tolist()
+        yaw = float(self.data.qpos[2])
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return Twist(cos * x + sin * y, cos * y - sin * x, w)
+
+    def step(self, wanted: Twist, steps: int) -> None:
+        """Push towards velocity `wanted` (base frame) for `steps` time steps."""
+        for _ in range(steps):
+            self._push(wanted)
+            mujoco.mj_step(self.model, self.data)
+
+    def _push(self, wanted: Twist) -> None:
+        """The force that would reach `wanted` within one step, as far as the motors can."""
+        yaw = float(self.data.qpos[2])
+        now = self.velocity
+        gain = self._mass / self.timestep_s
+        ahead = (wanted.vx - now.vx) * gain
+        left = (wanted.vy - now.vy) * gain
+        strength = math.hypot(ahead, left)
+        if strength > _PUSH_N:
+            ahead, left = ahead * _PUSH_N / strength, left * _PUSH_N / strength
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        turn = (wanted.w - now.w) * self._inertia / self.timestep_s
+        self.data.qfrc_applied[:3] = (
+            cos * ahead - sin * left,
+            sin * ahead + cos * left,
+            clamp(turn, -_TWIST_NM, _TWIST_NM),
+        )
+
+    def contacts(self) -> list[Contact]:
+        """What the robot touches now, the hardest first."""
+        found = []
+        force = np.zeros(6)
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            first, second = (int(geom) for geom in contact.geom)
+            part, other = (first, second) if first in self._parts else (second, first)
+            mujoco.mj_contactForce(self.model, self.data, index, force)
+            found.append(Contact(self._name(part), self._name(other), float(force[0])))
+        return sorted(found, key=lambda contact: -contact.force_n)
+
+    def clearance_m(self, reach_m: float = 3.0) -> float:
+        """The gap between the robot's hull and the nearest thing; at most `reach_m`; negative inside."""
+        others = np.flatnonzero((self.model.geom_contype != 0) & (self.model.geom_group != ROBOT_GROUP))
+        return min(
+            (
+                mujoco.mj_geomDistance(self.model, self.data, int(part), int(other), reach_m, None)
+                for part in self._parts
+                for other in others
+            ),
+            default=reach_m,
+        )
+
+    def cast(self, origin: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distances along rays (N, 3) from one point, both in the world's frame; -1 where nothing is hit."""
+        count = len(directions)
+        hit = np.empty(count, dtype=np.int32)
+        distance = np.empty(count)
+        mujoco.mj_multiRay(
+            self.model, self.data, origin.reshape(3, 1), directions.reshape(-1, 1), _SEEN_GROUPS, True,
+            self.robot_id, hit.reshape(-1, 1), distance.reshape(-1, 1), None, count, 1e9,
+        )  # fmt: skip
+        return distance
+
+    def place_person(self, name: str, x: float, y: float, yaw: float) -> None:
+        """Put a person somewhere; shows from the next step on."""
+        mocap = int(self.model.body(name).mocapid[0])
+        self.data.mocap_pos[mocap] = (x, y, 0.0)
+        self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+    def _name(self, geom: int) -> str:
+        return str(self.model.geom(geom).name)

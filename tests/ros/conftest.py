@@ -1,0 +1,47 @@
+"""Fixtures for tests against a real rosmaster and simulated robots. See `tests.ros.support`."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tests.ros.support import Master, RosClient, SimulatorProcess
+
+
+@pytest.fixture(scope="session")
+def rosmaster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
+    """This test process' own rosmaster."""
+    master = Master(tmp_path_factory.mktemp("ros")).start()
+    yield master
+    master.stop()
+
+
+@pytest.fixture(scope="session")
+def ros(rosmaster: Master) -> Iterator[RosClient]:
+    """This test process' own node at `rosmaster`."""
+    client = RosClient(rosmaster)
+    yield client
+    client.close()
+
+
+@pytest.fixture(scope="module")
+def simulator(
+    rosmaster: Master, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Callable[..., SimulatorProcess]]:
+    """Start simulated robots: ``simulator(world="office", pose="2,2,0", seed=1)``; ended after the module."""
+    started: list[SimulatorProcess] = []
+    folder = tmp_path_factory.mktemp("simulator")
+    numbers = itertools.count(1)
+
+    def start(**options: Any) -> SimulatorProcess:
+        name = options.pop("name", f"tiago-{next(numbers)}")
+        process = SimulatorProcess(rosmaster, folder / f"{name}.log", name, **options)
+        started.append(process)
+        return process.wait_ready()
+
+    yield start
+    for process in started:
+        process.stop()

@@ -1,0 +1,221 @@
+"""A real rosmaster, simulated robots and a ROS client for tests and benchmarks.
+
+rospy knows one master per process. So each test process (each pytest-xdist worker) has its own
+master on a free port and at most one node of its own; robots run in processes of theirs.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xmlrpc.client import ServerProxy
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import rosgraph
+import rospy
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+ROSMASTER = "/usr/bin/rosmaster"
+PATIENCE_S = 20.0
+
+
+def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
+    """Poll until `condition` is true and return its value. For what has no event to await: other processes."""
+    deadline = time.monotonic() + timeout_s
+    while not (value := condition()):
+        if time.monotonic() > deadline:
+            raise AssertionError(f"not within {timeout_s} s: {what}")
+        time.sleep(0.01)
+    return value
+
+
+def free_port() -> int:
+    """A TCP port that nobody uses now."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        port: int = listener.getsockname()[1]
+        return port
+
+
+def end(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> int:
+    """Ask a process to end, insist after `timeout_s`; its exit code."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+    try:
+        return process.wait(timeout_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
+class Master:
+    """A rosmaster of one's own. `kill` and `start` again on the same port, as often as a test likes."""
+
+    def __init__(self, folder: Path, port: int | None = None) -> None:
+        self.port = port or free_port()
+        self.uri = f"http://127.0.0.1:{self.port}/"
+        self._folder = folder
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def environment(self) -> dict[str, str]:
+        """For processes that are to use this master."""
+        return {
+            **os.environ,
+            "ROS_MASTER_URI": self.uri,
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": str(self._folder),
+            "ROS_LOG_DIR": str(self._folder / "log"),
+            "PYTHONWARNINGS": "ignore",
+        }
+
+    def start(self) -> Master:
+        """Start it and wait until it answers."""
+        (self._folder / "log").mkdir(parents=True, exist_ok=True)
+        with open(self._folder / "rosmaster.log", "ab") as log:
+            self.process = subprocess.Popen(
+                [ROSMASTER, "--core", "-p", str(self.port)],
+                env=self.environment(), stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            )  # fmt: skip
+        until(self.answers, f"rosmaster on port {self.port}")
+        return self
+
+    def answers(self) -> bool:
+        """True when it serves."""
+        try:
+            ServerProxy(self.uri).getPid("/test")
+        except OSError:
+            return False
+        return True
+
+    def kill(self) -> None:
+        """As a crash: SIGKILL."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
+    def stop(self) -> None:
+        """End it."""
+        if self.process is not None:
+            end(self.process)
+
+
+class SimulatorProcess:
+    """One ``python -m robots.simulator`` against a master."""
+
+    def __init__(self, master: Master, log: Path, name: str, **options: Any) -> None:
+        self.name = name
+        self.node = f"/simulator_{name}".replace("-", "_")
+        self.log = log
+        self._master = master
+        flags = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
+        with open(log, "wb") as output:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "robots.simulator", f"--name={name}", "--exit-with-parent", *flags],
+                cwd=REPOSITORY, env=master.environment(),
+                stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+
+    def wait_ready(self) -> SimulatorProcess:
+        """Return when its topics are at the master."""
+        until(self._is_ready, f"simulator {self.name}; its log:\n{self.log.read_text()}")
+        return self
+
+    def stop(self) -> int:
+        """End it; its exit code."""
+        code = end(self.process)
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        return code
+
+    def _is_ready(self) -> bool:
+        if self.process.poll() is not None:
+            raise AssertionError(
+                f"the simulator ended with {self.process.returncode}:\n{self.log.read_text()}"
+            )
+        published, _, _ = rosgraph.Master("/test", self._master.uri).getSystemState()
+        return any(topic == READY_TOPIC and self.node in nodes for topic, nodes in published)
+
+
+READY_TOPIC = "/scan_raw"  # the last that a simulator advertises
+
+
+class Inbox:
+    """The messages of one topic, in order of arrival."""
+
+    def __init__(self, topic: str, kind: type) -> None:
+        self.topic = topic
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._subscriber = rospy.Subscriber(topic, kind, self._queue.put, tcp_nodelay=True)
+
+    def next(self, timeout_s: float = PATIENCE_S) -> Any:
+        """The next message; waits for it."""
+        try:
+            return self._queue.get(timeout=timeout_s)
+        except queue.Empty:
+            raise AssertionError(f"nothing on {self.topic} within {timeout_s} s") from None
+
+    def until(self, condition: Callable[[Any], Any], timeout_s: float = PATIENCE_S) -> Any:
+        """The first message for which `condition` holds."""
+        deadline = time.monotonic() + timeout_s
+        last = None
+        while time.monotonic() < deadline:
+            last = self.next(timeout_s)
+            if condition(last):
+                return last
+        raise AssertionError(f"no such message on {self.topic} within {timeout_s} s; the last was\n{last}")
+
+    def drain(self) -> list[Any]:
+        """What has arrived and was not taken yet."""
+        arrived = []
+        while not self._queue.empty():
+            arrived.append(self._queue.get())
+        return arrived
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._subscriber.unregister()
+
+
+class RosClient:
+    """This process' only ROS node. Made once per process, by the `ros` fixture."""
+
+    def __init__(self, master: Master) -> None:
+        self.master = master
+        environment = master.environment()
+        for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME", "ROS_LOG_DIR"):
+            os.environ[name] = environment[name]
+        rospy.init_node("test", anonymous=True, disable_signals=True, disable_rosout=True)
+
+    @contextmanager
+    def listen(self, topic: str, kind: type) -> Iterator[Inbox]:
+        """Subscribe for the length of a `with` block."""
+        inbox = Inbox(topic, kind)
+        try:
+            yield inbox
+        finally:
+            inbox.close()
+
+    @contextmanager
+    def speak(self, topic: str, kind: type, listeners: int = 1) -> Iterator[rospy.Publisher]:
+        """Publish for the length of a `with` block, which begins when `listeners` are connected."""
+        publisher = rospy.Publisher(topic, kind, queue_size=10, tcp_nodelay=True)
+        try:
+            until(lambda: publisher.get_num_connections() >= listeners, f"{listeners} listeners on {topic}")
+            yield publisher
+        finally:
+            publisher.unregister()
+
+    def close(self) -> None:
+        """Leave the master."""
+        rospy.signal_shutdown("the tests are over")
