@@ -71,6 +71,7 @@ class LinkAddress(Struct, frozen=True):
     certificate: str | None = None
     private_key: str | None = None
     secret: str | None = None
+    authority: str | None = None  # certificates by which the web side knows the bridge; None: the system's
 
 
 class BridgeConfig(Struct, frozen=True):
