@@ -1,0 +1,32 @@
+"""The registry as a Django app."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.apps import AppConfig
+from django.db.models.signals import post_migrate
+
+
+class RobotsConfig(AppConfig):
+    """Loads the shipped profiles after each migration."""
+
+    name = "robots"
+    default_auto_field = "django.db.models.BigAutoField"
+
+    def ready(self) -> None:
+        """Register what follows a migration."""
+        post_migrate.connect(_load_shipped_profiles, sender=self)
+
+
+def _load_shipped_profiles(*, apps: Any, using: str, **_: Any) -> None:
+    """Only on a fully migrated table: an older state of it does not fit today's model."""
+    from robots.models import RobotProfile
+    from robots.shipped import load_profiles
+
+    try:
+        migrated = apps.get_model("robots", "RobotProfile")
+    except LookupError:
+        return
+    if {field.name for field in migrated._meta.fields} == {field.name for field in RobotProfile._meta.fields}:
+        load_profiles(using=using)

@@ -1,0 +1,193 @@
+"""What holds for one robot: its profile's description, with the robot's own entries laid over it.
+
+Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved through the
+admin or `robots.services` never is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from robots.bridge.config import Topic, Topics
+from robots.bridge.gate.values import GateProfile, Limits, Parameters
+from robots.described import (
+    Footprint,
+    Overrides,
+    Problems,
+    Tightening,
+    first_of,
+    footprint_problems,
+    loosened_parameters,
+    parameter_problems,
+    parsed,
+    topic_problems,
+)
+
+if TYPE_CHECKING:
+    from robots.models import Robot, RobotProfile
+
+BEGINNER_MPS = 0.4  # the fastest that a full stick may mean before a person raises the speed share
+MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # a robot may be held from reversing, not from moving at all
+
+
+# --- of a profile --------------------------------------------------------------------------------
+
+
+def footprint(profile: RobotProfile) -> Footprint:
+    """The footprint; an outline goes counter-clockwise, whichever way it was written."""
+    given = first_of(footprint_problems, parsed(Footprint, profile.footprint))
+    if given.outline is not None and _clockwise(given.outline):
+        return Footprint(outline=given.outline[::-1])
+    return given
+
+
+def _clockwise(outline: list[tuple[float, float]]) -> bool:
+    following = outline[1:] + outline[:1]
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(outline, following, strict=True)) < 0.0
+
+
+def profile_topics(profile: RobotProfile) -> Topics:
+    """The ROS interface of this kind of robot."""
+    return _topics(profile, profile.drive_topic, profile.topics)
+
+
+def profile_parameters(profile: RobotProfile) -> Parameters:
+    """The gate's parameters for this kind of robot."""
+    return first_of(parameter_problems, parsed(Parameters, profile.gate))
+
+
+def _topics(profile: RobotProfile, drive_topic: str, rest: object) -> Topics:
+    if not isinstance(rest, dict):
+        raise Problems(["Write an object with odometry, scans and so on."])
+    if "drive" in rest:
+        raise Problems(['drive: belongs into the field "drive topic"'])
+    drive = msgspec.to_builtins(Topic(drive_topic, profile.drive_type))
+    return first_of(topic_problems, parsed(Topics, {"drive": drive, **rest}))
+
+
+# --- of a robot ----------------------------------------------------------------------------------
+
+
+def overrides(robot: Robot) -> Overrides:
+    """The robot's own entries."""
+    return parsed(Overrides, robot.overrides)
+
+
+def topics(robot: Robot) -> Topics:
+    """The robot's ROS interface."""
+    merged = {**robot.profile.topics, **overrides(robot).topics}
+    return _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
+
+
+def parameters(robot: Robot) -> Parameters:
+    """The gate's parameters for this robot."""
+    own = {**robot.profile.gate, **overrides(robot).gate}
+    return first_of(parameter_problems, parsed(Parameters, own))
+
+
+def limits(robot: Robot) -> Limits:
+    """The profile's limits, where the robot's own are not lower."""
+    own = overrides(robot).limits
+    return Limits(**{name: _lower(robot.profile, own, name) for name in Limits.__struct_fields__})
+
+
+def blind_mps(robot: Robot) -> float:
+    """Speed (m/s) where no sensor watches."""
+    return _lower(robot.profile, overrides(robot).limits, "blind_mps")
+
+
+def default_share(robot: Robot) -> float:
+    """The speed share a page begins with; a profile edited later cannot make it exceed what the robot allows."""
+    share = robot.profile.default_share if robot.default_share is None else robot.default_share
+    return min(share, robot.max_share)
+
+
+def outline(robot: Robot) -> tuple[tuple[float, float], ...] | None:
+    """The convex footprint, counter-clockwise; None for a disc."""
+    corners = footprint(robot.profile).outline
+    return None if corners is None else tuple(corners)
+
+
+def gate_profile(robot: Robot) -> GateProfile:
+    """What the gate knows of this robot beforehand."""
+    interface = topics(robot)
+    return GateProfile(
+        limits=limits(robot),
+        radius_m=footprint(robot.profile).radius_m,
+        outline=outline(robot),
+        scan_poses={scan.topic: scan.pose for scan in interface.scans},
+        sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
+        sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
+        has_depth=interface.depth is not None,
+        blind_mps=blind_mps(robot),
+        parameters=parameters(robot),
+    )
+
+
+def _lower(profile: RobotProfile, own: Tightening, name: str) -> float:
+    """The lower of the two, so that lowering a profile later reaches robots with entries of their own."""
+    theirs: float = getattr(profile, name)
+    mine: float | None = getattr(own, name)
+    return theirs if mine is None else min(mine, theirs)
+
+
+# --- checks at the door --------------------------------------------------------------------------
+
+
+def check_overrides(robot: Robot) -> None:
+    """A robot's own entries are well formed and tighten; `Problems` if not."""
+    own = overrides(robot)
+    with _under("topics"):
+        topics(robot)
+    with _under("gate"):
+        tuned = parameters(robot)
+    lines = [*_loosened_limits(own.limits, robot.profile)]
+    lines += loosened_parameters(tuned, profile_parameters(robot.profile))
+    if lines:
+        raise Problems(lines)
+
+
+@contextmanager
+def _under(field: str) -> Iterator[None]:
+    """Problems inside are problems of `field`."""
+    try:
+        yield
+    except Problems as problems:
+        raise Problems([f"{field}.{line}" for line in problems.lines]) from problems
+
+
+def _loosened_limits(own: Tightening, profile: RobotProfile) -> Iterator[str]:
+    for name in Tightening.__struct_fields__:
+        mine: float | None = getattr(own, name)
+        theirs: float = getattr(profile, name)
+        if mine is not None and mine > theirs:
+            yield f"limits.{name}: {mine:g} is above the profile's {theirs:g}; a robot may only tighten"
+        if mine is not None and mine <= 0.0 < theirs and name not in MAY_BE_ZERO:
+            yield f"limits.{name}: must be above 0, not {mine:g}"
+        if mine is not None and mine < 0.0 and name in MAY_BE_ZERO:
+            yield f"limits.{name}: must not be negative, {mine:g} is"
+
+
+def check_profile_share(profile: RobotProfile) -> None:
+    """Nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
+    _check_share(profile.default_share, max(profile.forward_mps, profile.reverse_mps, profile.lateral_mps))
+
+
+def check_robot_share(robot: Robot) -> None:
+    """Nobody begins faster than `BEGINNER_MPS` on this robot."""
+    own = limits(robot)
+    _check_share(default_share(robot), max(own.forward_mps, own.reverse_mps, own.lateral_mps))
+
+
+def _check_share(share: float, fastest_mps: float) -> None:
+    if share * fastest_mps > BEGINNER_MPS + 1e-9:
+        raise Problems(
+            [
+                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; nobody begins faster than "
+                f"{BEGINNER_MPS:g} m/s, so at most {BEGINNER_MPS / fastest_mps:.2g}."
+            ]
+        )

@@ -1,0 +1,303 @@
+"""The registry: kinds of robots, robots, who may do what with them, and how their bridges fare."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from typing import TypeVar
+
+from django.conf import settings
+from django.core.exceptions import ValidationError
+from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
+from django.db import models
+
+from robots import described, effective
+
+T = TypeVar("T")
+
+_topic_name = RegexValidator(
+    r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$",
+    "Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _.",
+)
+
+
+def _between(lowest: float, highest: float) -> list[MinValueValidator | MaxValueValidator]:
+    return [MinValueValidator(lowest), MaxValueValidator(highest)]
+
+
+class Role(models.TextChoices):
+    """What a person may do with a robot; ordered, each role includes those below it.
+
+    Staff is no row: `User.is_staff` means staff on every robot.
+    """
+
+    OBSERVER = "observer", "Observer: may look, and stop"
+    OPERATOR = "operator", "Operator: may drive"
+    SUPERVISOR = "supervisor", "Supervisor: may also take over control"
+    STAFF = "staff", "Staff: everything, on every robot"
+
+    @property
+    def rank(self) -> int:
+        """Place in the order, from 0."""
+        return list(Role).index(self)
+
+    # str would compare the letters.
+    def __lt__(self, other: str) -> bool:
+        return self.rank < Role(other).rank
+
+    def __le__(self, other: str) -> bool:
+        return self.rank <= Role(other).rank
+
+    def __gt__(self, other: str) -> bool:
+        return self.rank > Role(other).rank
+
+    def __ge__(self, other: str) -> bool:
+        return self.rank >= Role(other).rank
+
+
+class ReverseSteering(models.TextChoices):
+    """What stick left means while reversing."""
+
+    TURN = "turn", "Stick left always turns the robot left"
+    CAR = "car", "Like a car: mirrored in reverse"
+
+
+class RobotProfile(models.Model):
+    """What a kind of robot has in common."""
+
+    slug = models.SlugField(unique=True)
+    name = models.CharField(max_length=80)
+    holonomic = models.BooleanField(default=False, help_text="The base can also move sideways.")
+
+    forward_mps = models.FloatField(
+        "forward, m/s", validators=_between(0.05, 3.0), help_text="The fastest that this kind of robot goes."
+    )
+    reverse_mps = models.FloatField(
+        "reverse, m/s",
+        validators=_between(0.0, 3.0),
+        help_text="A positive number. TIAGo's own limit is 0.2.",
+    )
+    lateral_mps = models.FloatField(
+        "sideways, m/s",
+        default=0.0,
+        validators=_between(0.0, 3.0),
+        help_text="0 unless the base is holonomic.",
+    )
+    turn_radps = models.FloatField("turning, rad/s", validators=_between(0.05, 6.3))
+    linear_mps2 = models.FloatField(
+        "acceleration, m/s²",
+        validators=_between(0.05, 10.0),
+        help_text="What the base can speed up and brake with; the gate plans with a share of it.",
+    )
+    angular_radps2 = models.FloatField("angular acceleration, rad/s²", validators=_between(0.05, 20.0))
+    blind_mps = models.FloatField(
+        "blind speed, m/s",
+        validators=_between(0.01, 0.5),
+        help_text="The fastest in directions, or at heights, that no sensor watches. Raising it trusts the "
+        "operator's eyes instead of a sensor.",
+    )
+    default_share = models.FloatField(
+        "default speed share",
+        default=0.4,
+        validators=_between(0.01, 1.0),
+        help_text="What part of the limits a full stick means when a page is opened, above 0 up to 1. At most "
+        f"{effective.BEGINNER_MPS:g} m/s may come of it: everybody begins as a beginner.",
+    )
+    reverse_steering = models.CharField(
+        max_length=8, choices=ReverseSteering.choices, default=ReverseSteering.TURN
+    )
+    drive_topic = models.CharField(
+        max_length=200,
+        validators=[_topic_name],
+        help_text="Where velocities are published. On TIAGo this chooses what wins over the console. /key_vel "
+        "(priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every lock, "
+        "emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by the locks "
+        "of priority 100: a console there ignores emergency_brake. /mobile_base_controller/cmd_vel bypasses "
+        "the mux, the joystick's priority and every lock.",
+    )
+    drive_type = models.CharField(
+        max_length=80,
+        choices=[(name, name) for name in described.DRIVE_TYPES],
+        default=described.DRIVE_TYPES[0],
+    )
+    footprint = models.JSONField(
+        help_text='Metres, base frame: {"radius_m": 0.27} or {"outline": [[0.3, 0.2], [-0.3, 0.2], ...]}, '
+        "convex, with the base frame's origin inside."
+    )
+    topics = models.JSONField(
+        help_text="The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
+        "charging, speech, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres and "
+        "radians. Leave out what the robot does not have."
+    )
+    gate = models.JSONField(
+        default=dict,
+        blank=True,
+        help_text="Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
+        "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} unless "
+        "you have measured.",
+    )
+    shipped_digest = models.CharField(max_length=64, blank=True, editable=False)
+    updated_at = models.DateTimeField(auto_now=True)
+
+    class Meta:
+        ordering = ["name"]
+        verbose_name = "robot profile"
+
+    def __str__(self) -> str:
+        return self.name
+
+    def clean(self) -> None:
+        """Check the structured parts, and what several fields only say together."""
+        errors: dict[str, list[str]] = {}
+        for field, check in (
+            ("footprint", effective.footprint),
+            ("topics", effective.profile_topics),
+            ("gate", effective.profile_parameters),
+        ):
+            _collect(errors, field, check, self)
+        if None not in (self.default_share, self.forward_mps, self.reverse_mps, self.lateral_mps):
+            _collect(errors, "default_share", effective.check_profile_share, self)
+        if not self.holonomic and self.lateral_mps:
+            errors["lateral_mps"] = ["A base that is not holonomic cannot move sideways: 0."]
+        if errors:
+            raise ValidationError(errors)
+
+
+class Robot(models.Model):
+    """One robot: where it is, how it differs from its profile, who may use it."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    slug = models.SlugField(unique=True, help_text="Short name in addresses and commands, such as tiago-1.")
+    name = models.CharField(max_length=80)
+    profile = models.ForeignKey(RobotProfile, on_delete=models.PROTECT, related_name="robots")
+    enabled = models.BooleanField(
+        default=True,
+        help_text="Untick to take the robot out of service: it is stopped, its bridge ends within 3 s.",
+    )
+    practice = models.BooleanField(
+        "simulated",
+        default=False,
+        help_text="Shown as a practice robot, so that nobody takes it for a real one.",
+    )
+
+    master_uri = models.CharField(
+        "ROS master", max_length=200, help_text="ROS_MASTER_URI of the robot, such as http://tiago-42c:11311."
+    )
+    advertised_address = models.CharField(
+        max_length=200,
+        blank=True,
+        help_text="What the console calls itself to this robot, so that the robot can call back: this "
+        "computer's address in the robot's network, such as 10.68.0.2. Empty: this computer's host name.",
+    )
+    host_aliases = models.JSONField(
+        default=dict,
+        blank=True,
+        help_text="Host names that the robot's nodes use and this network does not know, with their addresses: "
+        '{"tiago-42c": "10.68.0.1"}.',
+    )
+    bridge_address = models.CharField(
+        max_length=200,
+        blank=True,
+        help_text="Empty: the bridge runs on this computer. Otherwise where it listens: wss://host:port.",
+    )
+
+    drive_topic = models.CharField(
+        max_length=200,
+        blank=True,
+        validators=[_topic_name],
+        help_text="Empty: the profile's. See there what the choice means.",
+    )
+    default_share = models.FloatField(
+        "default speed share",
+        null=True,
+        blank=True,
+        validators=_between(0.01, 1.0),
+        help_text="Empty: the profile's.",
+    )
+    max_share = models.FloatField(
+        "largest speed share",
+        default=1.0,
+        validators=_between(0.01, 1.0),
+        help_text="The largest part of the limits that anybody may choose, above 0 up to 1.",
+    )
+    overrides = models.JSONField(
+        default=dict,
+        blank=True,
+        help_text='Where this robot differs from its profile: {"topics": {...}, "limits": {...}, "gate": {...}}. '
+        "Entries of topics replace the profile's (null: this robot has no such thing); limits and gate may only "
+        'tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
+    )
+
+    fence = models.BigIntegerField("highest fencing number", default=0, editable=False)
+    updated_at = models.DateTimeField(auto_now=True)
+
+    class Meta:
+        ordering = ["name"]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def clean(self) -> None:
+        """Check addresses, aliases, and that nothing is looser than the profile."""
+        errors: dict[str, list[str]] = {}
+        _collect(errors, "master_uri", described.check_master_uri, self.master_uri)
+        _collect(errors, "advertised_address", described.check_advertised_address, self.advertised_address)
+        _collect(errors, "host_aliases", described.check_aliases, self.host_aliases)
+        _collect(errors, "bridge_address", described.check_bridge_address, self.bridge_address)
+        if self.profile_id is not None:
+            _collect(errors, "overrides", effective.check_overrides, self)
+        if self.profile_id is not None and not errors and self.max_share is not None:
+            _collect(errors, "default_share", effective.check_robot_share, self)
+        if errors:
+            raise ValidationError(errors)
+
+
+def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:
+    """Run `check`; what is wrong goes to `field`."""
+    try:
+        check(value)
+    except described.Problems as problems:
+        errors.setdefault(field, []).extend(problems.lines)
+
+
+class RobotRole(models.Model):
+    """What one person may do with one robot."""
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="roles")
+    user = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="robot_roles")
+    role = models.CharField(
+        max_length=16, choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value]
+    )
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["robot", "user"], name="one_role_per_robot_and_person")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.user} is {self.role} of {self.robot}"
+
+
+class BridgeStatus(models.Model):
+    """How a robot's bridge process fares, written by the supervisor on every change."""
+
+    class State(models.TextChoices):
+        """Life of a bridge process as its supervisor sees it."""
+
+        STARTING = "starting", "starting"
+        RUNNING = "running", "running"
+        BACKING_OFF = "backing_off", "ended, starts again soon"
+        REFUSED = "refused", "refused: will not be started again by itself"
+        DISABLED = "disabled", "disabled"
+
+    robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="bridge")
+    state = models.CharField(max_length=16, choices=State.choices)
+    detail = models.CharField(max_length=500, blank=True)
+    pid = models.PositiveIntegerField(null=True, blank=True)
+    since = models.DateTimeField()
+
+    class Meta:
+        verbose_name_plural = "bridge statuses"
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.state}"

@@ -1,0 +1,100 @@
+"""Reading the registry."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from django.conf import settings
+from django.db.models import QuerySet
+
+from robots import effective
+from robots.bridge.config import BridgeConfig, LinkAddress
+from robots.models import Robot, RobotRole, Role
+from robots.wire import Limits, RobotFacts, SonarPose
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+DISC_CORNERS = 32  # a disc is drawn as a polygon
+
+
+def role_on(user: User, robot: Robot) -> Role | None:
+    """What `user` may do with `robot`; None: not even look."""
+    if not user.is_active:
+        return None
+    if user.is_staff:
+        return Role.STAFF
+    role = RobotRole.objects.filter(user=user, robot=robot).values_list("role", flat=True).first()
+    return Role(role) if role else None
+
+
+def robots_visible_to(user: User) -> QuerySet[Robot]:
+    """The robots that `user` may look at, disabled ones too, by name."""
+    robots = Robot.objects.select_related("profile", "bridge")
+    if not user.is_active:
+        return robots.none()
+    return robots if user.is_staff else robots.filter(roles__user=user)
+
+
+def link_address(robot: Robot) -> LinkAddress:
+    """Where the robot's bridge listens; both ends of the link ask here."""
+    if not robot.bridge_address:
+        return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{robot.id.hex[:12]}.sock"))
+    parts = urlsplit(robot.bridge_address)
+    return LinkAddress(
+        host=parts.hostname,
+        port=parts.port,
+        certificate=settings.FLEET_LINK_CERT,
+        private_key=settings.FLEET_LINK_KEY,
+        secret=settings.FLEET_LINK_SECRET,
+        authority=settings.FLEET_LINK_CA,
+    )
+
+
+def bridge_config(robot: Robot) -> BridgeConfig:
+    """Everything the robot's bridge is told."""
+    return BridgeConfig(
+        robot_id=str(robot.id),
+        slug=robot.slug,
+        name=robot.name,
+        master_uri=robot.master_uri.rstrip("/"),
+        advertised_address=robot.advertised_address or None,
+        host_aliases=robot.host_aliases,
+        topics=effective.topics(robot),
+        gate=effective.gate_profile(robot),
+        reverse_steering=robot.profile.reverse_steering,
+        link=link_address(robot),
+        state_dir=str(settings.FLEET_VAR / "bridges" / str(robot.id)),
+        last_fence=robot.fence,
+    )
+
+
+def robot_facts(robot: Robot) -> RobotFacts:
+    """What a page needs to know of the robot once."""
+    topics = effective.topics(robot)
+    limits = effective.limits(robot)
+    return RobotFacts(
+        slug=robot.slug,
+        name=robot.name,
+        profile=robot.profile.name,
+        practice=robot.practice,
+        holonomic=robot.profile.holonomic,
+        limits=Limits(limits.forward_mps, limits.reverse_mps, limits.lateral_mps, limits.turn_radps),
+        footprint=_drawn_footprint(robot),
+        default_share=effective.default_share(robot),
+        max_share=robot.max_share,
+        reverse_steering=robot.profile.reverse_steering,
+        drive_topic=topics.drive.name,
+        sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in topics.sonars],
+    )
+
+
+def _drawn_footprint(robot: Robot) -> list[tuple[float, float]]:
+    footprint = effective.footprint(robot.profile)
+    if footprint.outline is not None:
+        return footprint.outline
+    radius_m = footprint.radius_m or 0.0
+    angles = [2.0 * math.pi * corner / DISC_CORNERS for corner in range(DISC_CORNERS)]
+    return [(round(radius_m * math.cos(angle), 4), round(radius_m * math.sin(angle), 4)) for angle in angles]

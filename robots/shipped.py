@@ -1,0 +1,108 @@
+"""The profiles that come with the console, as data files under robots/profiles/.
+
+After each migration a file that is new, or whose profile nobody has edited, goes into the database. A profile that
+was edited here is left alone; the admin says that the shipped one differs and offers to take it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+from msgspec import Struct
+
+from robots.bridge.config import Topic
+from robots.bridge.gate.values import Limits
+from robots.models import RobotProfile
+
+log = logging.getLogger(__name__)
+DIRECTORY = Path(__file__).parent / "profiles"
+
+
+class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
+    """One data file."""
+
+    slug: str
+    name: str
+    holonomic: bool
+    limits: Limits
+    blind_mps: float
+    default_share: float
+    reverse_steering: str
+    drive: Topic
+    footprint: dict[str, Any]
+    topics: dict[str, Any]
+    gate: dict[str, float]
+
+    def columns(self) -> dict[str, Any]:
+        """The values of the profile's columns, the slug apart."""
+        return {
+            "name": self.name,
+            "holonomic": self.holonomic,
+            **msgspec.to_builtins(self.limits),
+            "blind_mps": self.blind_mps,
+            "default_share": self.default_share,
+            "reverse_steering": self.reverse_steering,
+            "drive_topic": self.drive.name,
+            "drive_type": self.drive.type,
+            "footprint": self.footprint,
+            "topics": self.topics,
+            "gate": self.gate,
+        }
+
+
+def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
+    """Every shipped profile, by file name."""
+    return [
+        msgspec.convert(yaml.safe_load(path.read_text(encoding="utf-8")), ProfileFile)
+        for path in sorted(directory.glob("*.yaml"))
+    ]
+
+
+def load_profiles(*, using: str = "default", directory: Path = DIRECTORY) -> None:
+    """Bring the database up to the files, without touching what was edited here."""
+    for file in profile_files(directory):
+        profile = RobotProfile.objects.using(using).filter(slug=file.slug).first()
+        if profile is None:
+            profile = RobotProfile(slug=file.slug)
+        elif is_edited(profile, file):
+            if differs(profile, file):
+                log.warning(
+                    "Profile %s was edited here; the shipped one differs and was not taken.", file.slug
+                )
+            continue
+        elif not differs(profile, file):
+            continue
+        take(profile, file, using=using)
+
+
+def take(profile: RobotProfile, file: ProfileFile, *, using: str = "default") -> None:
+    """Make `profile` what `file` says."""
+    for name, value in file.columns().items():
+        setattr(profile, name, value)
+    profile.shipped_digest = _digest(file.columns())
+    profile.full_clean(validate_unique=False)
+    profile.save(using=using)
+
+
+def is_edited(profile: RobotProfile, file: ProfileFile) -> bool:
+    """Whether somebody changed the profile since it was last taken from a file."""
+    return profile.shipped_digest != _digest(_columns_now(profile, file))
+
+
+def differs(profile: RobotProfile, file: ProfileFile) -> bool:
+    """Whether profile and file say different things."""
+    return _columns_now(profile, file) != file.columns()
+
+
+def _columns_now(profile: RobotProfile, file: ProfileFile) -> dict[str, Any]:
+    return {name: getattr(profile, name) for name in file.columns()}
+
+
+def _digest(columns: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(columns, sort_keys=True).encode()).hexdigest()
