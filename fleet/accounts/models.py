@@ -1,0 +1,63 @@
+"""People and their sign-ins."""
+
+from __future__ import annotations
+
+import uuid
+
+from django.contrib.auth.models import AbstractUser
+from django.contrib.sessions.models import Session
+from django.db import models
+from django.utils import timezone
+
+
+class User(AbstractUser):
+    """A person. `is_staff` makes them staff on every robot; other roles are given robot by robot."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    first_name = None  # type: ignore[assignment]
+    last_name = None  # type: ignore[assignment]
+    full_name = models.CharField("name", max_length=150, blank=True, help_text="As others see it.")
+
+    class Meta(AbstractUser.Meta):
+        ordering = ["username"]
+
+    def __str__(self) -> str:
+        return self.display_name
+
+    @property
+    def display_name(self) -> str:
+        """The name to show: the full name, or the user name if there is none."""
+        return self.full_name or self.username
+
+    def get_full_name(self) -> str:
+        """The full name; may be blank."""
+        return self.full_name
+
+    def get_short_name(self) -> str:
+        """The name to show."""
+        return self.display_name
+
+
+class SignIn(models.Model):
+    """One sign-in session as its owner sees it: where it was begun and when it was last used.
+
+    It lives and dies with Django's session. `auth_hash` is the account's session hash at sign-in: it no
+    longer matches once the password was changed, by whatever door.
+    """
+
+    # Pages name a sign-in by this, never by its session key: that one is as good as the cookie.
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    session = models.OneToOneField(Session, on_delete=models.CASCADE, related_name="sign_in", editable=False)
+    user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="sign_ins")
+    auth_hash = models.CharField(max_length=128, editable=False)
+    started_at = models.DateTimeField("since", default=timezone.now)
+    seen_at = models.DateTimeField("last seen", default=timezone.now)
+    address = models.CharField(max_length=64, blank=True)
+    user_agent = models.CharField("browser", max_length=300, blank=True)
+
+    class Meta:
+        ordering = ["-seen_at"]
+        verbose_name = "sign-in"
+
+    def __str__(self) -> str:
+        return f"{self.user} from {self.address or 'unknown'}"

@@ -1,0 +1,26 @@
+"""The web process: `daphne fleet.asgi:application`."""
+
+import os
+import warnings
+
+from channels.auth import AuthMiddlewareStack
+from channels.routing import ProtocolTypeRouter, URLRouter
+from django.core.asgi import get_asgi_application
+
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
+http = get_asgi_application()
+
+from fleet.doors import SameOrigin, SignedIn  # noqa: E402 - the applications are ready only now
+from teleop.routing import websocket_urlpatterns  # noqa: E402
+
+# WhiteNoise serves files from threads, and Django says so once for each file.
+warnings.filterwarnings(
+    "ignore", message="StreamingHttpResponse must consume synchronous iterators", category=Warning
+)
+
+application = ProtocolTypeRouter(
+    {
+        "http": http,
+        "websocket": SameOrigin(AuthMiddlewareStack(SignedIn(URLRouter(websocket_urlpatterns)))),
+    }
+)

@@ -1,0 +1,158 @@
+"""Reading settings from environment variables: typed, and loud about what is missing or wrong.
+
+Every problem is an `ImproperlyConfigured` that begins with the variable's name and says what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from django.core.exceptions import ImproperlyConfigured
+
+TRUE = {"1", "true", "yes", "on"}
+FALSE = {"0", "false", "no", "off", ""}
+
+SQLITE_OPTIONS = {
+    "timeout": 5,  # seconds that a writer waits for another one
+    # A transaction that reads first and writes later would fail at once when another one wrote between.
+    "transaction_mode": "IMMEDIATE",
+    # FULL: what the audit log has committed survives a power cut.
+    "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL",
+}
+POSTGRESQL_OPTIONS = {"connect_timeout": "3", "options": "-c lock_timeout=5s"}
+
+
+class Environment:
+    """The variables, read by kind."""
+
+    def __init__(self, variables: Mapping[str, str]) -> None:
+        self._variables = variables
+
+    def text(self, name: str) -> str | None:
+        """The variable, None if it is unset or blank."""
+        return self._variables.get(name, "").strip() or None
+
+    def required(self, name: str, why: str) -> str:
+        """The variable, which must be there."""
+        value = self.text(name)
+        if value is None:
+            raise ImproperlyConfigured(f"{name} is not set. {why}")
+        return value
+
+    def flag(self, name: str) -> bool:
+        """A switch, off unless set."""
+        value = (self.text(name) or "").lower()
+        if value not in TRUE | FALSE:
+            raise ImproperlyConfigured(f"{name} is {value!r}; use 1 or 0.")
+        return value in TRUE
+
+    def names(self, name: str) -> list[str]:
+        """A comma-separated list; empty items are dropped."""
+        return [item.strip() for item in (self.text(name) or "").split(",") if item.strip()]
+
+    def directory(self, name: str, default: Path, mode: int = 0o755) -> Path:
+        """A directory, made if it is not there: the database and the sockets live in such."""
+        path = Path(self.text(name) or default).expanduser().absolute()
+        try:
+            path.mkdir(mode=mode, parents=True, exist_ok=True)
+        except OSError as error:
+            raise ImproperlyConfigured(
+                f"{name}: cannot make the directory {path}: {error.strerror}."
+            ) from error
+        return path
+
+    def file(self, name: str) -> str | None:
+        """The path of a file, which must be there if the variable is set."""
+        value = self.text(name)
+        if value is not None and not Path(value).is_file():
+            raise ImproperlyConfigured(f"{name}: there is no file {value}.")
+        return value
+
+
+def hosts(env: Environment, *, debug: bool) -> list[str]:
+    """`FLEET_HOSTS`: the names under which the console may be reached."""
+    names = env.names("FLEET_HOSTS")
+    if any("*" in name for name in names):
+        raise ImproperlyConfigured(
+            "FLEET_HOSTS contains '*'. List the names and addresses: the Origin check of WebSockets rests on them."
+        )
+    if not names and not debug:
+        raise ImproperlyConfigured(
+            "FLEET_HOSTS is not set. List the names and addresses under which browsers reach the console, "
+            "such as FLEET_HOSTS=fleet.lab.example,192.168.1.20."
+        )
+    return names or ["localhost", "127.0.0.1", "[::1]"]
+
+
+def origins(env: Environment) -> list[str]:
+    """`FLEET_ORIGINS`: origins trusted beside the console's own, such as https://fleet.lab.example:8443."""
+    values = env.names("FLEET_ORIGINS")
+    for value in values:
+        parts = urlsplit(value)
+        if (
+            parts.scheme not in ("http", "https")
+            or not parts.hostname
+            or value != f"{parts.scheme}://{parts.netloc}"
+        ):
+            raise ImproperlyConfigured(
+                f"FLEET_ORIGINS contains {value!r}; an origin looks like https://fleet.lab.example:8443, without a path."
+            )
+    return values
+
+
+def secret_key(env: Environment) -> str:
+    """`FLEET_SECRET_KEY`: long and random, or sign-in cookies can be forged."""
+    key = env.required(
+        "FLEET_SECRET_KEY",
+        "Make one with: python3 -c 'import secrets; print(secrets.token_urlsafe(50))', and keep it.",
+    )
+    if len(key) < 32:
+        raise ImproperlyConfigured(f"FLEET_SECRET_KEY has {len(key)} characters; it needs 32 or more.")
+    return key
+
+
+def link_secret(env: Environment) -> str | None:
+    """`FLEET_LINK_SECRET`: shared by web processes and bridges on other hosts. Needed by the rest of the TLS link."""
+    secret = env.text("FLEET_LINK_SECRET")
+    if secret is not None and len(secret) < 32:
+        raise ImproperlyConfigured(f"FLEET_LINK_SECRET has {len(secret)} characters; it needs 32 or more.")
+    if secret is None and any(env.text(f"FLEET_LINK_{part}") for part in ("CA", "CERT", "KEY")):
+        raise ImproperlyConfigured(
+            "FLEET_LINK_SECRET is not set, but FLEET_LINK_CA, FLEET_LINK_CERT or FLEET_LINK_KEY is. "
+            "A link over TCP needs the shared secret as well."
+        )
+    if bool(env.text("FLEET_LINK_CERT")) != bool(env.text("FLEET_LINK_KEY")):
+        raise ImproperlyConfigured("FLEET_LINK_CERT and FLEET_LINK_KEY go together; one of them is not set.")
+    return secret
+
+
+def database(url: str) -> dict[str, Any]:
+    """A `DATABASES` entry from `FLEET_DATABASE_URL`.
+
+    `sqlite:////var/lib/fleet/fleet.sqlite3` (absolute: four slashes) or
+    `postgresql://user:password@host:5432/name?sslmode=require`; the query goes to the driver.
+    """
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError as error:
+        raise ImproperlyConfigured(f"FLEET_DATABASE_URL cannot be read: {error}.") from error
+    name = unquote(parts.path).removeprefix("/")
+    if parts.scheme not in ("sqlite", "postgres", "postgresql") or not name:
+        raise ImproperlyConfigured(
+            "FLEET_DATABASE_URL must look like sqlite:////path/fleet.sqlite3 or postgresql://user:password@host/name."
+        )
+    if parts.scheme == "sqlite":
+        return {"ENGINE": "django.db.backends.sqlite3", "NAME": name, "OPTIONS": dict(SQLITE_OPTIONS)}
+    return {
+        "ENGINE": "django.db.backends.postgresql",
+        "NAME": name,
+        "USER": unquote(parts.username or ""),
+        "PASSWORD": unquote(parts.password or ""),
+        "HOST": unquote(parts.hostname or ""),
+        "PORT": str(port or ""),
+        "OPTIONS": POSTGRESQL_OPTIONS | dict(parse_qsl(parts.query)),
+    }

@@ -1,0 +1,204 @@
+"""Settings of the fleet console, from environment variables that begin with FLEET_ (docs/settings.md lists them).
+
+Without FLEET_DEBUG everything is as strict as in production, and what is missing or wrong stops the start
+with the variable's name.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from csp.constants import NONE, SELF
+from django.core.management.utils import get_random_secret_key
+
+from fleet import environment
+from fleet.environment import Environment
+
+BASE_DIR = Path(__file__).resolve().parent.parent
+_env = Environment(os.environ)
+
+DEBUG = _env.flag("FLEET_DEBUG")
+FLEET_TLS = _env.flag("FLEET_TLS")  # browsers reach the console by https, here or at a proxy before it
+FLEET_VAR = _env.directory("FLEET_VAR", BASE_DIR / "var")
+FLEET_RUN_DIR = _env.directory("FLEET_RUN_DIR", FLEET_VAR / "run", mode=0o700)
+FLEET_ORIGINS = environment.origins(_env)
+FLEET_LINK_SECRET = environment.link_secret(_env)
+FLEET_LINK_CA = _env.file("FLEET_LINK_CA")
+FLEET_LINK_CERT = _env.file("FLEET_LINK_CERT")
+FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
+
+# In debug a key for this process alone: sign-ins end with it.
+SECRET_KEY = (
+    get_random_secret_key() if DEBUG and not _env.text("FLEET_SECRET_KEY") else environment.secret_key(_env)
+)
+ALLOWED_HOSTS = environment.hosts(_env, debug=DEBUG)
+CSRF_TRUSTED_ORIGINS = FLEET_ORIGINS
+
+INSTALLED_APPS = [
+    "django.contrib.admin",
+    "django.contrib.auth",
+    "django.contrib.contenttypes",
+    "django.contrib.sessions",
+    "django.contrib.messages",
+    "django.contrib.staticfiles",
+    "rest_framework",
+    "csp",
+    "fleet.audit",
+    "fleet.accounts",
+    "robots",
+    "teleop",
+]
+if DEBUG:
+    INSTALLED_APPS.insert(0, "daphne")  # `manage.py runserver` then serves WebSockets too
+
+MIDDLEWARE = [
+    "django.middleware.security.SecurityMiddleware",
+    "fleet.headers.permissions_policy",
+    "csp.middleware.CSPMiddleware",
+    "whitenoise.middleware.WhiteNoiseMiddleware",
+    "django.contrib.sessions.middleware.SessionMiddleware",
+    "django.middleware.common.CommonMiddleware",
+    "django.middleware.csrf.CsrfViewMiddleware",
+    "django.contrib.auth.middleware.AuthenticationMiddleware",
+    # Every page needs a signed-in person unless it says otherwise.
+    "django.contrib.auth.middleware.LoginRequiredMiddleware",
+    "fleet.accounts.middleware.sign_in_seen",
+    "django.contrib.messages.middleware.MessageMiddleware",
+    "django.middleware.clickjacking.XFrameOptionsMiddleware",
+]
+
+ROOT_URLCONF = "fleet.urls"
+ASGI_APPLICATION = "fleet.asgi.application"
+
+TEMPLATES = [
+    {
+        "BACKEND": "django.template.backends.django.DjangoTemplates",
+        "DIRS": [BASE_DIR / "templates"],
+        "APP_DIRS": True,
+        "OPTIONS": {
+            "context_processors": [
+                "django.template.context_processors.request",
+                "django.contrib.auth.context_processors.auth",
+                "django.contrib.messages.context_processors.messages",
+            ]
+        },
+    }
+]
+
+# --- database, channel layer ------------------------------------------------------------------
+
+DATABASES: dict[str, dict[str, Any]] = {
+    "default": environment.database(
+        _env.text("FLEET_DATABASE_URL") or f"sqlite:///{FLEET_VAR / 'fleet.sqlite3'}"
+    )
+}
+DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
+
+_redis_url = _env.text("FLEET_REDIS_URL")
+CHANNEL_LAYERS: dict[str, dict[str, Any]] = {
+    "default": {
+        "BACKEND": "channels_redis.core.RedisChannelLayer",
+        "CONFIG": {"hosts": [_redis_url], "prefix": "fleet"},
+    }
+    if _redis_url
+    else {"BACKEND": "channels.layers.InMemoryChannelLayer"}
+}
+
+# --- people -----------------------------------------------------------------------------------
+
+AUTH_USER_MODEL = "accounts.User"
+PASSWORD_HASHERS = [
+    "django.contrib.auth.hashers.BCryptSHA256PasswordHasher",
+    "django.contrib.auth.hashers.PBKDF2PasswordHasher",
+]
+AUTH_PASSWORD_VALIDATORS = [
+    {"NAME": f"django.contrib.auth.password_validation.{name}"}
+    for name in (
+        "UserAttributeSimilarityValidator",
+        "MinimumLengthValidator",
+        "CommonPasswordValidator",
+        "NumericPasswordValidator",
+    )
+]
+LOGIN_URL = "sign-in"
+LOGIN_REDIRECT_URL = "fleet"
+LOGOUT_REDIRECT_URL = "sign-in"
+
+SESSION_COOKIE_AGE = 12 * 60 * 60  # seconds without a page opened: a working day
+SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = FLEET_TLS
+SESSION_COOKIE_NAME = "fleet_session"
+CSRF_COOKIE_NAME = "fleet_csrf"
+SESSION_COOKIE_SAMESITE = CSRF_COOKIE_SAMESITE = "Lax"
+SESSION_COOKIE_HTTPONLY = True
+
+REST_FRAMEWORK = {
+    "DEFAULT_AUTHENTICATION_CLASSES": ["rest_framework.authentication.SessionAuthentication"],
+    "DEFAULT_PERMISSION_CLASSES": ["rest_framework.permissions.IsAuthenticated"],
+    "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
+    "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
+}
+
+# --- what browsers are told -------------------------------------------------------------------
+
+CONTENT_SECURITY_POLICY = {
+    "DIRECTIVES": {
+        "default-src": [NONE],
+        "script-src": [SELF],
+        "style-src": [SELF],
+        "img-src": [SELF],
+        "font-src": [SELF],
+        "connect-src": [SELF],  # browsers count the same host's ws: and wss: as 'self'
+        "manifest-src": [SELF],
+        "form-action": [SELF],
+        "base-uri": [NONE],
+        "frame-ancestors": [NONE],
+    }
+}
+X_FRAME_OPTIONS = "DENY"
+SECURE_REFERRER_POLICY = "same-origin"
+# Browsers ignore it, with an error in their console, on plain http from another host.
+SECURE_CROSS_ORIGIN_OPENER_POLICY = "same-origin" if FLEET_TLS else None
+SECURE_HSTS_SECONDS = 365 * 24 * 60 * 60 if FLEET_TLS else 0
+
+# --- static files -----------------------------------------------------------------------------
+
+# Where npm puts the browser libraries that pages load, by the folder under /static/ that they appear in.
+NPM_DISTRIBUTIONS = [
+    ("vendor/nipplejs", BASE_DIR / "node_modules/nipplejs/dist"),
+    ("vendor/uplot", BASE_DIR / "node_modules/uplot/dist"),
+]
+STATIC_URL = "/static/"
+STATIC_ROOT = FLEET_VAR / "static"
+STATICFILES_DIRS: list[Any] = [
+    BASE_DIR / "static",
+    *(distribution for distribution in NPM_DISTRIBUTIONS if distribution[1].is_dir()),
+]
+STORAGES = {
+    "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
+    "staticfiles": {
+        "BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"
+        if DEBUG
+        else "fleet.static.HashedStaticFiles"
+    },
+}
+WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = DEBUG
+
+# --- language, time, logging ------------------------------------------------------------------
+
+LANGUAGE_CODE = "en-gb"
+TIME_ZONE = "UTC"
+USE_TZ = True
+
+LOGGING = {
+    "version": 1,
+    "disable_existing_loggers": False,
+    "formatters": {"line": {"format": "{asctime} {levelname} {name}: {message}", "style": "{"}},
+    "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "root": {"handlers": ["stderr"], "level": "INFO"},
+    "loggers": {
+        "django": {"handlers": ["stderr"], "level": "INFO", "propagate": False},
+        # One line for each request says nothing that the audit log does not say better.
+        "django.channels.server": {"level": "WARNING"},
+        "daphne": {"level": "WARNING"},
+    },
+}

@@ -1,0 +1,9 @@
+"""Static files as production serves them."""
+
+from whitenoise.storage import CompressedManifestStaticFilesStorage
+
+
+class HashedStaticFiles(CompressedManifestStaticFilesStorage):
+    """Hashed names, compressed, and the imports between ES modules rewritten to the hashed names."""
+
+    support_js_module_import_aggregation = True

@@ -1,0 +1,42 @@
+"""Pages of the project itself."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from django.contrib.auth.decorators import login_not_required
+from django.db import DatabaseError, connection
+from django.db.migrations.executor import MigrationExecutor
+from django.http import HttpRequest, JsonResponse
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
+
+
+@login_not_required
+@never_cache
+@require_safe
+def healthz(_request: HttpRequest) -> JsonResponse:
+    """For monitors: is the database reachable, and is its schema this version's?"""
+    try:
+        trouble = _trouble()
+    except DatabaseError:
+        trouble = "The database does not answer."
+    return JsonResponse({"ok": trouble is None, "text": trouble or "Ready."}, status=503 if trouble else 200)
+
+
+def _trouble() -> str | None:
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT 1")
+    try:
+        _check_migrations()
+    except LookupError as error:
+        return str(error)
+    return None
+
+
+@cache  # only success is kept: an applied migration stays applied
+def _check_migrations() -> None:
+    executor = MigrationExecutor(connection)
+    missing = executor.migration_plan(executor.loader.graph.leaf_nodes())
+    if missing:
+        raise LookupError(f"{len(missing)} migrations are not applied: run manage.py migrate.")

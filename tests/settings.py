@@ -1,0 +1,33 @@
+"""The product's settings for tests: a directory and a database of this run's own.
+
+FLEET_DATABASE_URL may name a PostgreSQL server to run the same tests there.
+"""
+
+import atexit
+import os
+import shutil
+import tempfile
+
+_directory = tempfile.mkdtemp(prefix="fleet-test-")
+atexit.register(shutil.rmtree, _directory, ignore_errors=True)
+
+os.environ["FLEET_VAR"] = _directory
+os.environ["FLEET_SECRET_KEY"] = "a key for tests, which protects nothing at all"
+os.environ["FLEET_HOSTS"] = "testserver,localhost,127.0.0.1"
+for _name in ("FLEET_DEBUG", "FLEET_TLS", "FLEET_RUN_DIR", "FLEET_ORIGINS", "FLEET_REDIS_URL"):
+    os.environ.pop(_name, None)
+
+from fleet.settings import *  # noqa: E402, F403
+from fleet.settings import DATABASES, PASSWORD_HASHERS, STORAGES  # noqa: E402
+
+# A file, not memory: connections of several threads then wait for each other as they do in production.
+DATABASES["default"]["TEST"] = {
+    "NAME": f"{_directory}/test.sqlite3"
+    if "sqlite" in DATABASES["default"]["ENGINE"]
+    else f"test_fleet_{os.getpid()}"
+}
+STORAGES["staticfiles"]["BACKEND"] = "django.contrib.staticfiles.storage.StaticFilesStorage"
+PRODUCTION_PASSWORD_HASHERS = PASSWORD_HASHERS
+PASSWORD_HASHERS = [
+    "django.contrib.auth.hashers.MD5PasswordHasher"
+]  # bcrypt takes a quarter of a second, each time
