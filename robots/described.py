@@ -1,7 +1,7 @@
 """The structured parts of a profile or robot: how JSON becomes values, and what makes it wrong.
 
-People edit these parts as JSON in the admin, so every complaint names the place: "scans[0].pose[1]: expected a
-number, got text". Nothing here touches the database.
+People edit these parts as JSON in the admin, so every complaint names the place: "scans[0].pose[1]: Expected
+a number, got text". Nothing here touches the database.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ class Tightening(Struct, frozen=True):
 class Overrides(Struct, frozen=True):
     """Where one robot differs from its profile.
 
-    `topics` replaces the profile's entries key by key (null: this robot has no such thing), `limits` and `gate`
-    may only tighten.
+    `topics` replaces the profile's entries key by key (null: this robot has no such thing), `limits` and
+    `gate` may only tighten.
     """
 
     topics: dict[str, Any] = {}

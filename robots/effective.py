@@ -1,7 +1,7 @@
 """What holds for one robot: its profile's description, with the robot's own entries laid over it.
 
-Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved through the
-admin or `robots.services` never is.
+Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved
+through the admin or `robots.services` never is.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def blind_mps(robot: Robot) -> float:
 
 
 def default_share(robot: Robot) -> float:
-    """The speed share a page begins with; a profile edited later cannot make it exceed what the robot allows."""
+    """The speed share a page begins with; never above the largest share of this robot."""
     share = robot.profile.default_share if robot.default_share is None else robot.default_share
     return min(share, robot.max_share)
 
@@ -187,7 +187,7 @@ def _check_share(share: float, fastest_mps: float) -> None:
     if share * fastest_mps > BEGINNER_MPS + 1e-9:
         raise Problems(
             [
-                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; nobody begins faster than "
-                f"{BEGINNER_MPS:g} m/s, so at most {BEGINNER_MPS / fastest_mps:.2g}."
+                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; nobody begins faster "
+                f"than {BEGINNER_MPS:g} m/s, so at most {BEGINNER_MPS / fastest_mps:.2g}."
             ]
         )

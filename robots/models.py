@@ -100,8 +100,8 @@ class RobotProfile(models.Model):
         "default speed share",
         default=0.4,
         validators=_between(0.01, 1.0),
-        help_text="What part of the limits a full stick means when a page is opened, above 0 up to 1. At most "
-        f"{effective.BEGINNER_MPS:g} m/s may come of it: everybody begins as a beginner.",
+        help_text="What part of the limits a full stick means when a page is opened, above 0 up to 1. "
+        f"At most {effective.BEGINNER_MPS:g} m/s may come of it: everybody begins as a beginner.",
     )
     reverse_steering = models.CharField(
         max_length=8, choices=ReverseSteering.choices, default=ReverseSteering.TURN
@@ -109,9 +109,9 @@ class RobotProfile(models.Model):
     drive_topic = models.CharField(
         max_length=200,
         validators=[_topic_name],
-        help_text="Where velocities are published. On TIAGo this chooses what wins over the console. /key_vel "
-        "(priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every lock, "
-        "emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by the locks "
+        help_text="Where velocities are published. On TIAGo this chooses what wins over the console. "
+        "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every "
+        "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by the locks "
         "of priority 100: a console there ignores emergency_brake. /mobile_base_controller/cmd_vel bypasses "
         "the mux, the joystick's priority and every lock.",
     )
@@ -126,15 +126,15 @@ class RobotProfile(models.Model):
     )
     topics = models.JSONField(
         help_text="The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
-        "charging, speech, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres and "
-        "radians. Leave out what the robot does not have."
+        "charging, speech, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres "
+        "and radians. Leave out what the robot does not have."
     )
     gate = models.JSONField(
         default=dict,
         blank=True,
         help_text="Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
-        "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} unless "
-        "you have measured.",
+        "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} "
+        "unless you have measured.",
     )
     shipped_digest = models.CharField(max_length=64, blank=True, editable=False)
     updated_at = models.DateTimeField(auto_now=True)
@@ -192,7 +192,7 @@ class Robot(models.Model):
     host_aliases = models.JSONField(
         default=dict,
         blank=True,
-        help_text="Host names that the robot's nodes use and this network does not know, with their addresses: "
+        help_text="Host names that the robot's nodes use and this network does not know, with addresses: "
         '{"tiago-42c": "10.68.0.1"}.',
     )
     bridge_address = models.CharField(
@@ -223,9 +223,9 @@ class Robot(models.Model):
     overrides = models.JSONField(
         default=dict,
         blank=True,
-        help_text='Where this robot differs from its profile: {"topics": {...}, "limits": {...}, "gate": {...}}. '
-        "Entries of topics replace the profile's (null: this robot has no such thing); limits and gate may only "
-        'tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
+        help_text='Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. '
+        "Entries of topics replace the profile's (null: this robot has no such thing); limits and gate may "
+        'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
     )
 
     fence = models.BigIntegerField("highest fencing number", default=0, editable=False)

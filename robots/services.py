@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
+from uuid import UUID
 
 from django.db import models, transaction
 
@@ -18,36 +19,43 @@ NOT_ENTERED = {"id", "fence", "updated_at", "shipped_digest"}  # columns that pe
 @transaction.atomic
 def robot_save(*, robot: Robot, actor: User | None) -> Robot:
     """Create `robot`, or save what was changed in it; `ValidationError` if it is not right."""
-    _save(robot, kind="robot", actor=actor, robot=robot)
+    robot.full_clean()
+    if robot._state.adding:
+        robot.save(force_insert=True)
+        record("robot.create", actor=actor, **_named(robot), parameters=_entered(robot))
+    elif changes := _save_changes(robot, Robot.objects.select_for_update().get(pk=robot.pk)):
+        record("robot.change", actor=actor, **_named(robot), parameters={"changes": changes})
     return robot
 
 
 @transaction.atomic
 def profile_save(*, profile: RobotProfile, actor: User | None) -> RobotProfile:
     """Create `profile`, or save what was changed in it; `ValidationError` if it is not right."""
-    _save(profile, kind="profile", actor=actor, robot=None)
+    profile.full_clean()
+    if profile._state.adding:
+        profile.save(force_insert=True)
+        record("profile.create", actor=actor, parameters=_entered(profile))
+    elif changes := _save_changes(profile, RobotProfile.objects.select_for_update().get(pk=profile.pk)):
+        record("profile.change", actor=actor, parameters={"profile": profile.slug, "changes": changes})
     return profile
 
 
-def _save(entry: Robot | RobotProfile, *, kind: str, actor: User | None, robot: Robot | None) -> None:
-    entry.full_clean()
-    about = {"robot_id": robot.id, "robot_name": robot.name} if robot else {}
-    if entry._state.adding:
-        entry.save(force_insert=True)
-        record(f"{kind}.create", actor=actor, parameters=_entered(entry), **about)
-        return
-    before = _entered(type(entry)._default_manager.select_for_update().get(pk=entry.pk))
-    after = _entered(entry)
-    changes = [
-        {"field": field, "from": before[field], "to": value}
-        for field, value in after.items()
-        if value != before[field]
-    ]
-    if changes:
-        # Only what changed: a form that was open for long must not bring back an old fencing number.
-        entry.save(update_fields=[*(str(change["field"]) for change in changes), "updated_at"])
-        named = {} if robot else {"profile": entry.slug}
-        record(f"{kind}.change", actor=actor, parameters={**named, "changes": changes}, **about)
+class _Named(TypedDict):
+    robot_id: UUID
+    robot_name: str
+
+
+def _named(robot: Robot) -> _Named:
+    return {"robot_id": robot.id, "robot_name": robot.name}
+
+
+def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, Any]]:
+    """Save what differs, and only that: a form left open must not bring back an old fencing number."""
+    before, after = _entered(stored), _entered(entry)
+    changed = [name for name in after if after[name] != before[name]]
+    if changed:
+        entry.save(update_fields=[*changed, "updated_at"])
+    return [{"field": name, "from": before[name], "to": after[name]} for name in changed]
 
 
 def _entered(entry: models.Model) -> dict[str, Any]:
@@ -74,15 +82,14 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: User | None)
     record(
         "role.change",
         actor=actor,
-        robot_id=robot.id,
-        robot_name=robot.name,
+        **_named(robot),
         parameters={"user": str(user.pk), "name": user.display_name, "from": before, "to": after},
     )
 
 
 @transaction.atomic
 def fence_next(robot: Robot, at_least: int = 0) -> int:
-    """A fencing number above every one given so far, and above `at_least` (the highest the bridge has seen)."""
+    """A number above every one given so far, and above `at_least`: the highest that the bridge has seen."""
     given = Robot.objects.select_for_update().values_list("fence", flat=True).get(pk=robot.pk)
     fence = max(given, at_least) + 1
     Robot.objects.filter(pk=robot.pk).update(fence=fence)

@@ -1,7 +1,7 @@
 """The profiles that come with the console, as data files under robots/profiles/.
 
-After each migration a file that is new, or whose profile nobody has edited, goes into the database. A profile that
-was edited here is left alone; the admin says that the shipped one differs and offers to take it.
+After each migration a file that is new, or whose profile nobody has edited, goes into the database. A profile
+that was edited here is left alone; the admin says that the shipped one differs and offers to take it.
 """
 
 from __future__ import annotations
