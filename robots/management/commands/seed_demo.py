@@ -1,0 +1,96 @@
+"""``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
+
+FILE is JSON: {"robots": [{"slug", "name", "master_uri"}], "accounts": [{"username", "role", "password"}]}.
+Run again it brings the robots' masters up to date and leaves the rest as people made it. Prints
+{slug: path of the bridge's socket}.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandParser
+from django.db import transaction
+from msgspec import Struct
+from msgspec.json import decode
+
+from fleet.accounts.models import User
+from robots.models import Robot, RobotProfile, Role
+from robots.selectors import link_address
+from robots.services import robot_save, role_set
+
+PROFILE = "tiago"
+ADDRESS = "127.0.0.1"
+
+
+class PracticeRobot(Struct, frozen=True):
+    """A robot to register."""
+
+    slug: str
+    name: str
+    master_uri: str
+
+
+class Account(Struct, frozen=True):
+    """A person to let in."""
+
+    username: str
+    role: str
+    password: str
+
+
+class Plan(Struct, frozen=True):
+    """The content of FILE."""
+
+    robots: list[PracticeRobot]
+    accounts: list[Account]
+
+
+class Command(BaseCommand):
+    """Practice robots and accounts for script/demo."""
+
+    help = "Register the practice robots and accounts of script/demo."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """One file."""
+        parser.add_argument("file", type=Path)
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Seed in one transaction."""
+        plan = decode(options["file"].read_bytes(), type=Plan)
+        with transaction.atomic():
+            robots = [seed_robot(robot) for robot in plan.robots]
+            for account in plan.accounts:
+                seed_account(account, robots)
+        self.stdout.write(json.dumps({robot.slug: link_address(robot).unix_path for robot in robots}))
+
+
+def seed_robot(planned: PracticeRobot) -> Robot:
+    """Register a practice robot, or tell a registered one where its master is today."""
+    robot = Robot.objects.filter(slug=planned.slug).first()
+    if robot is None:
+        profile = RobotProfile.objects.get(slug=PROFILE)
+        robot = Robot(
+            slug=planned.slug, name=planned.name, profile=profile, practice=True, advertised_address=ADDRESS
+        )
+    robot.master_uri = planned.master_uri
+    return robot_save(robot=robot, actor=None)
+
+
+def seed_account(planned: Account, robots: list[Robot]) -> None:
+    """Let a person in, if they are not known yet: with their role on every practice robot."""
+    if User.objects.filter(username=planned.username).exists():
+        return
+    is_staff = planned.role == Role.STAFF
+    user = User.objects.create_user(
+        planned.username,
+        password=planned.password,
+        full_name=planned.username.capitalize(),
+        is_staff=is_staff,
+        is_superuser=is_staff,
+    )
+    if not is_staff:
+        for robot in robots:
+            role_set(robot=robot, user=user, role=Role(planned.role), actor=None)

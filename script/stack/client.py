@@ -1,0 +1,221 @@
+"""A person's way in, without a browser: sign in over HTTP, drive over the public WebSocket."""
+
+from __future__ import annotations
+
+import asyncio
+import http.cookiejar
+import re
+import secrets
+import ssl
+import time
+import urllib.parse
+import urllib.request
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import Any
+
+import msgspec
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from robots import wire
+from script.stack.stack import Stack
+
+RENEW_BEFORE_S = 3.0  # of the term's end
+DRIVE_PERIOD_S = 0.05
+_CSRF = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
+
+FromConsole = (
+    wire.Welcome
+    | wire.Control
+    | wire.Notice
+    | wire.Refused
+    | wire.Pong
+    | wire.BridgeGone
+    | wire.Stopped
+    | wire.View
+)
+_from_console = msgspec.json.Decoder(FromConsole)
+
+
+class SignInError(RuntimeError):
+    """The console did not let us in."""
+
+
+def sign_in(stack: Stack, role: str) -> str:
+    """Sign in with the account of `role`; returns the value of a Cookie header."""
+    account = stack.accounts[role]
+    cookies = http.cookiejar.CookieJar()
+    handlers: list[urllib.request.BaseHandler] = [urllib.request.HTTPCookieProcessor(cookies)]
+    if stack.certificate:
+        handlers.append(urllib.request.HTTPSHandler(context=trust(stack)))
+    browser = urllib.request.build_opener(*handlers)
+    address = f"{stack.url}/accounts/sign-in/"
+    with browser.open(address, timeout=10.0) as page:
+        found = _CSRF.search(page.read().decode())
+    if found is None:
+        raise SignInError(f"{address} shows no form to sign in with.")
+    fields = {"username": account.username, "password": account.password, "csrfmiddlewaretoken": found[1]}
+    form = urllib.parse.urlencode(fields).encode()
+    with browser.open(urllib.request.Request(address, form, {"Referer": address}), timeout=10.0) as page:  # noqa: S310
+        if page.url == address:
+            raise SignInError(f"{account.username} could not sign in.")
+    return "; ".join(f"{cookie.name}={cookie.value}" for cookie in cookies)
+
+
+def trust(stack: Stack) -> ssl.SSLContext | None:
+    """TLS that trusts the stack's own authority, None for plain http."""
+    if stack.certificate is None:
+        return None
+    return ssl.create_default_context(cafile=str(stack.certificate.authority))
+
+
+class Driver:
+    """One open control page: keeps what the console said last, draws nothing.
+
+    async with Driver(stack, "tiago-1", cookie) as driver:
+        await driver.take()
+    """
+
+    def __init__(self, stack: Stack, slug: str, cookie: str) -> None:
+        self.robot: wire.RobotFacts | None = None
+        self.control: wire.Control | None = None
+        self.view: wire.View | None = None
+        self.gone: wire.BridgeGone | None = None
+        self.refused: list[wire.Refused] = []
+        self.notices: list[wire.Notice] = []
+        self.on_frame: Callable[[bytes], Any] | None = None  # every message as it comes
+        self.seq = 0
+        self._stack = stack
+        self._slug = slug
+        self._cookie = cookie
+        self._news = asyncio.Condition()
+
+    async def __aenter__(self) -> Driver:
+        address = f"{self._stack.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
+        headers = {"Cookie": self._cookie}
+        self.socket: ClientConnection = await connect(
+            address,
+            origin=self._stack.url,  # type: ignore[arg-type]
+            additional_headers=headers,
+            compression=None,
+            ping_interval=None,
+            ssl=trust(self._stack),
+        )
+        self._reader = asyncio.create_task(self._read())
+        self._renewer = asyncio.create_task(self._renew())
+        await self.send(wire.Hello(secrets.token_urlsafe(24)))
+        await self.until(lambda: self.robot and self.control)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._renewer.cancel()
+        await self.socket.close()
+        self._reader.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._reader
+
+    # --- what we say -----------------------------------------------------------------------------
+
+    async def send(self, message: msgspec.Struct) -> None:
+        """Send one message."""
+        await self.socket.send(wire.encode(message), text=True)
+
+    async def take(self) -> int:
+        """Take control of a free robot; returns the fencing number."""
+        await self.send(wire.Take())
+        await self.until(lambda: self.fence is not None)
+        assert self.fence is not None  # noqa: S101 - what we waited for
+        return self.fence
+
+    async def drive(self, x: float, w: float, share: float = 0.4) -> wire.Drive:
+        """Send the stick, once."""
+        self.seq += 1
+        fence = self.fence or 1
+        message = wire.Drive(fence, self.seq, time.monotonic() * 1000.0, x, w, share=share)
+        await self.send(message)
+        return message
+
+    async def hold_stick(
+        self, x: float, w: float, until: Callable[[], Any], *, share: float = 0.4, timeout_s: float = 20.0
+    ) -> None:
+        """Hold the stick there, sending as a page does, until `until()` is true."""
+        async with asyncio.timeout(timeout_s):
+            while not until():
+                await self.drive(x, w, share)
+                await asyncio.sleep(DRIVE_PERIOD_S)
+
+    async def stop(self) -> None:
+        """Press the emergency stop."""
+        await self.send(wire.Stop())
+
+    async def clear(self) -> None:
+        """Clear the latch."""
+        await self.send(wire.Clear())
+        await self.until(lambda: self.state and self.state.stop.state == "clear")
+
+    # --- what we hear ----------------------------------------------------------------------------
+
+    @property
+    def fence(self) -> int | None:
+        """Our fencing number, if control is ours."""
+        return self.control.fence if self.control and self.control.state == "yours" else None
+
+    @property
+    def state(self) -> wire.State | None:
+        """The robot, as last shown."""
+        return self.view.state if self.view else None
+
+    @property
+    def odometry(self) -> wire.Odometry | None:
+        """Where the robot believes to be."""
+        return self.view.state.odometry if self.view else None
+
+    async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
+        """Wait until `condition()` is true; it is asked again after every message."""
+        try:
+            async with asyncio.timeout(timeout_s), self._news:
+                await self._news.wait_for(condition)
+        except TimeoutError:
+            last = self.refused[-1].refusal.text if self.refused else "nothing was refused"
+            raise TimeoutError(f"Waited {timeout_s:g} s in vain; {last}.") from None
+
+    async def _read(self) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                raw = await self.socket.recv(decode=False)
+                if self.on_frame:
+                    self.on_frame(raw)
+                message: FromConsole = _from_console.decode(raw)
+                if isinstance(message, wire.View):
+                    await self.send(wire.Ack())
+                async with self._news:
+                    self._keep(message)
+                    self._news.notify_all()
+
+    def _keep(self, message: FromConsole) -> None:
+        match message:
+            case wire.View():
+                self.view = message
+                self.gone = None
+            case wire.Control():
+                self.control = message
+            case wire.Welcome():
+                self.robot = message.robot
+            case wire.BridgeGone():
+                self.gone = message
+            case wire.Refused():
+                self.refused.append(message)
+            case wire.Notice():
+                self.notices.append(message)
+
+    async def _renew(self) -> None:
+        """Ask for a fresh term before ours ends, as a page does."""
+        while True:
+            await asyncio.sleep(1.0)
+            remaining_s = self.control.remaining_s if self.fence and self.control else None
+            if remaining_s is not None:
+                await self.send(wire.Renew())

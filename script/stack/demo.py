@@ -1,0 +1,167 @@
+"""script/demo: the whole console on this machine, with three simulated TIAGos."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import fcntl
+import io
+import signal
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn, TextIO
+
+from script.stack.places import REPOSITORY
+from script.stack.processes import ChildDied, wait_for_any_end
+from script.stack.stack import Stack, StartError
+
+FIRST_PORT = 8000
+PORTS_TRIED = 100
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Ended(BaseException):
+    """Somebody asked us to end."""
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Raise `Ended` in here on the first Ctrl-C, SIGTERM or closed terminal; clean up undisturbed by a second."""
+
+    def end(_number: int, _frame: FrameType | None) -> NoReturn:
+        for number in ENDING_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+        raise Ended
+
+    for number in ENDING_SIGNALS:
+        signal.signal(number, end)
+    yield
+
+
+def main() -> int:
+    """Returns the exit status."""
+    asked = arguments()
+    try:
+        with ended_by_signals():
+            return smoke() if asked.smoke else demo(asked.port, lan=asked.lan)
+    except Ended:
+        say("Ended.")
+        return 0
+    except (StartError, ChildDied, TimeoutError) as error:
+        print(error, file=sys.stderr)
+        return 1
+
+
+def arguments() -> argparse.Namespace:
+    """What was asked on the command line."""
+    parser = argparse.ArgumentParser(
+        prog="script/demo", description="The console with three simulated TIAGos. Ctrl-C ends everything."
+    )
+    parser.add_argument("--port", type=int, help=f"default: the first free one from {FIRST_PORT}")
+    parser.add_argument("--lan", action="store_true", help="serve phones on this network too, over TLS")
+    parser.add_argument("--smoke", action="store_true", help="start, drive a robot, stop it, say so and end")
+    return parser.parse_args()
+
+
+def say(text: str) -> None:
+    """To whoever sits there; a closed terminal is no reason to fail."""
+    try:
+        print(text, flush=True)
+    except OSError:
+        return
+
+
+# --- demo -----------------------------------------------------------------------------------------
+
+
+def demo(port: int | None, *, lan: bool) -> int:
+    """Run until a signal comes or something dies."""
+    began_s = time.monotonic()
+    listener = listen("0.0.0.0" if lan else "127.0.0.1", port)  # noqa: S104 - that is what --lan asks for
+    directory = REPOSITORY / "var" / f"demo-{listener.getsockname()[1]}"
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory / "lock").open("w") as lock:
+        lock_or_fail(lock, directory)
+        with lan_stack(directory, listener) if lan else Stack(directory, listener=listener) as stack:
+            introduce(stack, time.monotonic() - began_s)
+            raise ChildDied(wait_for_any_end(stack.children))
+
+
+def listen(address: str, port: int | None) -> socket.socket:
+    """Listen on `port`, or on the first free one."""
+    for candidate in [port] if port is not None else range(FIRST_PORT, FIRST_PORT + PORTS_TRIED):
+        try:
+            return socket.create_server((address, candidate))
+        except OSError as error:
+            reason = error.strerror
+    asked = f"port {port}" if port is not None else f"any port from {FIRST_PORT}"
+    raise StartError(f"Cannot listen on {asked}: {reason}.")
+
+
+def lock_or_fail(lock: TextIO, directory: Path) -> None:
+    """One demo per directory: also one that still ends counts."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StartError(f"Another demo uses {directory}; try another --port.") from None
+
+
+def lan_stack(directory: Path, listener: socket.socket) -> Stack:
+    """A stack that phones on this network can reach."""
+    from script.stack.certificates import certificate_for, lan_addresses
+
+    addresses = lan_addresses()
+    if not addresses:
+        raise StartError("This machine has no address in any network: --lan has nobody to serve.")
+    hosts = [*addresses, socket.gethostname(), "localhost", "127.0.0.1"]
+    return Stack(
+        directory, listener=listener, certificate=certificate_for(hosts, directory / "tls"), hosts=hosts
+    )
+
+
+def introduce(stack: Stack, seconds: float) -> None:
+    """Say where to go and how to get in."""
+    say(f"\nThe console is ready ({seconds:.1f} s):  {stack.url}/\n")
+    if stack.certificate:
+        say(qr_code(f"{stack.url}/"))
+        say("The certificate is this demo's own, so a browser warns once. To have it trusted, install on the")
+        say(f"phone: {stack.certificate.authority}\n")
+    say("Sign in as        with the password")
+    for account in stack.accounts.values():
+        say(f"  {account.username:<15} {account.password}")
+    say(f"\nPasswords: {stack.directory / 'passwords.txt'}   logs: {stack.logs}")
+    say("The robots are simulated. Ctrl-C ends everything.")
+
+
+def qr_code(text: str) -> str:
+    """For a phone's camera, drawn with characters."""
+    import segno
+
+    drawn = io.StringIO()
+    segno.make(text).terminal(drawn, compact=True)
+    return drawn.getvalue()
+
+
+# --- smoke ----------------------------------------------------------------------------------------
+
+
+def smoke() -> int:
+    """The main job once, on free ports and in a directory of its own."""
+    from script.stack.smoke import drive_and_stop
+
+    began_s = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="fleet-smoke-") as directory, Stack(Path(directory)) as stack:
+        ready_s = time.monotonic() - began_s
+        figures = asyncio.run(drive_and_stop(stack))
+    say(f"smoke: ready in {ready_s:.1f} s, {figures}, {time.monotonic() - began_s:.1f} s in all")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

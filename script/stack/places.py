@@ -1,0 +1,58 @@
+"""What a start leaves on disk, and whether it still fits what it was made from."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def private_file(path: Path, content: str) -> None:
+    """Write a new file that only its owner can read, from its first moment on."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w") as file:
+        file.write(content)
+
+
+def kept_secret(path: Path) -> str:
+    """A random secret that stays the same from start to start, so that sign-ins survive."""
+    if not path.exists():
+        private_file(path, secrets.token_urlsafe(50))
+    return path.read_text()
+
+
+class Stamp:
+    """Remembers what something was made from, so that it is made again only when that changed."""
+
+    def __init__(self, path: Path, sources: Iterable[Path]) -> None:
+        self._path = path
+        digest = hashlib.sha256()
+        for source in sorted(sources):
+            facts = source.stat()
+            digest.update(f"{source}\0{facts.st_size}\0{facts.st_mtime_ns}\n".encode())
+        self._digest = digest.hexdigest()
+
+    @property
+    def fits(self) -> bool:
+        return self._path.exists() and self._path.read_text() == self._digest
+
+    def set(self) -> None:
+        self._path.write_text(self._digest)
+
+
+def migration_sources() -> list[Path]:
+    """What the database's tables are made from."""
+    apps = [REPOSITORY / name for name in ("fleet", "robots", "teleop")]
+    ours = [file for app in apps for file in app.rglob("migrations/*.py")]
+    profiles = list((REPOSITORY / "robots/profiles").glob("*.yaml"))
+    return [*ours, *profiles, REPOSITORY / "requirements/web.txt"]
+
+
+def static_sources() -> list[Path]:
+    """What collectstatic gathers."""
+    files = [file for file in (REPOSITORY / "static").rglob("*") if file.is_file()]
+    return [*files, REPOSITORY / "package-lock.json", REPOSITORY / "fleet/settings.py"]

@@ -1,0 +1,148 @@
+"""Child processes that never outlive us.
+
+A child leads its own process group, so a terminal's Ctrl-C reaches only the parent, which then ends its
+children in order. Should the parent be killed without a chance to do so, the kernel sends every child
+SIGTERM (the parent-death signal).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+
+from script.stack.places import REPOSITORY
+
+LAST_LINES = 15
+
+
+class ChildDied(RuntimeError):
+    """A process that should run has ended. The message names it and ends with its last log lines."""
+
+    def __init__(self, child: Child) -> None:
+        self.child = child
+        last = f" Its last lines ({child.log}):\n{child.last_lines()}" if child.log else ""
+        super().__init__(f"{child.name} {child.fate()}.{last}")
+
+
+class Child:
+    """A process of ours, in the repository, writing to its own log file if it is given one.
+
+    Start children from the main thread: the parent-death signal follows the *thread* that started them.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        env: Mapping[str, str],
+        log: Path | None = None,
+        fds: Sequence[int] = (),
+    ) -> None:
+        self.name = name
+        self.log = log
+        with log.open("ab") if log else nullcontext() as output:
+            self.process = subprocess.Popen(  # noqa: S603 - our own commands
+                ["/usr/bin/setpriv", "--pdeathsig", "TERM", *command],
+                cwd=REPOSITORY,
+                env=dict(env),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+                pass_fds=fds,
+            )
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    @property
+    def running(self) -> bool:
+        return self.process.poll() is None
+
+    def fate(self) -> str:
+        """How it ended, as the rest of a sentence."""
+        code = self.process.poll()
+        if code is None:
+            return "is running"
+        if code < 0:
+            return f"was ended by {signal.Signals(-code).name}"
+        return f"ended with status {code}"
+
+    def last_lines(self) -> str:
+        """The end of its log."""
+        if self.log is None:
+            return ""
+        return "\n".join(self.log.read_text(errors="replace").splitlines()[-LAST_LINES:])
+
+    def signal(self, number: signal.Signals) -> None:
+        """To the process itself. Its children notice in their own way."""
+        if self.running:
+            self.process.send_signal(number)
+
+    def wait(self, timeout_s: float) -> bool:
+        """True if it has ended in time."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(timeout_s)
+            return True
+        return False
+
+    def kill_group(self) -> None:
+        """SIGKILL to whatever is left of its process group."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+def end_all(children: Iterable[Child], *, patience_s: float = 5.0) -> None:
+    """End these children together: SIGTERM, patience, then SIGKILL."""
+    children = list(children)
+    for child in children:
+        child.signal(signal.SIGTERM)
+    deadline = time.monotonic() + patience_s
+    for child in children:
+        if not child.wait(max(0.0, deadline - time.monotonic())):
+            print(f"{child.name} did not end in {patience_s:g} s and is killed.", file=sys.stderr)
+        child.kill_group()
+
+
+def wait_for_any_end(children: Sequence[Child]) -> Child:
+    """Block until one of these has ended; a signal handler that raises breaks the wait."""
+    poll = select.poll()
+    by_fd = {os.pidfd_open(child.pid): child for child in children}
+    try:
+        for fd in by_fd:
+            poll.register(fd, select.POLLIN)
+        [(fd, _), *_] = poll.poll()
+        return by_fd[fd]
+    finally:
+        for fd in by_fd:
+            os.close(fd)
+
+
+class ReservedPort:
+    """A free loopback port, kept from everybody else until our child listens there.
+
+    We bind it and never listen: the kernel gives it to nobody who asks for "any port", and lets in a server
+    that sets SO_REUSEADDR.
+    """
+
+    def __init__(self, host: str = "127.0.0.1") -> None:
+        self.host = host
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._socket.bind((host, 0))
+        self.number: int = self._socket.getsockname()[1]
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,80 @@
+"""script/serve: the console for real robots. Settings from the environment; see docs/deployment.md."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from script.stack.demo import Ended, ended_by_signals, say
+from script.stack.places import REPOSITORY
+from script.stack.processes import Child, ChildDied, end_all, wait_for_any_end
+from script.stack.stack import Certificate, daphne, tls_endpoint
+
+
+def main() -> int:
+    """Returns the exit status."""
+    asked = arguments()
+    os.chdir(REPOSITORY)
+    try:
+        with ended_by_signals():
+            return serve(asked)
+    except Ended:
+        say("Ended.")
+        return 0
+    except ChildDied as error:
+        print(error, file=sys.stderr)
+        return 1
+
+
+def arguments() -> argparse.Namespace:
+    """What was asked on the command line."""
+    parser = argparse.ArgumentParser(prog="script/serve", description="The console for real robots.")
+    parser.add_argument(
+        "--bind", default="127.0.0.1", help="address to serve on (default: this machine only)"
+    )
+    parser.add_argument("--port", type=int, default=8000)
+    parser.add_argument("--certificate", type=Path, help="serve TLS with this PEM file; set FLEET_TLS=1 too")
+    parser.add_argument("--private-key", type=Path)
+    parser.add_argument("--authority", type=Path, help="the chain above the certificate")
+    asked = parser.parse_args()
+    if bool(asked.certificate) != bool(asked.private_key):
+        parser.error("--certificate and --private-key go together")
+    return asked
+
+
+def serve(asked: argparse.Namespace) -> int:
+    """Run until a signal comes or something dies. What is wrong with the settings ends it before anything starts."""
+    for command in (
+        ["check", "--deploy"],
+        ["migrate", "--no-input"],
+        ["collectstatic", "--no-input", "-v", "0"],
+    ):
+        done = subprocess.run([sys.executable, "manage.py", *command], check=False)  # noqa: S603
+        if done.returncode:
+            return done.returncode
+    children = []
+    try:
+        for name, line in (
+            ("supervisor", [sys.executable, "manage.py", "run_fleet"]),
+            ("web", [*daphne(), *endpoint(asked)]),
+        ):
+            children.append(Child(name, line, env=os.environ))
+        say(f"Serving on {asked.bind}:{asked.port}. Ctrl-C or SIGTERM ends it.")
+        raise ChildDied(wait_for_any_end(children))
+    finally:
+        end_all(children)
+
+
+def endpoint(asked: argparse.Namespace) -> list[str]:
+    """Where Daphne listens."""
+    if asked.certificate is None:
+        return ["--bind", asked.bind, "--port", str(asked.port)]
+    certificate = Certificate(asked.certificate, asked.private_key, asked.authority)
+    return ["--endpoint", tls_endpoint(certificate, asked.bind, asked.port)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

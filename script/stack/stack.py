@@ -1,0 +1,388 @@
+"""The whole chain on one machine: rosmasters and simulated robots, supervisor and bridges, web process.
+
+    with Stack(directory) as stack:
+        stack.url, stack.accounts["operator"].password, stack.robots["tiago-1"].master_uri
+
+Everything it starts ends with it, also when it is killed; everything it writes is in its directory.
+"""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import secrets
+import shutil
+import socket
+import ssl
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import unix_connect
+
+from robots import wire
+from script.stack.places import (
+    Stamp,
+    kept_secret,
+    migration_sources,
+    private_file,
+    static_sources,
+)
+from script.stack.processes import Child, ChildDied, ReservedPort, end_all
+
+ROLES = ("observer", "operator", "supervisor", "staff")
+LONGEST_SOCKET_PATH = 107  # sun_path has 108 bytes with its closing zero
+SOCKET_NAME_LENGTH = len("/123456789012.sock")
+
+
+class StartError(RuntimeError):
+    """The stack could not be started, and why."""
+
+
+@dataclass(frozen=True)
+class PracticeRobot:
+    """A simulated robot: its name in the registry and where it stands (metres, degrees)."""
+
+    slug: str
+    name: str
+    pose: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Account:
+    """Somebody who can sign in."""
+
+    username: str
+    role: str
+    password: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Files for TLS: the server's certificate and key, and the authority that signed it."""
+
+    certificate: Path
+    private_key: Path
+    authority: Path | None
+
+
+PRACTICE_ROBOTS = (
+    PracticeRobot("tiago-1", "TIAGo One", (2.0, 1.8, 0.0)),
+    PracticeRobot("tiago-2", "TIAGo Two", (3.8, 2.4, 0.0)),
+    PracticeRobot("tiago-3", "TIAGo Three", (7.4, 4.9, 180.0)),
+)
+
+
+class SimulatedRobot:
+    """A rosmaster and a simulator of our own."""
+
+    def __init__(self, plan: PracticeRobot, stack: Stack) -> None:
+        self.plan = plan
+        self.port = ReservedPort()
+        self.link_path = ""  # the bridge's socket, once the registry has told
+        self._stack = stack
+        self.master = self.start_master()
+        self.simulator = self.start_simulator()
+
+    @property
+    def master_uri(self) -> str:
+        return f"http://127.0.0.1:{self.port.number}"
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """For any ROS program that belongs to this robot."""
+        return {
+            **self._stack.environment,
+            "ROS_MASTER_URI": self.master_uri,
+            "ROS_IP": "127.0.0.1",
+        }
+
+    def start_master(self) -> Child:
+        self.master = self._stack.start_child(
+            f"{self.plan.slug}-master",
+            ["/usr/bin/rosmaster", "--core", "-p", str(self.port.number)],
+            self.environment,
+        )
+        return self.master
+
+    def start_simulator(self) -> Child:
+        pose = ",".join(f"{value:g}" for value in self.plan.pose)
+        self.simulator = self._stack.start_child(
+            f"{self.plan.slug}-simulator",
+            [
+                *(sys.executable, "-m", "robots.simulator", "--world", "office", "--name", self.plan.slug),
+                *(f"--pose={pose}", "--seed", str(self.plan.slug.encode()[-1])),
+            ],
+            self.environment,
+        )
+        return self.simulator
+
+
+class Stack:
+    """See the module. `directory` is made if it is not there, and used again if it is."""
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS,
+        listener: socket.socket | None = None,
+        certificate: Certificate | None = None,
+        hosts: Sequence[str] = ("127.0.0.1", "localhost"),
+    ) -> None:
+        self.directory = directory.absolute()
+        self.plans = robots
+        self.listener = listener or socket.create_server(("127.0.0.1", 0))
+        self.bind: str = self.listener.getsockname()[0]
+        self.port: int = self.listener.getsockname()[1]
+        self.certificate = certificate
+        self.hosts = hosts
+        self.robots: dict[str, SimulatedRobot] = {}
+        self.children: list[Child] = []
+        self._closing = ExitStack()
+        self._closing.callback(self.listener.close)
+
+    def __enter__(self) -> Stack:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.end()
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine reaches the console, without a closing slash."""
+        return f"{'https' if self.certificate else 'http'}://{self.hosts[0]}:{self.port}"
+
+    # --- start -----------------------------------------------------------------------------------
+
+    def start(self, timeout_s: float = 60.0) -> None:
+        """Start everything; returns when people can sign in and every robot is online."""
+        try:
+            self._prepare()
+            self._start_robots()
+            self._make_database()
+            self.start_supervisor()
+            self.start_web()
+            self.wait_ready(timeout_s)
+        except BaseException:
+            self.end()
+            raise
+
+    def _prepare(self) -> None:
+        self.directory.mkdir(parents=True, exist_ok=True)
+        self.logs = self.directory / "log"
+        shutil.rmtree(self.logs, ignore_errors=True)
+        self.logs.mkdir()
+        self.run_directory = self._short_enough(self.directory / "run")
+        self.run_directory.mkdir(mode=0o700, exist_ok=True)
+        self.accounts = self._load_accounts()
+        self.environment = self._environment()
+
+    def _short_enough(self, directory: Path) -> Path:
+        """`directory`, or a temporary one where a socket's full path would not fit into an address."""
+        if len(os.fsencode(directory)) + SOCKET_NAME_LENGTH <= LONGEST_SOCKET_PATH:
+            return directory
+        return Path(self._closing.enter_context(tempfile.TemporaryDirectory(prefix="fleet-")))
+
+    def _load_accounts(self) -> dict[str, Account]:
+        path = self.directory / "passwords.txt"
+        if not path.exists():
+            private_file(path, "".join(f"{role} {secrets.token_urlsafe(9)}\n" for role in ROLES))
+        passwords = dict(line.split() for line in path.read_text().splitlines())
+        return {role: Account(role, role, passwords[role]) for role in ROLES}
+
+    def _environment(self) -> dict[str, str]:
+        kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "ROS_"))}
+        scheme = "https" if self.certificate else "http"
+        return {
+            **kept,
+            "PYTHONUNBUFFERED": "1",
+            "FLEET_VAR": str(self.directory),
+            "FLEET_RUN_DIR": str(self.run_directory),
+            "FLEET_SECRET_KEY": kept_secret(self.directory / "secret-key"),
+            "FLEET_HOSTS": ",".join(self.hosts),
+            "FLEET_ORIGINS": ",".join(f"{scheme}://{host}:{self.port}" for host in self.hosts),
+            "FLEET_TLS": "1" if self.certificate else "0",
+            "ROS_LOG_DIR": str(self.logs),
+            "ROS_HOME": str(self.directory / "ros"),
+        }
+
+    def start_child(
+        self, name: str, command: Sequence[str], environment: dict[str, str], fds: Sequence[int] = ()
+    ) -> Child:
+        """Start a process that ends with the stack."""
+        child = Child(name, command, env=environment, log=self.logs / f"{name}.log", fds=fds)
+        self.children = [other for other in self.children if other.name != name] + [child]
+        return child
+
+    def manage(self, name: str, *arguments: str) -> Child:
+        """Start a command of manage.py."""
+        return self.start_child(name, [sys.executable, "manage.py", *arguments], self.environment)
+
+    def _start_robots(self) -> None:
+        for plan in self.plans:
+            robot = SimulatedRobot(plan, self)
+            self._closing.callback(robot.port.close)
+            self.robots[plan.slug] = robot
+
+    def _make_database(self) -> None:
+        migrated = Stamp(self.directory / "migrated", migration_sources())
+        collected = Stamp(self.directory / "collected", static_sources())
+        work = []
+        if not migrated.fits:
+            work.append((migrated, self.manage("migrate", "migrate", "--no-input", "--verbosity", "0")))
+        if not collected.fits:
+            work.append(
+                (collected, self.manage("collectstatic", "collectstatic", "--no-input", "--verbosity", "0"))
+            )
+        for stamp, command in work:
+            self._finish(command)
+            stamp.set()
+        self._seed()
+
+    def _seed(self) -> None:
+        plan = self.directory / "seed.json"
+        plan.unlink(missing_ok=True)
+        robots = [
+            {"slug": robot.plan.slug, "name": robot.plan.name, "master_uri": robot.master_uri}
+            for robot in self.robots.values()
+        ]
+        accounts = [
+            {"username": account.username, "role": account.role, "password": account.password}
+            for account in self.accounts.values()
+        ]
+        private_file(plan, json.dumps({"robots": robots, "accounts": accounts}))
+        command = self.manage("seed", "seed_demo", str(plan))
+        self._finish(command)
+        plan.unlink()
+        links: dict[str, str] = json.loads(command.last_lines().splitlines()[-1])
+        for slug, path in links.items():
+            self.robots[slug].link_path = path
+
+    def _finish(self, command: Child) -> None:
+        """Wait for a command that should end well."""
+        if not command.wait(120.0) or command.process.returncode:
+            raise StartError(str(ChildDied(command)))
+        self.children.remove(command)
+
+    def start_supervisor(self) -> Child:
+        self.supervisor = self.manage("supervisor", "run_fleet")
+        return self.supervisor
+
+    def start_web(self) -> Child:
+        """An open socket goes to the web process: nobody can take the port, and the first request just waits."""
+        if self.certificate is None:
+            fds = [self.listener.fileno()]
+            endpoint = ["--fd", str(fds[0])]
+        else:  # Daphne takes an open socket for plain http only
+            self.listener.close()
+            fds = []
+            endpoint = ["--endpoint", tls_endpoint(self.certificate, self.bind, self.port)]
+        self.web = self.start_child("web", [*daphne(), *endpoint], self.environment, fds)
+        return self.web
+
+    # --- ready -----------------------------------------------------------------------------------
+
+    def wait_ready(self, timeout_s: float = 60.0) -> None:
+        """Until people can sign in and every robot is online."""
+        deadline = time.monotonic() + timeout_s
+        self.wait_web(deadline)
+        for slug in self.robots:
+            self.wait_online(slug, deadline)
+
+    def _tries(self, deadline: float, what: str) -> Iterator[None]:
+        """Try again and again, as long as everybody lives and there is time."""
+        while time.monotonic() < deadline:
+            self.check()
+            yield
+            time.sleep(0.02)
+        raise StartError(f"{what} was not ready in time; logs are in {self.logs}.")
+
+    def check(self) -> None:
+        """Raise `ChildDied` if somebody is gone."""
+        for child in self.children:
+            if not child.running:
+                raise ChildDied(child)
+
+    def wait_web(self, deadline: float) -> None:
+        """Until the web process answers."""
+        for _ in self._tries(deadline, "The web process"):
+            try:
+                connection = self._connection()
+                connection.request("GET", "/healthz")
+                if connection.getresponse().status == http.HTTPStatus.OK:
+                    return
+            except OSError:
+                continue
+
+    def _connection(self) -> http.client.HTTPConnection:
+        host = self.hosts[0]
+        if self.certificate is None:
+            return http.client.HTTPConnection(host, self.port, timeout=5.0)
+        trust = ssl.create_default_context(cafile=str(self.certificate.authority))
+        return http.client.HTTPSConnection(host, self.port, timeout=5.0, context=trust)
+
+    def wait_online(self, slug: str, deadline: float) -> None:
+        """Until the robot's bridge reports the robot online."""
+        path = self.robots[slug].link_path
+        for _ in self._tries(deadline, f"The bridge of {slug}"):
+            try:
+                if self._reports_online(path, deadline):
+                    return
+            except (OSError, WebSocketException):
+                continue
+
+    def _reports_online(self, path: str, deadline: float) -> bool:
+        with unix_connect(path, "ws://bridge/", compression=None, open_timeout=2.0) as link:
+            link.send(wire.encode(wire.LinkHello(wire.PROTOCOL, "start")).decode())
+            while time.monotonic() < deadline:
+                self.check()
+                try:
+                    report = wire.link_report(link.recv(timeout=0.5))
+                except (TimeoutError, msgspec.DecodeError):
+                    continue
+                if isinstance(report, wire.BridgeHello | wire.Status) and report.state.phase == "online":
+                    return True
+        return False
+
+    # --- end -------------------------------------------------------------------------------------
+
+    def end(self) -> None:
+        """End every process; the console first, since a bridge takes its leave of its master."""
+        robots = [child for robot in self.robots.values() for child in (robot.simulator, robot.master)]
+        end_all(child for child in self.children if child not in robots)
+        end_all(child for child in self.children if child in robots)
+        self.children.clear()
+        for left_over in self.run_directory.glob("*.sock"):
+            left_over.unlink()
+        self._closing.close()
+
+
+def daphne() -> list[str]:
+    """The web process's command, without where it listens."""
+    return [sys.executable, "-m", "daphne", "--verbosity", "0", "fleet.asgi:application"]
+
+
+def tls_endpoint(certificate: Certificate, address: str, port: int) -> str:
+    """In Twisted's words."""
+    files = {"privateKey": certificate.private_key, "certKey": certificate.certificate}
+    if certificate.authority:
+        files["extraCertChain"] = certificate.authority
+    escaped = [f"{key}={_escape(str(path))}" for key, path in files.items()]
+    return ":".join(["ssl", str(port), f"interface={address}", *escaped])
+
+
+def _escape(value: str) -> str:
+    """For an endpoint description, where ``:`` separates."""
+    return value.replace("\\", r"\\").replace(":", r"\:")
