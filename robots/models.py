@@ -112,8 +112,8 @@ class RobotProfile(models.Model):
         help_text="Where velocities are published. On TIAGo this chooses what wins over the console. "
         "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every "
         "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by "
-        "the locks of priority 100: a console there ignores emergency_brake. /mobile_base_controller/cmd_vel bypasses "
-        "the mux, the joystick's priority and every lock.",
+        "the locks of priority 100: a console there ignores emergency_brake. "
+        "/mobile_base_controller/cmd_vel bypasses the mux, the joystick's priority and every lock.",
     )
     drive_type = models.CharField(
         max_length=80,

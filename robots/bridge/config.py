@@ -1,6 +1,7 @@
 """What a bridge is told about its robot: plain values, no Django, no ROS.
 
-The registry builds a `BridgeConfig` (`robots.selectors.bridge_config`), the supervisor compares their digests to notice edits.
+The registry builds a `BridgeConfig` (`robots.selectors.bridge_config`), the supervisor compares
+their digests to notice edits.
 Poses are (x, y, yaw) in the base frame, metres and radians.
 """
 

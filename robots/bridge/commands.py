@@ -1,0 +1,86 @@
+"""Commands from the stick: how old they are, how long they live, what twist they ask for. Pure."""
+
+from __future__ import annotations
+
+from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.wire import Drive, Refusal
+
+COMMAND_LIFE_S = 0.3
+_WINDOW_S = 30.0
+
+
+class AgeEstimator:
+    """Age of messages by the sender's monotonic clock, without knowing its offset to ours.
+
+    The smallest (arrival - sent) seen is taken as the offset plus the shortest way; what a
+    message took beyond that is its age. The minimum is kept over the last 30 to 60 s, so that clocks
+    may drift and a network may change for good.
+    """
+
+    def __init__(self) -> None:
+        self._best = [float("inf"), float("inf")]  # of the window before, and of this one
+        self._window_ends_s = float("-inf")
+
+    def age_s(self, sent_s: float, now_s: float) -> float:
+        """Seconds that this message is older than the fastest one seen."""
+        if now_s >= self._window_ends_s:
+            self._best = [self._best[1], float("inf")]
+            self._window_ends_s = now_s + _WINDOW_S
+        offset_s = now_s - sent_s
+        self._best[1] = min(self._best[1], offset_s)
+        return offset_s - min(self._best)
+
+
+class Stick:
+    """The newest command of one page. A command lives 0.3 s from when it can have been sent at the earliest."""
+
+    def __init__(self) -> None:
+        self._age = AgeEstimator()
+        self._drive: Drive | None = None
+        self._dies_s = float("-inf")
+
+    @property
+    def seq(self) -> int | None:
+        """Number of the last command that was taken."""
+        return self._drive.seq if self._drive else None
+
+    def take(self, drive: Drive, now_s: float) -> Refusal | None:
+        """Make `drive` the newest command, or say why not."""
+        if self._drive and drive.seq <= self._drive.seq:
+            return Refusal(
+                "out_of_order",
+                f"Command {drive.seq} came after {self._drive.seq} and was dropped.",
+                "dead-man",
+                {"seq": drive.seq, "newest_seq": self._drive.seq},
+            )
+        age_s = self._age.age_s(drive.sent_ms / 1000.0, now_s)
+        if age_s > COMMAND_LIFE_S:
+            return Refusal(
+                "too_old",
+                f"The command was {age_s:.2f} s on its way; after {COMMAND_LIFE_S} s none is carried out.",
+                "dead-man",
+                {"age_s": round(age_s, 3), "limit_s": COMMAND_LIFE_S},
+            )
+        self._drive = drive
+        self._dies_s = now_s + COMMAND_LIFE_S - age_s
+        return None
+
+    def current(self, now_s: float) -> Drive | None:
+        """The command that holds now, None when the last has died."""
+        return self._drive if now_s < self._dies_s else None
+
+
+def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering: str) -> Velocity:
+    """The twist a stick position asks for.
+
+    The share scales the forward, lateral and turning limits; reverse is as fast as that allows,
+    up to the robot's own reverse limit. With "car" steering the turn is mirrored in reverse.
+    """
+    share = min(drive.share, max_share)
+    forward = limits.forward_mps * share
+    vx = drive.x * (forward if drive.x >= 0 else min(forward, limits.reverse_mps))
+    w = drive.w * limits.turn_radps * share
+    if drive.x < 0 and reverse_steering == "car":
+        w = -w
+    velocity = Velocity(vx, drive.y * limits.lateral_mps * share, w)
+    return STILL if velocity == STILL else velocity

@@ -1,0 +1,406 @@
+"""The bridge's decisions: who may drive, what is sent to the base, when it must stand still.
+
+`Core` is the one place where lease, dead-man, stop, audit and gate meet. It knows no socket, no
+ROS and no clock: time is an argument (monotonic seconds), the base is a small protocol. Everything runs on one thread.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from robots import wire
+from robots.bridge.commands import COMMAND_LIFE_S, Stick, velocity_of
+from robots.bridge.config import BridgeConfig, SonarSource
+from robots.bridge.drives import WAITING, DriveLog
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.grants import Grants
+from robots.bridge.sink import Holder
+from robots.bridge.store import Persisted
+from robots.wire import Drive, Ended, Grant, Refusal, StopState
+
+log = logging.getLogger(__name__)
+
+QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
+STILL_MPS = 0.01
+STILL_RADPS = 0.02
+ODOMETRY_FRESH_S = 0.2  # GATE.md 9
+ODOMETRY_ONLINE_S = 1.0
+SONAR_FRESH_S = 0.5
+CLOCK_SKEW_S = 0.5  # below, nobody need know
+VIEW_RADIUS_M = 8.0
+
+_CLEAR = StopState("clear")
+_IDLE = Verdict(STILL, STILL, "idle", "")
+
+
+class Base(Protocol):
+    """What the core may do to the robot."""
+
+    def publish(self, velocity: Velocity) -> None:
+        """Send a twist on the drive topic."""
+
+    def cancel_all(self) -> None:
+        """Cancel every goal of every action in `Topics.cancel_on_stop`, whoever sent it."""
+
+    @property
+    def listeners(self) -> int:
+        """How many nodes listen to the drive topic."""
+
+
+class RosStatus(Struct, frozen=True):
+    """How the connection to the robot's master is, as its watcher sees it."""
+
+    phase: str  # waiting, refused, connecting
+    text: str
+    foreign: list[str] = []
+    problems: list[str] = []
+
+
+class Core:
+    """One robot's rules. `announce` hands an `Ended` to every link."""
+
+    def __init__(
+        self,
+        config: BridgeConfig,
+        base: Base,
+        gate: Gate,
+        drives: DriveLog,
+        left: Persisted,
+        announce: Callable[[Ended], None],
+    ) -> None:
+        self.config = config
+        self.grants = Grants(left.fence)
+        self.stop_state = StopState("stopped", left.by or None, left.reason) if left.latched else _CLEAR
+        self.refused: Counter[str] = Counter()
+        self._base = base
+        self._gate = gate
+        self._drives = drives
+        self._announce = announce
+        self._stick = Stick()
+        self._page_gone = False
+        self._neutral: str | None = None  # why the stick must return to neutral first
+        self._asked = STILL  # by the stick
+        self._passed = STILL  # what of it reached the gate
+        self._sent = STILL
+        self._publish_until_s = float("-inf")
+        self._stop_pressed_s: float | None = None
+        self._verdict = _IDLE
+        self._ros = RosStatus("waiting", "The bridge is starting.")
+        self._odometry: tuple[float, Pose, Velocity] | None = None
+        self._ranges: dict[str, tuple[float, float]] = {}  # sonar -> (arrival, metres)
+        self._battery_percent: float | None = None
+        self._charging: bool | None = None
+        self._skew_s: float | None = None
+
+    # --- control ---------------------------------------------------------------------------------
+
+    def grant(self, grant: Grant, link: int, now_s: float) -> None:
+        """Put a checked grant in force. A new holder, or a page that came back, starts with a neutral stick."""
+        current = self.grants.current
+        if current is None or grant.fence != current.fence:
+            self._end_control("Control was given to somebody else.", now_s)
+            self._stick = Stick()
+            self._neutral = "you have just taken control"
+        elif self._page_gone:
+            self._stick = Stick()
+        self._page_gone = False
+        self.grants.take(grant, link, now_s)
+
+    def revoke(self, fence: int, reason: str, now_s: float) -> None:
+        """End control under `fence`."""
+        if self.grants.current and self.grants.current.fence == fence:
+            self._end_control(reason, now_s)
+
+    def hold(self, fence: int, reason: str, now_s: float) -> None:
+        """The holder's page is gone: zero now. A page that comes back counts its commands anew."""
+        if self.grants.current is None or self.grants.current.fence != fence:
+            return
+        self._page_gone = True
+        self._stick = Stick()
+        self._halt(reason, now_s)
+
+    def link_lost(self, link: int, now_s: float) -> None:
+        """A web process is gone. If control came through it, zero now; the grant runs out by itself."""
+        if self.grants.current and self.grants.link == link:
+            self.hold(self.grants.current.fence, "the console lost its link to the robot", now_s)
+
+    def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
+        """A stick position: publish at once what the gate allows of it. Returns why nothing of it was, if so."""
+        refusal = self.grants.refuse_drive(drive.fence, link) or self._stick.take(drive, now_s)
+        if refusal is None:
+            refusal = self._decide(now_s)
+        if refusal is not None:
+            self.refused[refusal.code] += 1
+        return refusal
+
+    def stop(self, by: str, reason: str, now_s: float) -> None:
+        """Emergency stop: zero at once, latched, everybody's goals cancelled."""
+        if self.stop_state.state == "clear":
+            self.stop_state = StopState("stopping", by, reason)
+            self._stop_pressed_s = now_s
+        self._halt("the robot was stopped", now_s)
+        self._base.cancel_all()
+        self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
+
+    def clear(self, now_s: float) -> None:
+        """Release the latch. Nothing moves by it."""
+        self.stop_state = _CLEAR
+        self._stop_pressed_s = None
+        self._halt("the stop was cleared", now_s)
+        self._verdict = _IDLE
+
+    def tick(self, now_s: float) -> None:
+        """Every period: expiry, dead-man, the gate's newest word, zeros."""
+        if self.grants.expired(now_s):
+            self._end_control("Control was not renewed in time.", now_s)
+        still = self._still(now_s)
+        unrecorded = self._drives.tick(now_s, self._passed == STILL and still is not False)
+        if unrecorded and self._passed != STILL:
+            self._halt(unrecorded.text, now_s)
+        self._decide(now_s)
+        if self.stop_state.state == "stopping" and still and self._odometry:
+            self._confirm_standstill(self._odometry[0])
+
+    # --- what the robot says ---------------------------------------------------------------------
+
+    def ros_status(self, status: RosStatus, now_s: float) -> None:
+        """The master came or went, or a survey of the robot's topics is in."""
+        if status.phase != self._ros.phase:
+            log.info("ROS: %s: %s", status.phase, status.text)
+        lost = self._ros.phase == "connecting" and status.phase != "connecting"
+        self._ros = status
+        if lost:
+            self._halt("the robot's ROS master was lost", now_s)
+
+    def odometry(
+        self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float
+    ) -> None:
+        """One odometry message; `wall_s` is this machine's time of day at arrival, for the clocks' skew."""
+        if not all(math.isfinite(value) for value in (*pose, *velocity)):
+            self.refused["odometry_not_finite"] += 1
+            return
+        self._odometry = (arrival_s, pose, velocity)
+        skew_s = stamp_s - wall_s
+        self._skew_s = skew_s if self._skew_s is None else self._skew_s + 0.1 * (skew_s - self._skew_s)
+        self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity)
+        self._drives.moved(pose.x, pose.y, velocity)
+
+    def laser(
+        self,
+        source: str,
+        stamp_s: float,
+        arrival_s: float,
+        ranges: NDArray[np.float32],
+        angle_min: float,
+        angle_increment: float,
+        range_min_m: float,
+        range_max_m: float,
+    ) -> None:
+        """One scan."""
+        self._gate.observe_scan(
+            source, stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
+        )
+
+    def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
+        """One sonar reading."""
+        self._ranges[source] = (arrival_s, range_m)
+        self._gate.observe_range(source, stamp_s, arrival_s, range_m)
+
+    def battery(self, percent: float) -> None:
+        """Charge in percent."""
+        if math.isfinite(percent):
+            self._battery_percent = min(max(percent, 0.0), 100.0)
+
+    def charging(self, charging: bool) -> None:
+        """Whether the robot is on its charger."""
+        self._charging = charging
+
+    # --- pictures --------------------------------------------------------------------------------
+
+    def persisted(self) -> Persisted:
+        """What must survive a kill."""
+        stop = self.stop_state
+        return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.grants.highest)
+
+    def hello(self, now_s: float) -> wire.BridgeHello:
+        """First word to a web process."""
+        state = self.state(now_s, [])
+        return wire.BridgeHello(
+            wire.PROTOCOL, self.config.robot_id, self.config.slug, self.grants.highest, state
+        )
+
+    def state(self, now_s: float, watchers: list[str]) -> wire.State:
+        """The robot as it is now."""
+        phase, text = self._phase(now_s)
+        grant = self.grants.current
+        return wire.State(
+            phase=phase,
+            text=text,
+            stop=self.stop_state,
+            verdict=_verdict_view(self._verdict),
+            odometry=self._odometry_view(),
+            sensors=[wire.Sensor(*health) for health in self._gate.sensor_health(now_s)],
+            battery_percent=self._battery_percent,
+            charging=self._charging,
+            holder=grant.holder if grant else None,
+            fence=grant.fence if grant else None,
+            seq=self._stick.seq,
+            neutral_needed=self._neutral if grant else None,
+            foreign=self._ros.foreign,
+            watchers=watchers,
+            clock_skew_s=self._skew_s if self._skew_s and abs(self._skew_s) > CLOCK_SKEW_S else None,
+            refused=dict(self.refused),
+        )
+
+    def scan(self, now_s: float) -> wire.Scan:
+        """What is seen, for pictures."""
+        obstacles = self._gate.obstacles(now_s)
+        lasers = [n for n, name in enumerate(obstacles.names) if name in self.config.gate.scan_poses]
+        seen = obstacles.points[np.isin(obstacles.source, lasers)]
+        near = seen[np.einsum("ij,ij->i", seen, seen) < VIEW_RADIUS_M**2]
+        centimetres = np.rint(near * 100).astype(int).ravel().tolist()
+        return wire.Scan(centimetres, [self._range_cm(s, now_s) for s in self.config.topics.sonars])
+
+    # --- inside ----------------------------------------------------------------------------------
+
+    def _decide(self, now_s: float) -> Refusal | None:
+        """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
+        grant = self.grants.current
+        drive = self._stick.current(now_s) if grant else None
+        if grant and drive:
+            limits = self.config.gate.limits
+            asked = velocity_of(drive, limits, grant.max_share, self.config.reverse_steering)
+            if asked == STILL:
+                self._neutral = None
+        else:
+            if self._asked != STILL:
+                self._need_neutral(f"no command came for {COMMAND_LIFE_S} s")
+            asked = STILL
+        self._asked = asked
+        refusal = self._why_not(grant, now_s) if grant and asked != STILL else None
+        self._passed = asked if refusal is None else STILL
+        verdict = self._gate.decide(self._passed, self._sent, now_s)
+        if self._passed != STILL:
+            self._drives.decided(verdict, now_s)
+            if verdict.neutral:
+                self._need_neutral(verdict.text)
+        if refusal:
+            verdict = verdict._replace(asked=asked, code=refusal.code, text=refusal.text)
+        if self.stop_state.state == "clear":
+            self._verdict = verdict
+        self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
+        return None if refusal is WAITING else refusal
+
+    def _why_not(self, grant: Grant, now_s: float) -> Refusal | None:
+        """The first rule that forbids motion, lease and age apart."""
+        if self.stop_state.state != "clear":
+            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
+        phase, text = self._phase(now_s)
+        if phase != "online":
+            return Refusal("robot_offline", text, "robot")
+        if self._neutral is not None:
+            return Refusal(
+                "neutral_needed", f"Let the stick return to the middle: {self._neutral}.", "dead-man"
+            )
+        holder = Holder(grant.holder_id, grant.holder, grant.session, grant.fence)
+        return self._drives.may_move(holder, now_s)
+
+    def _send(self, velocity: Velocity, now_s: float) -> None:
+        """Publish while there is a reason to; then leave the topic to others."""
+        if self.grants.current or self.stop_state.state != "clear":
+            self._publish_until_s = now_s + QUIET_AFTER_S
+        if now_s < self._publish_until_s:
+            self._base.publish(velocity)
+        self._sent = velocity
+
+    def _halt(self, reason: str, now_s: float) -> None:
+        """Zero now, and a neutral stick before anything moves again."""
+        self._need_neutral(reason)
+        self._drives.halted(reason)
+        self._asked = self._passed = STILL
+        self._publish_until_s = now_s + QUIET_AFTER_S
+        self._send(STILL, now_s)
+
+    def _need_neutral(self, reason: str) -> None:
+        if self._neutral is None:
+            self._neutral = reason.rstrip(".")
+
+    def _end_control(self, reason: str, now_s: float) -> None:
+        ended = self.grants.end()
+        if ended is None:
+            return
+        self._halt(reason, now_s)
+        self._announce(Ended(ended.fence, reason))
+
+    def _still(self, now_s: float) -> bool | None:
+        """Whether odometry shows standstill; None while it is too old to tell."""
+        if self._odometry is None or now_s - self._odometry[0] > ODOMETRY_FRESH_S:
+            return None
+        if self._stop_pressed_s is not None and self._odometry[0] <= self._stop_pressed_s:
+            return None
+        velocity = self._odometry[2]
+        return math.hypot(velocity.vx, velocity.vy) < STILL_MPS and abs(velocity.w) < STILL_RADPS
+
+    def _confirm_standstill(self, seen_s: float) -> None:
+        stop = self.stop_state
+        took_ms = None
+        if self._stop_pressed_s is not None:
+            took_ms = round((seen_s - self._stop_pressed_s) * 1000)
+        self.stop_state = StopState("stopped", stop.by, stop.reason, took_ms)
+
+    def _phase(self, now_s: float) -> tuple[str, str]:
+        """Where the robot is on the way to being drivable, and what is missing."""
+        topics = self.config.topics
+        if self._ros.phase != "connecting":
+            return self._ros.phase, self._ros.text
+        if self._base.listeners == 0:
+            return "connecting", self._problem(f"Nothing on the robot listens to {topics.drive.name}.")
+        if self._odometry is None or now_s - self._odometry[0] > ODOMETRY_ONLINE_S:
+            return "connecting", self._problem(f"No odometry comes from {topics.odometry.name}.")
+        return "online", self._ros.problems[0] if self._ros.problems else ""
+
+    def _problem(self, otherwise: str) -> str:
+        return self._ros.problems[0] if self._ros.problems else otherwise
+
+    def _odometry_view(self) -> wire.Odometry | None:
+        if self._odometry is None:
+            return None
+        _, pose, velocity = self._odometry
+        return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
+
+    def _range_cm(self, sonar: SonarSource, now_s: float) -> int | None:
+        arrival_s, range_m = self._ranges.get(sonar.frame_id, (float("-inf"), 0.0))
+        if now_s - arrival_s > SONAR_FRESH_S or not 0.0 <= range_m < sonar.max_range_m:
+            return None
+        return round(range_m * 100)
+
+
+def _verdict_view(verdict: Verdict) -> wire.Verdict:
+    def rounded(velocity: Velocity) -> tuple[float, float, float]:
+        return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
+
+    return wire.Verdict(
+        code=verdict.code,
+        text=verdict.text,
+        asked=rounded(verdict.asked),
+        allowed=rounded(verdict.velocity),
+        sensor=verdict.sensor,
+        distance_m=_rounded(verdict.distance_m),
+        bearing=_rounded(verdict.bearing),
+        side=verdict.side,
+        point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
+        limits=list(verdict.limits),
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 2)

@@ -1,0 +1,196 @@
+"""The drive log: a drive starts on record before the robot moves and ends at standstill.
+
+Records are committed by the sink in one worker thread; the control loop asks `may_move` and never
+waits. Gate interventions are kept as one record when they begin and one when they end.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+from robots.bridge.gate.values import Velocity, Verdict
+from robots.bridge.sink import DriveSummary, Holder, RecordError, RecordSink
+from robots.wire import Refusal
+
+log = logging.getLogger(__name__)
+
+RECORD_PATIENCE_S = 2.0  # a record that takes longer stops the robot
+_RETRY_S = 0.5
+_STANDSTILL_S = 0.5
+_QUIET_CODES = frozenset({"idle", "free"})
+_T = TypeVar("_T")
+
+WAITING = Refusal("recording", "The drive is being put on record.", "audit")
+
+
+@dataclass
+class _Drive:
+    """A drive under way; `number` is known once its start is committed."""
+
+    holder: Holder
+    started_s: float
+    number: Future[int]
+    distance_m: float = 0.0
+    top_mps: float = 0.0
+    top_radps: float = 0.0
+    interventions: int = 0
+    still_since_s: float | None = None
+    last_xy: tuple[float, float] | None = None
+    halted_by: str | None = None
+
+
+@dataclass
+class _Intervention:
+    code: str
+    holder: Holder
+    began_s: float
+    number: Future[int]
+    free_since_s: float | None = None
+
+
+class DriveLog:
+    """At most one drive at a time, and within it at most one gate intervention."""
+
+    def __init__(self, sink: RecordSink) -> None:
+        self._sink = sink
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
+        self._drive: _Drive | None = None
+        self._intervention: _Intervention | None = None
+        self._failure: tuple[float, str] | None = None  # when, why
+        self._pending: list[tuple[float, Future[int] | Future[None]]] = []
+
+    def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
+        """None once the drive's start is committed; until then why not. Begins it on the first call."""
+        if self._failure:
+            failed_s, why = self._failure
+            if now_s < failed_s + _RETRY_S:
+                return _unrecorded(why)
+            self._failure = None
+        if self._drive and self._drive.holder.fence != holder.fence:
+            self.end(now_s, "control changed")
+        if self._drive is None:
+            number = self._submit(now_s, lambda: self._sink.begin_drive(holder))
+            self._drive = _Drive(holder, now_s, number)
+        return None if _committed(self._drive.number) else WAITING
+
+    def moved(self, x: float, y: float, velocity: Velocity) -> None:
+        """Odometry: adds to the drive's distance and top speeds."""
+        drive = self._drive
+        if drive is None:
+            return
+        if drive.last_xy is not None:
+            drive.distance_m += math.hypot(x - drive.last_xy[0], y - drive.last_xy[1])
+        drive.last_xy = (x, y)
+        drive.top_mps = max(drive.top_mps, math.hypot(velocity.vx, velocity.vy))
+        drive.top_radps = max(drive.top_radps, abs(velocity.w))
+
+    def halted(self, reason: str) -> None:
+        """Something other than the operator stopped the robot."""
+        if self._drive is not None and self._drive.halted_by is None:
+            self._drive.halted_by = reason
+
+    def decided(self, verdict: Verdict, now_s: float) -> None:
+        """A verdict of the gate on a command of this drive."""
+        drive, current = self._drive, self._intervention
+        if drive is None or not _committed(drive.number):
+            return
+        drive.halted_by = None
+        if verdict.code in _QUIET_CODES:
+            if current is None:
+                return
+            current.free_since_s = current.free_since_s or now_s
+            if now_s - current.free_since_s >= _STANDSTILL_S:
+                self._end_intervention(now_s)
+            return
+        if current is not None and current.code == verdict.code:
+            current.free_since_s = None
+            return
+        self._end_intervention(now_s)
+        number, holder = drive.number.result(), drive.holder
+        drive.interventions += 1
+        begun = self._submit(now_s, lambda: self._sink.begin_gate(number, holder, verdict))
+        self._intervention = _Intervention(verdict.code, holder, now_s, begun)
+
+    def tick(self, now_s: float, still: bool) -> Refusal | None:
+        """Once per period. `still`: zero is sent and odometry shows standstill.
+
+        Returns why the robot must stop, if it must.
+        """
+        self._reap(now_s)
+        drive = self._drive
+        if drive is not None and _failed(drive.number):
+            self._drive = None
+        elif drive is not None:
+            if not still:
+                drive.still_since_s = None
+            else:
+                drive.still_since_s = drive.still_since_s or now_s
+                if now_s - drive.still_since_s >= _STANDSTILL_S:
+                    self.end(now_s, drive.halted_by or "standstill")
+        if self._failure and now_s < self._failure[0] + _RETRY_S:
+            return _unrecorded(self._failure[1])
+        if self._pending and now_s - self._pending[0][0] > RECORD_PATIENCE_S:
+            return _unrecorded(f"no answer from the audit log for {RECORD_PATIENCE_S:.0f} s")
+        return None
+
+    def end(self, now_s: float, ended_by: str) -> None:
+        """End the drive under way, if any."""
+        drive, self._drive = self._drive, None
+        if drive is None or _failed(drive.number):
+            return
+        self._end_intervention(now_s)
+        summary = DriveSummary(
+            distance_m=round(drive.distance_m, 3),
+            duration_s=round(now_s - drive.started_s, 3),
+            top_mps=round(drive.top_mps, 3),
+            top_radps=round(drive.top_radps, 3),
+            interventions=drive.interventions,
+            ended_by=ended_by,
+        )
+        self._submit(now_s, lambda: self._sink.end_drive(drive.number.result(), drive.holder, summary))
+
+    def close(self, now_s: float) -> None:
+        """End what is open and wait for the records."""
+        self.end(now_s, "bridge ended")
+        self._worker.shutdown(wait=True)
+
+    def _end_intervention(self, now_s: float) -> None:
+        current, self._intervention = self._intervention, None
+        if current is None or _failed(current.number):
+            return
+        duration_s = round(now_s - current.began_s, 3)
+        self._submit(now_s, lambda: self._sink.end_gate(current.number.result(), current.holder, duration_s))
+
+    def _submit(self, now_s: float, call: Callable[[], _T]) -> Future[_T]:
+        future = self._worker.submit(call)
+        self._pending.append((now_s, future))  # type: ignore[arg-type]
+        return future
+
+    def _reap(self, now_s: float) -> None:
+        """Forget what is done; remember a failure."""
+        while self._pending and self._pending[0][1].done():
+            _, future = self._pending.pop(0)
+            error = future.exception()
+            if error is not None:
+                if not isinstance(error, RecordError):
+                    log.error("record failed", exc_info=error)
+                self._failure = (now_s, str(error))
+
+
+def _committed(number: Future[int]) -> bool:
+    return number.done() and number.exception() is None
+
+
+def _failed(number: Future[int]) -> bool:
+    return number.done() and number.exception() is not None
+
+
+def _unrecorded(why: str) -> Refusal:
+    return Refusal(
+        "not_recorded", f"The robot stands still: what it does cannot be recorded ({why}).", "audit"
+    )

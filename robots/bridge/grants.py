@@ -1,0 +1,75 @@
+"""Who may drive, as the bridge enforces it: one grant, its fencing number, its end. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robots.wire import Grant, Refusal
+
+
+@dataclass
+class Grants:
+    """The grant in force and the highest fencing number ever seen."""
+
+    highest: int
+    current: Grant | None = None
+    link: int | None = None  # the link it came by: only commands from there count
+    ends_s: float = float("-inf")
+
+    def check(self, grant: Grant) -> Refusal | None:
+        """Why `grant` cannot be taken, None if it can."""
+        if grant.fence < self.highest:
+            return Refusal(
+                "old_fence",
+                f"Control number {grant.fence} is over; {self.highest} was given since.",
+                "lease",
+                {"fence": grant.fence, "highest": self.highest, "holder": self._holder},
+            )
+        current = self.current
+        if current and grant.fence == current.fence and grant.session != current.session:
+            return Refusal(
+                "fence_taken",
+                f"Control number {grant.fence} belongs to {current.holder}.",
+                "lease",
+                {"fence": grant.fence, "holder": current.holder},
+            )
+        return None
+
+    def take(self, grant: Grant, link: int, now_s: float) -> None:
+        """Put `grant` in force (after `check`)."""
+        self.highest = max(self.highest, grant.fence)
+        self.current = grant
+        self.link = link
+        self.ends_s = now_s + grant.seconds
+
+    def end(self) -> Grant | None:
+        """End the grant in force and return it."""
+        ended, self.current, self.link = self.current, None, None
+        return ended
+
+    def expired(self, now_s: float) -> bool:
+        """Whether the grant in force has run out by the bridge's own clock."""
+        return self.current is not None and now_s >= self.ends_s
+
+    def refuse_drive(self, fence: int, link: int) -> Refusal | None:
+        """Why a command under `fence` does not count, None if it does."""
+        if self.current is None:
+            return Refusal(
+                "no_lease", "Nobody has control of this robot: take control first.", "lease", {"fence": fence}
+            )
+        if fence != self.current.fence:
+            return Refusal(
+                "old_fence" if fence < self.current.fence else "unknown_fence",
+                f"Control is with {self.current.holder} now.",
+                "lease",
+                {"fence": fence, "highest": self.highest, "holder": self.current.holder},
+            )
+        if link != self.link:
+            return Refusal(
+                "other_link", "Control is held through another connection.", "lease", {"fence": fence}
+            )
+        return None
+
+    @property
+    def _holder(self) -> str | None:
+        return self.current.holder if self.current else None

@@ -1,0 +1,111 @@
+"""Talking to a ROS master over XML-RPC, with time-outs, and noticing at once when it dies."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import xmlrpc.client
+from dataclasses import dataclass
+from typing import Any, cast
+from urllib.parse import urlsplit
+
+TIMEOUT_S = 1.0
+
+
+class MasterError(Exception):
+    """The master does not answer, or answers that something failed. The text is for people."""
+
+
+class _Transport(xmlrpc.client.Transport):
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = TIMEOUT_S
+        return connection
+
+
+@dataclass(frozen=True)
+class SystemState:
+    """Who publishes and who subscribes: topic -> node names; and topic -> type."""
+
+    publishers: dict[str, list[str]]
+    subscribers: dict[str, list[str]]
+    types: dict[str, str]
+
+
+class Master:
+    """One master, as the node `caller` calls it. Every call raises MasterError within about a second."""
+
+    def __init__(self, uri: str, caller: str) -> None:
+        self.uri = uri
+        self._caller = caller
+
+    def alive(self) -> None:
+        """Return if the master answers."""
+        self.call("getPid")
+
+    def node_uri(self, node: str) -> str | None:
+        """The XML-RPC address of a registered node, None if there is none of that name."""
+        try:
+            return cast(str, self.call("lookupNode", node))
+        except MasterError:
+            self.alive()
+            return None
+
+    def register(self, kind: str, topic: str, type_name: str, node_uri: str) -> list[str]:
+        """registerPublisher or registerSubscriber; returns the addresses of the other side."""
+        return cast("list[str]", self.call(kind, topic, type_name, node_uri))
+
+    def system_state(self) -> SystemState:
+        """Publishers, subscribers and types of all topics."""
+        publishers, subscribers, _services = self.call("getSystemState")
+        return SystemState(dict(publishers), dict(subscribers), dict(self.call("getTopicTypes")))
+
+    def call(self, method: str, *arguments: object) -> Any:
+        """One call of the master (or slave) API; returns its value."""
+        proxy = xmlrpc.client.ServerProxy(self.uri, transport=_Transport(), allow_none=True)
+        try:
+            code, text, value = getattr(proxy, method)(self._caller, *arguments)
+        except socket.gaierror as error:
+            host = urlsplit(self.uri).hostname
+            raise MasterError(
+                f"The name {host} cannot be resolved here: give the robot a host alias."
+            ) from error
+        except TimeoutError as error:
+            raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
+        except (OSError, xmlrpc.client.Error, http.client.HTTPException) as error:
+            raise MasterError(f"No ROS master answers at {self.uri} ({error}).") from error
+        if code != 1:
+            raise MasterError(str(text))
+        return value
+
+
+class DeathWatch:
+    """An idle TCP connection to the master's port: the kernel ends it the moment the master dies."""
+
+    def __init__(self, uri: str) -> None:
+        parts = urlsplit(uri)
+        self._socket = socket.create_connection((parts.hostname or "", parts.port or 80), TIMEOUT_S)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether the master died within `timeout_s`."""
+        self._socket.settimeout(timeout_s)
+        try:
+            self._socket.recv(1)
+        except TimeoutError:
+            return False
+        except OSError:
+            return True
+        return True
+
+    def close(self) -> None:
+        """Let go."""
+        self._socket.close()
+
+
+def node_alive(uri: str) -> bool:
+    """Whether a node answers at this XML-RPC address."""
+    try:
+        Master(uri, "/fleet_bridge").alive()
+    except MasterError:
+        return False
+    return True

@@ -1,0 +1,284 @@
+"""The bridge's rospy node: one robot's topics in, one drive topic out.
+
+rospy registers a node once in a process's life. When a master dies and returns, the watcher here registers the same
+publishers and subscribers again through the master's and the node's own XML-RPC interface.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import asyncio
+import logging
+import math
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import rospy
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Twist, TwistStamped
+
+from robots.bridge.config import BridgeConfig, Topic
+from robots.bridge.core import Core, RosStatus
+from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.ros.types import message_class
+
+log = logging.getLogger(__name__)
+
+NODE = "/fleet_bridge"  # the same from every console: the second one is refused
+RETRY_S = 0.5
+SURVEY_S = 2.0
+FLUSH_S = 0.1
+
+
+class Namesake(Exception):
+    """Another bridge is registered with this master and alive."""
+
+
+class RosBase:
+    """The robot's base, as `Core` sees it; feeds `Core` from rospy's threads through the event loop."""
+
+    def __init__(self, config: BridgeConfig) -> None:
+        self._config = config
+        self._master = Master(config.master_uri, NODE)
+        self._drive: rospy.Publisher | None = None
+        self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
+        self._cancels: list[rospy.Publisher] = []
+        self._publishers: list[rospy.Publisher] = []
+        self._subscribers: list[rospy.Subscriber] = []
+        self._ending = threading.Event()
+        self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
+        self._loop: asyncio.AbstractEventLoop
+        self._core: Core
+
+    # --- as Core sees it ---------------------------------------------------------------------------
+
+    def publish(self, velocity: Velocity) -> None:
+        """Send a twist, if the drive topic is up."""
+        if self._drive is not None:
+            twist = _twist(velocity)
+            self._drive.publish(_stamp(twist) if self._stamped else twist)
+
+    def cancel_all(self) -> None:
+        """An empty goal id cancels everybody's goals: just what an emergency stop means."""
+        for publisher in self._cancels:
+            publisher.publish(GoalID())
+
+    @property
+    def listeners(self) -> int:
+        """How many nodes listen to the drive topic."""
+        return self._drive.get_num_connections() if self._drive is not None else 0
+
+    # --- life ----------------------------------------------------------------------------------------
+
+    def start(self, loop: asyncio.AbstractEventLoop, core: Core) -> None:
+        """Begin to look for the master."""
+        self._loop, self._core = loop, core
+        os.environ["ROS_MASTER_URI"] = self._config.master_uri
+        os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
+        if self._config.advertised_address:
+            os.environ["ROS_IP"] = self._config.advertised_address
+        self._watcher.start()
+
+    def stop(self) -> None:
+        """Zero, then off the master's books."""
+        self._ending.set()
+        if self._drive is None:
+            return
+        self.publish(STILL)
+        time.sleep(FLUSH_S)  # rospy's writer thread gives no sign that a message is out
+        leaving = threading.Thread(target=rospy.signal_shutdown, args=("bridge ends",), daemon=True)
+        leaving.start()
+        leaving.join(1.0)
+
+    # --- the master ----------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        while not self._ending.is_set():
+            try:
+                self._join()
+                self._stay()
+            except MasterError as error:
+                self._tell(RosStatus("waiting", str(error)))
+            except Namesake as error:
+                self._tell(RosStatus("refused", str(error)))
+            except OSError as error:
+                self._tell(RosStatus("waiting", f"The master's connection broke ({error})."))
+            self._ending.wait(RETRY_S)
+
+    def _join(self) -> None:
+        """Register with the master: the first time by rospy, later again by hand."""
+        self._master.alive()
+        own_uri = rospy.get_node_uri()
+        other_uri = self._master.node_uri(NODE)
+        if other_uri and other_uri != own_uri and node_alive(other_uri):
+            host = urlsplit(other_uri).hostname
+            raise Namesake(f"Another console's bridge on {host} drives this robot; stop that one first.")
+        if self._drive is None:
+            self._begin()
+        else:
+            self._register_again(own_uri)
+
+    def _stay(self) -> None:
+        """Survey the robot until the master is gone."""
+        watch = DeathWatch(self._config.master_uri)
+        try:
+            while not self._ending.is_set():
+                if rospy.is_shutdown():
+                    raise Namesake("Another node took this bridge's name on the robot's master.")
+                self._tell(self._survey(self._master.system_state()))
+                if watch.wait(SURVEY_S):
+                    raise MasterError(f"The ROS master at {self._config.master_uri} is gone.")
+        finally:
+            watch.close()
+
+    def _begin(self) -> None:
+        topics = self._config.topics
+        rospy.init_node(
+            NODE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
+        )
+        self._subscribe(topics.odometry, self._on_odometry)
+        for scan in topics.scans:
+            self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
+        for name in {sonar.topic for sonar in topics.sonars}:
+            self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range)
+        if topics.battery:
+            self._subscribe(topics.battery, self._on_battery)
+        if topics.charging:
+            self._subscribe(topics.charging, self._on_charging)
+        self._cancels = [
+            rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
+        ]
+        self._drive = rospy.Publisher(
+            topics.drive.name,
+            TwistStamped if self._stamped else Twist,
+            subscriber_listener=_NoDelay(),
+            queue_size=1,  # without a queue a stalled robot would block this process
+        )
+        self._publishers = [self._drive, *self._cancels]
+
+    def _register_again(self, own_uri: str) -> None:
+        """What `rospy.init_node` and its topics told the last master, told to its successor."""
+        for publisher in self._publishers:
+            self._master.register("registerPublisher", publisher.resolved_name, publisher.type, own_uri)
+        for subscriber in self._subscribers:
+            name = subscriber.resolved_name
+            publishers = self._master.register("registerSubscriber", name, subscriber.type, own_uri)
+            Master(own_uri, "/master").call("publisherUpdate", name, publishers)
+
+    def _survey(self, system: SystemState) -> RosStatus:
+        topics = self._config.topics
+        foreign = sorted(set(system.publishers.get(topics.drive.name, [])) - {NODE})
+        wanted = [topics.drive, topics.odometry]
+        wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
+        problems = [_wrong_type(topic, system.types) for topic in wanted]
+        for publisher in system.publishers.get(topics.odometry.name, []):
+            problems.append(self._unreachable(publisher))
+        return RosStatus("connecting", "", foreign, [problem for problem in problems if problem])
+
+    def _unreachable(self, node: str) -> str:
+        """In words, if the host of a node that we need cannot be resolved here."""
+        uri = self._master.node_uri(node)
+        host = urlsplit(uri).hostname if uri else None
+        if host is None:
+            return ""
+        try:
+            socket.getaddrinfo(host, None)
+        except socket.gaierror:
+            return f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
+        return ""
+
+    def _tell(self, status: RosStatus) -> None:
+        self._post(lambda: self._core.ros_status(status, time.monotonic()))
+
+    # --- topics --------------------------------------------------------------------------------------
+
+    def _subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+        subscriber = rospy.Subscriber(
+            topic.name, message_class(topic.type), callback, queue_size=1, tcp_nodelay=True
+        )
+        self._subscribers.append(subscriber)
+
+    def _on_odometry(self, message: Any) -> None:
+        arrival_s, wall_s = time.monotonic(), time.time()
+        position, twist = message.pose.pose.position, message.twist.twist
+        pose = Pose(position.x, position.y, _yaw(message.pose.pose.orientation))
+        velocity = Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
+        stamp_s = message.header.stamp.to_sec()
+        self._post(lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s))
+
+    def _on_scan(self, source: str) -> Callable[[Any], None]:
+        def receive(message: Any) -> None:
+            arrival_s = time.monotonic()
+            stamp_s = message.header.stamp.to_sec()
+            ranges = np.asarray(message.ranges, dtype=np.float32)
+            self._post(
+                lambda: self._core.laser(
+                    source,
+                    stamp_s,
+                    arrival_s,
+                    ranges,
+                    message.angle_min,
+                    message.angle_increment,
+                    message.range_min,
+                    message.range_max,
+                )
+            )
+
+        return receive
+
+    def _on_range(self, message: Any) -> None:
+        arrival_s, stamp_s = time.monotonic(), message.header.stamp.to_sec()
+        frame_id = message.header.frame_id.lstrip("/")
+        self._post(lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range))
+
+    def _on_battery(self, message: Any) -> None:
+        percent = message.percentage * 100 if hasattr(message, "percentage") else message.data
+        self._post(lambda: self._core.battery(float(percent)))
+
+    def _on_charging(self, message: Any) -> None:
+        self._post(lambda: self._core.charging(bool(message.data)))
+
+    def _post(self, call: Callable[[], None]) -> None:
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(call)
+
+
+class _NoDelay(rospy.SubscribeListener):  # type: ignore[misc]
+    """rospy's subscribers ask for Nagle's algorithm and the publisher obeys; a twist must not wait for an ACK."""
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        for connection in topic_publish.__self__.connections:
+            connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def _yaw(q: Any) -> float:
+    """Heading of a quaternion, radians."""
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+
+
+def _twist(velocity: Velocity) -> Twist:
+    twist = Twist()
+    twist.linear.x, twist.linear.y, twist.angular.z = velocity
+    return twist
+
+
+def _stamp(twist: Twist) -> TwistStamped:
+    stamped = TwistStamped(twist=twist)
+    stamped.header.stamp = rospy.Time.from_sec(time.time())
+    return stamped
+
+
+def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
+    found = types.get(topic.name)
+    if found in (None, "*", topic.type):
+        return ""
+    return f"{topic.name} is {found} on the robot, {topic.type} in the registry."

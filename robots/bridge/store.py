@@ -1,0 +1,80 @@
+"""What a bridge must not forget when it is killed: the stop latch and the highest fencing number."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+from pathlib import Path
+from typing import IO
+
+import msgspec
+from msgspec import Struct
+
+log = logging.getLogger(__name__)
+
+
+class Persisted(Struct, frozen=True):
+    """Contents of the state file."""
+
+    latched: bool
+    by: str
+    reason: str
+    fence: int
+
+
+class AlreadyRunning(Exception):
+    """Another process on this machine is this robot's bridge."""
+
+
+class Store:
+    """One robot's state file. A lost or spoilt file counts as a pressed stop."""
+
+    def __init__(self, directory: Path, robot_id: str) -> None:
+        self._path = directory / f"{robot_id}.json"
+        self._lock_path = directory / f"{robot_id}.lock"
+        self._lock: IO[str] | None = None
+
+    def lock(self) -> None:
+        """Be the only bridge of this robot on this machine until the process ends.
+
+        Raises AlreadyRunning.
+        """
+        self._lock_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        lock = self._lock_path.open("a")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            lock.close()
+            raise AlreadyRunning(f"{self._lock_path} is held by another bridge") from error
+        self._lock = lock
+
+    def load(self, last_fence: int) -> Persisted:
+        """The state as it was left.
+
+        `last_fence` is the highest number that the database gave: above 0, a file must exist.
+        """
+        try:
+            found = msgspec.json.decode(self._path.read_bytes(), type=Persisted)
+        except FileNotFoundError:
+            if last_fence == 0:
+                return Persisted(False, "", "", 0)
+            return Persisted(True, "", "the bridge's state file is missing", last_fence)
+        except (OSError, msgspec.DecodeError) as error:
+            log.error("state file %s cannot be read: %s", self._path, error)
+            return Persisted(True, "", "the bridge's state file cannot be read", last_fence)
+        return msgspec.structs.replace(found, fence=max(found.fence, last_fence))
+
+    def save(self, state: Persisted) -> None:
+        """Write durably, or raise OSError. If a pressed stop cannot be written the file goes, which says the same."""
+        fresh = self._path.with_suffix(".new")
+        try:
+            with fresh.open("wb") as file:
+                file.write(msgspec.json.encode(state))
+                file.flush()
+                os.fsync(file.fileno())
+            fresh.replace(self._path)
+        except OSError:
+            if state.latched:
+                self._path.unlink(missing_ok=True)
+            raise

@@ -1,0 +1,369 @@
+"""The web process's end of the bridge link: one WebSocket per (web process, robot).
+
+A `BridgeLink` keeps itself connected and hands on what the bridge says; it never waits for a slow
+bridge and never queues commands. `stop_once` is for commands that have no event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import ssl
+from collections import deque
+from contextlib import suppress
+from socket import gaierror
+from typing import Protocol
+from uuid import UUID
+
+import msgspec
+from msgspec import Struct
+from websockets.asyncio.client import ClientConnection, connect, unix_connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.sync import client as sync_client
+
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.wire import Ended, Refusal, Refused, State, Stopped
+
+log = logging.getLogger(__name__)
+
+_BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
+_OPEN_TIMEOUT_S = 2.0
+_ANSWER_TIMEOUT_S = 1.0
+_PING_S = 1.0
+
+_DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
+_SILENT = Refusal("bridge_silent", "The robot's bridge did not answer in time.", "robot")
+
+
+class LinkRefused(Exception):
+    """The bridge said no, or is not there. `refusal` says why."""
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.text)
+        self.refusal = refusal
+
+
+class Listener(Protocol):
+    """Somebody who follows a robot. Called on the event loop; must not block."""
+
+    def on_view(self, raw: str) -> None:
+        """A picture, encoded."""
+
+    def on_status(self, state: State) -> None:
+        """The state, twice a second and on change."""
+
+    def on_ended(self, ended: Ended) -> None:
+        """The bridge ended control."""
+
+    def on_refused(self, refused: Refused) -> None:
+        """The bridge refused a message."""
+
+    def on_link(self, up: bool, refusal: Refusal | None) -> None:
+        """The link came up or went down, and why."""
+
+
+class BridgeLink:
+    """The link to one robot's bridge. Made by `Links.get` on the running event loop."""
+
+    def __init__(self, robot_id: UUID, address: LinkAddress) -> None:
+        self.robot_id = robot_id
+        self.address = address
+        self.up = False
+        self.refusal: Refusal | None = _DOWN
+        self.state: State | None = None
+        self.highest_fence = 0
+        self._socket: ClientConnection | None = None
+        self._listeners: set[Listener] = set()
+        self._watchers: dict[Listener, str] = {}
+        self._grants: dict[int, asyncio.Future[None]] = {}
+        self._latch: deque[asyncio.Future[Stopped]] = deque()
+        self._task = asyncio.get_running_loop().create_task(self._keep_connected())
+
+    # --- followers -----------------------------------------------------------------------------------
+
+    def subscribe(self, listener: Listener) -> None:
+        """Follow the robot. The listener is told the present state of the link at once."""
+        self._listeners.add(listener)
+        listener.on_link(self.up, self.refusal)
+        if self.state is not None:
+            listener.on_status(self.state)
+
+    def unsubscribe(self, listener: Listener) -> None:
+        """Stop following."""
+        self._listeners.discard(listener)
+        self.watch(listener, None)
+
+    def watch(self, listener: Listener, name: str | None) -> None:
+        """Count `listener` as a viewer called `name`; None: no longer. The bridge draws only while somebody looks."""
+        before = set(self._watchers.values())
+        if name is None:
+            self._watchers.pop(listener, None)
+        else:
+            self._watchers[listener] = name
+        if set(self._watchers.values()) != before:
+            self._send_watchers()
+
+    # --- what is sent --------------------------------------------------------------------------------
+
+    async def forward(self, raw: str) -> bool:
+        """Send a browser's drive message as it is. False if it was dropped: no link, or the last is not out yet."""
+        socket = self._socket
+        if socket is None or socket.transport.get_write_buffer_size() > 0:
+            return False
+        try:
+            await socket.send(raw)
+        except ConnectionClosed:
+            return False
+        return True
+
+    def send(self, message: Struct) -> None:
+        """Send without an answer (Revoke, Hold). Lost if the link is down: then the bridge has stopped the robot."""
+        if self._socket is not None:
+            task = asyncio.ensure_future(self._send(message))
+            task.add_done_callback(_swallow_closed)
+
+    async def grant(self, grant: wire.Grant, timeout_s: float = _ANSWER_TIMEOUT_S) -> None:
+        """Give or renew control. Raises LinkRefused."""
+        answer = self._grants.setdefault(grant.fence, asyncio.get_running_loop().create_future())
+        try:
+            await self._ask(grant)
+            await asyncio.wait_for(asyncio.shield(answer), timeout_s)
+        except asyncio.TimeoutError as error:
+            raise LinkRefused(_SILENT) from error
+        finally:
+            self._grants.pop(grant.fence, None)
+
+    async def stop(self, stop: wire.LinkStop, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
+        """Press the emergency stop. Raises LinkRefused when the bridge does not confirm."""
+        return await self._ask_latch(stop, timeout_s)
+
+    async def clear(self, clear: wire.LinkClear, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
+        """Release the latch. Raises LinkRefused when the bridge does not confirm."""
+        return await self._ask_latch(clear, timeout_s)
+
+    async def close(self) -> None:
+        """End the link for good."""
+        self._task.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._task
+
+    async def _ask_latch(self, message: Struct, timeout_s: float) -> Stopped:
+        answer: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
+        self._latch.append(answer)
+        try:
+            await self._ask(message)
+            return await asyncio.wait_for(answer, timeout_s)
+        except asyncio.TimeoutError as error:
+            raise LinkRefused(_SILENT) from error
+        finally:
+            with suppress(ValueError):
+                self._latch.remove(answer)
+
+    async def _ask(self, message: Struct) -> None:
+        if self._socket is None:
+            raise LinkRefused(self.refusal or _DOWN)
+        try:
+            await self._send(message)
+        except ConnectionClosed as error:
+            raise LinkRefused(_DOWN) from error
+
+    async def _send(self, message: Struct) -> None:
+        if self._socket is not None:
+            await self._socket.send(wire.encode(message), text=True)
+
+    def _send_watchers(self) -> None:
+        self.send(wire.Watch(sorted(set(self._watchers.values()))))
+
+    # --- the connection ------------------------------------------------------------------------------
+
+    async def _keep_connected(self) -> None:
+        pause_s = _BACK_OFF_S[0]
+        while True:
+            try:
+                async with await _open(self.address) as socket:
+                    pause_s = _BACK_OFF_S[0]
+                    await self._talk(socket)
+            except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
+                self._went_down(_why_down(error))
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, _BACK_OFF_S[1])
+
+    async def _talk(self, socket: ClientConnection) -> None:
+        self._socket = socket
+        try:
+            await self._send(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}"))
+            if self._watchers:
+                self._send_watchers()
+            while True:
+                raw = await socket.recv()
+                if isinstance(raw, bytes):
+                    self._show(raw.decode())
+                else:
+                    self._heard(wire.link_report(raw))
+        except msgspec.DecodeError as error:
+            log.error("the bridge of %s speaks another protocol: %s", self.robot_id, error)
+            self._went_down(Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire"))
+        finally:
+            self._socket = None
+
+    def _show(self, view: str) -> None:
+        for listener in self._watchers:
+            listener.on_view(view)
+
+    def _heard(self, report: wire.LinkReport) -> None:
+        match report:
+            case wire.BridgeHello():
+                self.highest_fence = report.fence
+                self._came_up(report.state)
+            case wire.Status():
+                self._tell_state(report.state)
+            case wire.Granted():
+                self.highest_fence = max(self.highest_fence, report.fence)
+                self._settle(report.fence, None)
+            case wire.Refused(of="grant"):
+                self._settle(report.fence, report.refusal)
+            case wire.Refused():
+                for listener in list(self._listeners):
+                    listener.on_refused(report)
+            case wire.Ended():
+                for listener in list(self._listeners):
+                    listener.on_ended(report)
+            case wire.Stopped():
+                if self._latch:
+                    self._latch.popleft().set_result(report)
+
+    def _settle(self, fence: int | None, refusal: Refusal | None) -> None:
+        answer = self._grants.get(fence) if fence is not None else None
+        if answer is None or answer.done():
+            return
+        if refusal is None:
+            answer.set_result(None)
+        else:
+            answer.set_exception(LinkRefused(refusal))
+
+    def _tell_state(self, state: State) -> None:
+        self.state = state
+        for listener in list(self._listeners):
+            listener.on_status(state)
+
+    def _came_up(self, state: State) -> None:
+        self.up, self.refusal = True, None
+        for listener in list(self._listeners):
+            listener.on_link(True, None)
+        self._tell_state(state)
+
+    def _went_down(self, refusal: Refusal) -> None:
+        """Everybody who waits is told; the last state is no longer the truth."""
+        was_up, self.up, self.refusal, self.state = self.up, False, refusal, None
+        for waiting in (self._grants.values(), self._latch):
+            for answer in waiting:
+                if not answer.done():
+                    answer.set_exception(LinkRefused(refusal))
+        self._latch.clear()
+        if was_up:
+            log.warning("link to %s lost: %s", self.robot_id, refusal.text)
+            for listener in list(self._listeners):
+                listener.on_link(False, refusal)
+
+
+class Links:
+    """The links of this process. A robot that moved gets a new one."""
+
+    def __init__(self) -> None:
+        self._links: dict[UUID, BridgeLink] = {}
+
+    def get(self, robot_id: UUID, address: LinkAddress) -> BridgeLink:
+        """The link to this robot, begun on the running loop if there is none."""
+        link = self._links.get(robot_id)
+        if link is None or link.address != address:
+            if link is not None:
+                link.send(wire.Watch([]))
+            link = self._links[robot_id] = BridgeLink(robot_id, address)
+        return link
+
+    async def close(self) -> None:
+        """End all links."""
+        links, self._links = list(self._links.values()), {}
+        for link in links:
+            await link.close()
+
+
+links = Links()
+
+
+def stop_once(address: LinkAddress, by: str, reason: str = "") -> Stopped:
+    """Press the emergency stop over a connection of its own. Raises LinkRefused."""
+    try:
+        with _open_sync(address) as socket:
+            socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"command {os.getpid()}")), text=True)
+            socket.send(wire.encode(wire.LinkStop(by, reason)), text=True)
+            while True:
+                raw = socket.recv(timeout=_ANSWER_TIMEOUT_S)
+                report = wire.link_report(raw) if isinstance(raw, str) else None
+                if isinstance(report, Stopped):
+                    return report
+    except TimeoutError as error:
+        raise LinkRefused(_SILENT) from error
+    except (OSError, InvalidHandshake, ConnectionClosed) as error:
+        raise LinkRefused(_why_down(error)) from error
+
+
+async def _open(address: LinkAddress) -> ClientConnection:
+    if address.unix_path:
+        return await unix_connect(
+            address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
+        )
+    return await connect(
+        _uri(address),
+        ssl=_tls(address),
+        additional_headers=_headers(address),
+        compression=None,
+        open_timeout=_OPEN_TIMEOUT_S,
+        ping_interval=_PING_S,
+        ping_timeout=_PING_S,
+    )
+
+
+def _open_sync(address: LinkAddress) -> sync_client.ClientConnection:
+    if address.unix_path:
+        return sync_client.unix_connect(
+            address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
+        )
+    return sync_client.connect(
+        _uri(address),
+        ssl=_tls(address),
+        additional_headers=_headers(address),
+        compression=None,
+        open_timeout=_OPEN_TIMEOUT_S,
+    )
+
+
+def _uri(address: LinkAddress) -> str:
+    return f"wss://{address.host}:{address.port}/"
+
+
+def _headers(address: LinkAddress) -> dict[str, str]:
+    return {"Authorization": f"Bearer {address.secret}"}
+
+
+def _tls(address: LinkAddress) -> ssl.SSLContext:
+    """Trust the fleet's own authority where it has one, else the system's."""
+    return ssl.create_default_context(cafile=address.authority)
+
+
+def _why_down(error: Exception) -> Refusal:
+    if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
+        return _DOWN
+    if isinstance(error, gaierror):
+        return Refusal(
+            "bridge_unresolvable", f"The name of the bridge's host cannot be resolved ({error}).", "robot"
+        )
+    return Refusal("bridge_unreachable", f"The robot's bridge cannot be reached ({error}).", "robot")
+
+
+def _swallow_closed(task: asyncio.Task[None]) -> None:
+    error = None if task.cancelled() else task.exception()
+    if error is not None and not isinstance(error, ConnectionClosed):
+        log.error("sending to the bridge failed", exc_info=error)
