@@ -143,6 +143,19 @@ BrowserMessage = (
 )
 
 
+class StopRobot(Struct, frozen=True, tag_field="t", tag="stop"):
+    """Emergency stop of one robot, from the fleet page."""
+
+    slug: Annotated[str, Meta(min_length=1, max_length=50)]
+
+
+class StopAll(Struct, frozen=True, tag_field="t", tag="stop_all"):
+    """Emergency stop of every robot that this person may see."""
+
+
+FleetMessage = StopRobot | StopAll | Ack | Ping
+
+
 # --- web -> browser --------------------------------------------------------------------------
 
 
@@ -247,6 +260,19 @@ class BridgeGone(Struct, frozen=True, tag_field="t", tag="bridge_gone"):
     """No link to the robot's bridge, and why; a `View` ends it."""
 
     refusal: Refusal
+
+
+class FleetCard(Struct, frozen=True):
+    """One robot on the fleet page. `state` None: not known, and `refusal` says why."""
+
+    state: State | None
+    refusal: Refusal | None = None
+
+
+class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
+    """The robots that this person may see, by slug. Sent about once a second and on change."""
+
+    robots: dict[str, FleetCard]
 
 
 # --- bridge -> browser (through the web process, untouched) -----------------------------------
@@ -436,6 +462,7 @@ LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Refused
 # --- doors ------------------------------------------------------------------------------------
 
 _browser = msgspec.json.Decoder(BrowserMessage)
+_fleet = msgspec.json.Decoder(FleetMessage)
 _request = msgspec.json.Decoder(LinkRequest)
 _report = msgspec.json.Decoder(LinkReport)
 _view = msgspec.json.Decoder(View)
@@ -463,6 +490,12 @@ def _decode(decoder: msgspec.json.Decoder[Any], raw: str | bytes) -> Any:
 def browser_message(raw: str | bytes) -> BrowserMessage:
     """Decode what a browser sent, or raise `WireError`."""
     message: BrowserMessage = _decode(_browser, raw)
+    return message
+
+
+def fleet_message(raw: str | bytes) -> FleetMessage:
+    """Decode what the fleet page sent, or raise `WireError`."""
+    message: FleetMessage = _decode(_fleet, raw)
     return message
 
 
