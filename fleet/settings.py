@@ -1,4 +1,4 @@
-"""Settings of the fleet console, from environment variables that begin with FLEET_ (docs/settings.md lists them).
+"""Settings, from environment variables that begin with FLEET_ (docs/settings.md lists them).
 
 Without FLEET_DEBUG everything is as strict as in production, and what is missing or wrong stops the start
 with the variable's name.
@@ -27,6 +27,8 @@ FLEET_LINK_CA = _env.file("FLEET_LINK_CA")
 FLEET_LINK_CERT = _env.file("FLEET_LINK_CERT")
 FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
 
+FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control without renewing it
+
 # In debug a key for this process alone: sign-ins end with it.
 SECRET_KEY = (
     get_random_secret_key() if DEBUG and not _env.text("FLEET_SECRET_KEY") else environment.secret_key(_env)
@@ -43,6 +45,7 @@ INSTALLED_APPS = [
     "django.contrib.staticfiles",
     "rest_framework",
     "csp",
+    "fleet",
     "fleet.audit",
     "fleet.accounts",
     "robots",
@@ -107,6 +110,7 @@ CHANNEL_LAYERS: dict[str, dict[str, Any]] = {
 # --- people -----------------------------------------------------------------------------------
 
 AUTH_USER_MODEL = "accounts.User"
+AUTHENTICATION_BACKENDS = ["fleet.accounts.backends.StaffBackend"]
 PASSWORD_HASHERS = [
     "django.contrib.auth.hashers.BCryptSHA256PasswordHasher",
     "django.contrib.auth.hashers.PBKDF2PasswordHasher",
@@ -137,6 +141,10 @@ REST_FRAMEWORK = {
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
 }
+
+# --- control -----------------------------------------------------------------------------------
+
+FLEET_CONTROL_TERM_S = 15 * 60  # one turn at a robot; may be renewed while nobody else asks for it
 
 # --- what browsers are told -------------------------------------------------------------------
 

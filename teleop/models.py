@@ -1,0 +1,99 @@
+"""Who drives: control sessions, the lease of each robot, and who asks for it."""
+
+from __future__ import annotations
+
+from uuid import uuid4
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+
+from robots.models import Robot
+
+
+class EndReason(models.TextChoices):
+    """How a control session came to its end."""
+
+    RELEASED = "released", "given back"
+    MOVED = "moved", "moved to another tab of the same person"
+    HANDED_OVER = "handed_over", "handed over"
+    TAKEN_OVER = "taken_over", "taken over"
+    TERM = "term", "the term ended"
+    AWAY = "away", "the page was gone"
+    RIGHT = "right", "the right to control ended"
+    BRIDGE = "bridge", "the robot's bridge refused it"
+
+
+class ControlSession(models.Model):
+    """One stretch of one person's control of one robot."""
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    robot = models.ForeignKey(Robot, on_delete=models.PROTECT, related_name="control_sessions")
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL, on_delete=models.PROTECT, related_name="control_sessions"
+    )
+    fence = models.BigIntegerField()
+    started_at = models.DateTimeField()
+    ended_at = models.DateTimeField(null=True, blank=True)
+    end_reason = models.CharField(max_length=16, choices=EndReason, blank=True)
+    end_note = models.CharField(max_length=300, blank=True, help_text="In words, for who held it.")
+
+    class Meta:
+        ordering = ["-started_at"]
+        constraints = [
+            models.UniqueConstraint(fields=["robot", "fence"], name="one_session_per_fence"),
+            models.UniqueConstraint(
+                fields=["robot"], condition=Q(ended_at=None), name="one_open_session_per_robot"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.user} on {self.robot} from {self.started_at:%Y-%m-%d %H:%M}"
+
+
+class Lease(models.Model):
+    """Who has a robot now: one row per robot, written by conditional updates only."""
+
+    robot = models.OneToOneField(Robot, primary_key=True, on_delete=models.CASCADE, related_name="lease")
+    session = models.OneToOneField(ControlSession, null=True, blank=True, on_delete=models.PROTECT)
+    tab = models.CharField(max_length=64, blank=True)
+    sign_in = models.CharField(max_length=64, blank=True)
+    connection = models.CharField(max_length=64, blank=True)
+    term_ends_at = models.DateTimeField(null=True, blank=True)
+    seen_at = models.DateTimeField(null=True, blank=True)
+
+    def __str__(self) -> str:
+        return f"lease of {self.robot}"
+
+
+class ControlRequest(models.Model):
+    """A question for control, put to the holder."""
+
+    class Outcome(models.TextChoices):
+        GRANTED = "granted", "got control"
+        FREED = "freed", "the robot became free"
+        CANCELLED = "cancelled", "withdrawn"
+        GONE = "gone", "the page was gone"
+        LAPSED = "lapsed", "nobody answered"
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="control_requests")
+    user = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE)
+    tab = models.CharField(max_length=64)
+    sign_in = models.CharField(max_length=64)
+    connection = models.CharField(max_length=64)
+    asked_at = models.DateTimeField()
+    answered_at = models.DateTimeField(null=True, blank=True)
+    outcome = models.CharField(max_length=16, choices=Outcome, blank=True)
+
+    class Meta:
+        ordering = ["asked_at"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["robot", "user"],
+                condition=Q(answered_at=None),
+                name="one_open_request_per_person",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.user} asks for {self.robot}"

@@ -1,0 +1,71 @@
+"""May this person control this robot now, and until when? One list of rules; bookings become one more."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Protocol
+
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from robots.models import Robot
+from robots.selectors import Role, role_on
+from robots.wire import Refusal
+
+
+class Permit(Struct, frozen=True):
+    """Leave to control. `until` None: as far as this rule goes, for any time."""
+
+    until: datetime | None = None
+    max_share: float = 1.0  # of the robot's limits
+
+    def narrowed_by(self, other: Permit) -> Permit:
+        """Both permits at once."""
+        ends = [until for until in (self.until, other.until) if until is not None]
+        return Permit(until=min(ends, default=None), max_share=min(self.max_share, other.max_share))
+
+
+class Rule(Protocol):
+    """One condition of control."""
+
+    def __call__(self, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal: ...
+
+
+def account_is_active(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+    """Closed accounts control nothing."""
+    if user.is_active:
+        return Permit()
+    return Refusal("account_inactive", "This account is closed; ask the staff.", "account")
+
+
+def robot_is_enabled(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+    """A disabled robot is not driven by anybody, and no robot above its own share of speed."""
+    if robot.enabled:
+        return Permit(max_share=robot.max_share)
+    return Refusal("robot_disabled", f"{robot.name} is switched off in the registry; ask the staff.", "robot")
+
+
+def role_suffices(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+    """Control needs the role operator or more on this robot."""
+    role = role_on(user, robot)
+    if role is not None and role >= Role.OPERATOR:
+        return Permit()
+    return Refusal(
+        "role_too_low",
+        f"You may watch {robot.name} but not drive it; ask the staff for the role operator.",
+        "account",
+    )
+
+
+RULES: tuple[Rule, ...] = (account_is_active, robot_is_enabled, role_suffices)
+
+
+def control_permitted(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+    """What all rules leave of the right to control, or the first refusal."""
+    permit = Permit()
+    for rule in RULES:
+        answer = rule(user=user, robot=robot, now=now)
+        if isinstance(answer, Refusal):
+            return answer
+        permit = permit.narrowed_by(answer)
+    return permit

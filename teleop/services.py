@@ -1,0 +1,357 @@
+"""Everything that changes who has control. Each step is one transaction with its audit record.
+
+A step that may not be done raises `ControlRefused`. Races are decided by conditional updates: who finds the lease
+changed since it was read has lost, and is told so. Nothing here talks to a bridge: the caller does, after the commit.
+`highest_fence` is the highest fencing number that the robot's bridge has seen, so that a database restored
+from an older copy cannot hand out a number twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from typing import Any, TypeVar
+from uuid import UUID, uuid4
+
+from django.conf import settings
+from django.db import DatabaseError, transaction
+from django.db.models import QuerySet
+
+from fleet import audit
+from fleet.accounts.models import User
+from robots.models import Robot, Role
+from robots.selectors import role_on
+from robots.services import fence_next
+from robots.wire import Refusal
+from teleop import rules
+from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from teleop.policy import Permit, control_permitted
+from teleop.rules import Ask, Holding, Tab
+from teleop.selectors import asks_of, holding_of
+
+
+T = TypeVar("T")
+
+
+class ControlRefused(Exception):  # noqa: N818 - a refusal is an answer, not an error
+    """A step that may not be done; `refusal` says why."""
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.text)
+        self.refusal = refusal
+
+
+# --- taking and giving --------------------------------------------------------------------------
+
+
+def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> Holding:
+    """Give control of a robot that nobody else has. From the same person's other tab it moves here."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        permit = _permit(user=user, robot=robot, now=now)
+        before = holding_of(robot_id)
+        _require(rules.may_take(before, user=user_id, now=now))
+        if before is not None:
+            lapsed = rules.lapse(before, now)
+            _end_session(before, EndReason(lapsed) if lapsed else EndReason.MOVED, "", now)
+        taken = _give(robot, user, tab, permit, before, highest_fence, now)
+        _record("control.take", taken, robot, user)
+    return taken
+
+
+def lease_take_over(
+    *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
+) -> Holding:
+    """Take control from its holder, as a supervisor or staff, for a reason that is kept."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        permit = _permit(user=user, robot=robot, now=now)
+        held = holding_of(robot_id)
+        supervises = supervises_robot(user=user, robot=robot)
+        before = _allowed(held, rules.may_take_over(held, user=user_id, supervises=supervises, now=now))
+        _end_session(before, EndReason.TAKEN_OVER, f"{user.display_name} took over: {reason}", now)
+        taken = _give(robot, user, tab, permit, before, highest_fence, now)
+        _record("control.take_over", taken, robot, user, reason=reason, holder=before.name)
+    return taken
+
+
+def lease_hand_over(
+    *, robot_id: UUID, user_id: UUID, tab: Tab, request_id: int, highest_fence: int, now: datetime
+) -> Holding:
+    """Give control to the person behind an open request."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        held = holding_of(robot_id)
+        before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
+        ask = _ask(robot_id, request_id, now)
+        receiver = _user(ask.user)
+        permit = _permit(user=receiver, robot=robot, now=now)
+        _end_session(before, EndReason.HANDED_OVER, f"You handed over to {receiver.display_name}.", now)
+        given = _give(robot, receiver, ask.tab, permit, before, highest_fence, now)
+        _record("control.hand_over", given, robot, user, to=str(receiver.id), to_name=receiver.display_name)
+    return given
+
+
+def lease_release(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> Holding:
+    """Give control back. Returns what was given back."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        held = holding_of(robot_id)
+        before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
+        _free(robot_id, before, now)
+        _end_session(before, EndReason.RELEASED, "", now)
+        _record("control.release", before, robot, user)
+    return before
+
+
+# --- keeping ------------------------------------------------------------------------------------
+
+
+def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> datetime:
+    """Start a fresh term. Returns its end."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        permit = _permit(user=user, robot=robot, now=now)
+        held = holding_of(robot_id)
+        before = _allowed(held, rules.may_renew(held, tab=tab, asks=asks_of(robot_id), now=now))
+        ends = _term_end(permit, now)
+        _change_lease(robot_id, before, term_ends_at=ends)
+        _record("control.renew", before, robot, user)
+    return ends
+
+
+def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> Holding:
+    """Go on with a lease on a new connection of its tab: after a reload, a network blip, in a duplicate of the tab."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        _permit(user=user, robot=robot, now=now)
+        held = holding_of(robot_id)
+        before = _allowed(held, rules.may_resume(held, user=user_id, tab=tab, now=now))
+        _change_lease(robot_id, before, connection=tab.connection, seen_at=now)
+        _record("control.resume", before, robot, user)
+    return before
+
+
+def lease_seen(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> bool:
+    """Note that the holder's page is there. False if this connection does not hold the lease any more."""
+    mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
+    return mine.update(seen_at=now) == 1
+
+
+def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> bool:
+    """Note that the holder's page is gone; from now on it may come back for `rules.GRACE_S`."""
+    mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
+    return mine.update(connection="", seen_at=now) == 1
+
+
+# --- ending -------------------------------------------------------------------------------------
+
+
+def lease_expire(*, robot_id: UUID, now: datetime) -> Holding | None:
+    """End a lease whose term or grace is over. None if that was not so, or somebody else has just changed it."""
+    with _change():
+        held = holding_of(robot_id)
+        why = None if held is None else rules.lapse(held, now)
+        if held is None or why is None:
+            return None
+        if not Lease.objects.filter(robot_id=robot_id, seen_at=held.seen_at).exists():
+            return None  # it came back just now
+        _free(robot_id, held, now)
+        _end_session(held, EndReason(why), "", now)
+        _record("control.expire", held, _robot(robot_id), None, why=why, holder=held.name)
+    return held
+
+
+def lease_end(
+    *, robot_id: UUID, session: UUID, reason: EndReason, refusal: Refusal, now: datetime
+) -> Holding | None:
+    """End control because the right to it ended, or the bridge does not take it. None if it was over already."""
+    with _change():
+        held = holding_of(robot_id)
+        if held is None or held.session != session:
+            return None
+        _free(robot_id, held, now)
+        _end_session(held, reason, refusal.text, now)
+        _record(
+            "control.end", held, _robot(robot_id), None, why=refusal.code, text=refusal.text, holder=held.name
+        )
+    return held
+
+
+# --- asking -------------------------------------------------------------------------------------
+
+
+def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
+    """Ask the holder for control. Asking again moves the question to this tab. Returns the request's number."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        _permit(user=user, robot=robot, now=now)
+        held = holding_of(robot_id)
+        _require(rules.may_ask(held, user=user_id, now=now))
+        asks_lapse(now=now)
+        seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection}
+        request, _ = ControlRequest.objects.update_or_create(
+            robot_id=robot_id,
+            user_id=user_id,
+            answered_at=None,
+            defaults=seat,
+            create_defaults={**seat, "asked_at": now},
+        )
+        _record("control.ask", held, robot, user, request=request.pk)
+    return int(request.pk)
+
+
+def control_ask_cancel(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> bool:
+    """Withdraw the question that this connection asked, or that it left behind. False if there was none."""
+    outcome = ControlRequest.Outcome.GONE if gone else ControlRequest.Outcome.CANCELLED
+    mine = ControlRequest.objects.filter(robot_id=robot_id, connection=connection, answered_at=None)
+    return mine.update(answered_at=now, outcome=outcome) > 0
+
+
+def asks_lapse(*, now: datetime) -> int:
+    """Close the questions that nobody answered in time. Returns how many."""
+    asked_until = now - timedelta(seconds=rules.ASK_S)
+    old = ControlRequest.objects.filter(answered_at=None, asked_at__lte=asked_until)
+    return old.update(answered_at=now, outcome=ControlRequest.Outcome.LAPSED)
+
+
+# --- inside -------------------------------------------------------------------------------------
+
+def supervises_robot(*, user: User, robot: Robot) -> bool:
+    """Whether this person is a supervisor of the robot, or staff."""
+    role = role_on(user, robot)
+    return role is not None and role >= Role.SUPERVISOR
+
+
+@contextmanager
+def _change() -> Iterator[None]:
+    """One transaction. What cannot be recorded, or stored, is not done."""
+    try:
+        with transaction.atomic():
+            yield
+    except audit.AuditUnavailable as error:
+        raise ControlRefused(Refusal(error.code, error.text, error.rule)) from error
+    except DatabaseError as error:
+        text = "Not done, because the database does not answer. Try again."
+        raise ControlRefused(Refusal("database_unavailable", text, "lease")) from error
+
+
+def _require(refusal: Refusal | None) -> None:
+    if refusal is not None:
+        raise ControlRefused(refusal)
+
+
+def _allowed(value: T | None, refusal: Refusal | None) -> T:
+    """What a rule has just allowed to use: with that it is there."""
+    _require(refusal)
+    if value is None:
+        raise AssertionError("a rule allowed what is not there")
+    return value
+
+
+def _robot(robot_id: UUID) -> Robot:
+    return Robot.objects.get(pk=robot_id)
+
+
+def _user(user_id: UUID) -> User:
+    return User.objects.get(pk=user_id)
+
+
+def _ask(robot_id: UUID, request_id: int, now: datetime) -> Ask:
+    ask = next((ask for ask in asks_of(robot_id) if ask.id == request_id), None)
+    return _allowed(ask, rules.must_ask(ask, now=now))
+
+
+def _permit(*, user: User, robot: Robot, now: datetime) -> Permit:
+    answer = control_permitted(user=user, robot=robot, now=now)
+    if isinstance(answer, Refusal):
+        raise ControlRefused(answer)
+    return answer
+
+
+def _term_end(permit: Permit, now: datetime) -> datetime:
+    return rules.term_end(now, settings.FLEET_CONTROL_TERM_S, permit.until)
+
+
+def _give(
+    robot: Robot,
+    user: User,
+    tab: Tab,
+    permit: Permit,
+    before: Holding | None,
+    highest_fence: int,
+    now: datetime,
+) -> Holding:
+    """Put `user` into the lease in place of `before`, with a new control session and fencing number."""
+    given = Holding(
+        session=uuid4(),
+        user=user.id,
+        name=user.display_name,
+        tab=tab,
+        fence=fence_next(robot, at_least=highest_fence),
+        term_ends_at=_term_end(permit, now),
+        seen_at=now,
+    )
+    # The lease first: whoever loses a race waits here for the winner, and then finds the lease changed.
+    _change_lease(
+        robot.id,
+        before,
+        session_id=given.session,
+        tab=tab.token,
+        sign_in=tab.sign_in,
+        connection=tab.connection,
+        term_ends_at=given.term_ends_at,
+        seen_at=now,
+    )
+    ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
+    ControlRequest.objects.filter(robot=robot, user=user, answered_at=None).update(
+        answered_at=now, outcome=ControlRequest.Outcome.GRANTED
+    )
+    return given
+
+
+def _free(robot_id: UUID, held: Holding, now: datetime) -> None:
+    """Give the robot to nobody. Questions for control are answered by that."""
+    _change_lease(
+        robot_id, held, session=None, tab="", sign_in="", connection="", term_ends_at=None, seen_at=None
+    )
+    ControlRequest.objects.filter(robot_id=robot_id, answered_at=None).update(
+        answered_at=now, outcome=ControlRequest.Outcome.FREED
+    )
+
+
+def _change_lease(robot_id: UUID, before: Holding | None, **to: Any) -> None:
+    """Change the lease if it is still as `before`; refused if somebody else was faster."""
+    Lease.objects.get_or_create(robot_id=robot_id)
+    if _unchanged(robot_id, before).update(**to) == 0:
+        text = "Somebody else was faster: look who has control now."
+        raise ControlRefused(Refusal("too_late", text, "lease"))
+
+
+def _unchanged(robot_id: UUID, before: Holding | None) -> QuerySet[Lease]:
+    """The robot's lease, if it is as it was read; that its page was seen again since changes nothing."""
+    leases = Lease.objects.filter(robot_id=robot_id)
+    if before is None:
+        return leases.filter(session=None)
+    return leases.filter(
+        session_id=before.session, connection=before.tab.connection, term_ends_at=before.term_ends_at
+    )
+
+
+def _end_session(held: Holding, reason: EndReason, note: str, now: datetime) -> None:
+    ControlSession.objects.filter(pk=held.session, ended_at=None).update(
+        ended_at=now, end_reason=reason, end_note=note[:300]
+    )
+
+
+def _record(kind: str, held: Holding | None, robot: Robot, actor: User | None, **parameters: Any) -> None:
+    audit.record(
+        kind,
+        actor=actor,
+        robot_id=robot.id,
+        robot_name=robot.name,
+        session_id=held.session if held else None,
+        fence=held.fence if held else None,
+        parameters=parameters,
+    )
