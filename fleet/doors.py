@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from channels.security.websocket import WebsocketDenier
 from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
@@ -31,7 +30,8 @@ class SameOrigin:
         if origin_allowed(scope["headers"]):
             return await self._inner(scope, receive, send)
         logger.warning("WebSocket %s refused: its page is not one of ours", scope["path"])
-        return await WebsocketDenier()(scope, receive, send)
+        await receive()  # websocket.connect
+        return await send({"type": "websocket.close"})  # before it was accepted: 403
 
 
 class SignedIn:

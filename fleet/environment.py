@@ -53,6 +53,17 @@ class Environment:
         """A comma-separated list; empty items are dropped."""
         return [item.strip() for item in (self.text(name) or "").split(",") if item.strip()]
 
+    def seconds(self, name: str, default: float, *, least: float) -> float:
+        """A duration, at least `least`."""
+        value = self.text(name)
+        try:
+            seconds = default if value is None else float(value)
+        except ValueError:
+            seconds = float("nan")
+        if not least <= seconds < float("inf"):
+            raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of seconds, {least:g} or more.")
+        return seconds
+
     def directory(self, name: str, default: Path, mode: int = 0o755) -> Path:
         """A directory, made if it is not there: the database and the sockets live in such."""
         path = Path(self.text(name) or default).expanduser().absolute()
@@ -98,7 +109,7 @@ def origins(env: Environment) -> list[str]:
             or value != f"{parts.scheme}://{parts.netloc}"
         ):
             raise ImproperlyConfigured(
-                f"FLEET_ORIGINS contains {value!r}; an origin looks like https://fleet.lab.example:8443, without a path."
+                f"FLEET_ORIGINS contains {value!r}; an origin looks like https://fleet.example:8443, without a path."
             )
     return values
 

@@ -4,14 +4,14 @@ from importlib.util import find_spec
 
 from django.contrib import admin
 from django.urls import include, path
-from django.views.generic import RedirectView
 
 from fleet import views
 
+admin.site.site_title = admin.site.site_header = "Fleet console"
+
 urlpatterns = [
     path("accounts/", include("fleet.accounts.urls")),
-    # One door to sign in by: throttled, recorded.
-    path("admin/login/", RedirectView.as_view(pattern_name="sign-in", query_string=True)),
+    path("admin/login/", views.admin_login),
     path("admin/", admin.site.urls),
     path("healthz", views.healthz, name="healthz"),
     *(

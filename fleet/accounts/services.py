@@ -7,12 +7,14 @@ from uuid import UUID
 
 from django.contrib.auth import HASH_SESSION_KEY
 from django.contrib.sessions.models import Session
+from django.db import transaction
 from django.db.models import QuerySet
 from django.http import HttpRequest
 from django.utils import timezone
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
+from fleet.audit import record
 
 SEEN_EVERY = timedelta(minutes=1)
 
@@ -34,37 +36,39 @@ def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
     return sign_in
 
 
-def sign_in_seen(request: HttpRequest) -> None:
+def sign_in_seen(request: HttpRequest, user: User) -> None:
     """Note that the session of this request was used, at most once a minute; its expiry moves along."""
-    user = request.user
-    if not isinstance(user, User):
-        return
-    seen_at = (
-        SignIn.objects.filter(session_id=request.session.session_key)
-        .values_list("seen_at", flat=True)
-        .first()
-    )
-    if seen_at is None:  # Django gave the session a new key: the person changed their password here
+    sign_in = SignIn.objects.filter(session_id=request.session.session_key)
+    seen_at = sign_in.values_list("seen_at", flat=True).first()
+    if seen_at is None:  # Django gave the session a new key: the person has just changed their password
         sign_in_begun(request, user)
     elif timezone.now() - seen_at > SEEN_EVERY:
-        SignIn.objects.filter(session_id=request.session.session_key).update(seen_at=timezone.now())
+        sign_in.update(seen_at=timezone.now())
         request.session.modified = True
 
 
 def sign_in_end(*, user: User, sign_in_id: UUID) -> bool:
     """End one of the person's sign-ins, and with it what it holds open. False if there is no such."""
-    return _end(sign_ins_of(user.pk).filter(pk=sign_in_id)) == 1
+    return _end(user, sign_ins_of(user.pk).filter(pk=sign_in_id)) == 1
 
 
 def sign_ins_end_others(*, user: User, session_key: str) -> int:
     """End all of the person's sign-ins but this one; how many there were."""
-    return _end(sign_ins_of(user.pk).exclude(session_id=session_key))
+    return _end(user, sign_ins_of(user.pk).exclude(session_id=session_key))
 
 
-def _end(sign_ins: QuerySet[SignIn]) -> int:
-    keys = list(sign_ins.values_list("session_id", flat=True))
-    _, deleted = Session.objects.filter(pk__in=keys).delete()
-    return deleted.get("sessions.Session", 0)
+@transaction.atomic
+def _end(user: User, sign_ins: QuerySet[SignIn]) -> int:
+    ending = list(sign_ins)
+    Session.objects.filter(pk__in=[sign_in.session_id for sign_in in ending]).delete()
+    for sign_in in ending:
+        record(
+            "account.sign_out",
+            actor=user,
+            outcome="ended from the session list",
+            parameters={"address": sign_in.address, "browser": sign_in.user_agent},
+        )
+    return len(ending)
 
 
 def address_of(request: HttpRequest) -> str:

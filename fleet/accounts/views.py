@@ -2,33 +2,60 @@
 
 from __future__ import annotations
 
+from math import ceil
 from uuid import UUID
 
 from django.contrib import messages
+from django.contrib.auth.forms import AuthenticationForm
+from django.contrib.auth.models import AnonymousUser
 from django.contrib.auth.views import LoginView
+from django.contrib.sessions.backends.db import SessionStore
+from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied, ValidationError
+from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_GET, require_POST
+from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts import services
+from fleet.accounts.forms import THROTTLED, SignInForm
 from fleet.accounts.models import User
 from fleet.accounts.selectors import sign_ins_of
+from fleet.audit import AuditUnavailable
 
 
 class SignInView(LoginView):
     """The one door for people: pages and admin alike."""
 
     template_name = "accounts/sign_in.html"
-    redirect_authenticated_user = False
+    authentication_form = SignInForm
+
+    def form_valid(self, form: AuthenticationForm) -> HttpResponse:
+        """Sign in; what cannot be recorded is not done."""
+        try:
+            with transaction.atomic():
+                return super().form_valid(form)
+        except AuditUnavailable as error:
+            # The session row was rolled back; what this request still holds of it must not be saved again.
+            self.request.session = SessionStore()
+            self.request.user = AnonymousUser()
+            form.add_error(None, ValidationError(error.text, code=error.code))
+            return self.render_to_response(self.get_context_data(form=form), status=503)
+
+    def form_invalid(self, form: AuthenticationForm) -> HttpResponse:
+        """Show the form again; 429 while the name must wait."""
+        response = super().form_invalid(form)
+        if isinstance(form, SignInForm) and form.has_error(NON_FIELD_ERRORS, THROTTLED):
+            response.status_code = 429
+            response.headers["Retry-After"] = str(ceil(form.wait_s))
+        return response
 
 
 @never_cache
-@require_GET
+@require_safe
 def sessions(request: HttpRequest) -> HttpResponse:
-    """Where the person is signed in."""
-    user = _person(request)
-    context = {"sign_ins": sign_ins_of(user.pk), "current": request.session.session_key}
+    """Where the person is signed in: `sign_ins`, of which `current` is the session key of this one."""
+    context = {"sign_ins": sign_ins_of(_person(request).pk), "current": request.session.session_key}
     return render(request, "accounts/sessions.html", context)
 
 
@@ -44,13 +71,11 @@ def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
 def sessions_end_others(request: HttpRequest) -> HttpResponse:
     """End every sign-in but this one."""
     count = services.sign_ins_end_others(user=_person(request), session_key=request.session.session_key or "")
-    messages.success(
-        request, "There was no other session." if count == 0 else f"{count} other sessions have ended."
-    )
+    messages.success(request, f"Other sessions ended: {count}." if count else "There was no other session.")
     return redirect("sessions")
 
 
 def _person(request: HttpRequest) -> User:
-    """The signed-in person; LoginRequiredMiddleware has let nobody else through."""
-    assert isinstance(request.user, User)
+    if not isinstance(request.user, User):
+        raise PermissionDenied("Sign in first.")
     return request.user

@@ -13,7 +13,7 @@ from fleet.audit.errors import AuditUnavailable
 if TYPE_CHECKING:
     from django.contrib.auth.models import AbstractUser
 
-    from fleet.audit.models import Record
+    from fleet.audit.models import Record as Record
 
 __all__ = ["AuditUnavailable", "record"]
 

@@ -71,6 +71,6 @@ class Record(models.Model):
             raise AppendOnly
         super().save(**options | {"force_insert": True})
 
-    def delete(self, **_options: Any) -> NoReturn:
+    def delete(self, using: Any = None, keep_parents: bool = False) -> NoReturn:
         """Refused: the table is append-only."""
         raise AppendOnly

@@ -31,7 +31,7 @@ def write(
         kind=kind,
         actor_id=str(actor.pk) if actor else "",
         actor_name=_name(actor),
-        robot_id=robot_id or (earlier and earlier.robot_id),
+        robot_id=robot_id or (earlier.robot_id if earlier else None),
         robot_name=robot_name or (earlier.robot_name if earlier else ""),
         session_id=session_id,
         fence=fence,

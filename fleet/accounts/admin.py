@@ -1,0 +1,98 @@
+"""People in the admin."""
+
+from __future__ import annotations
+
+from typing import Any
+from urllib.parse import urlencode
+
+from django.contrib import admin
+from django.contrib.auth.admin import UserAdmin
+from django.contrib.auth.models import Group
+from django.forms import ModelForm
+from django.http import HttpRequest, HttpResponse
+from django.urls import reverse
+from django.utils.html import format_html
+
+from fleet.accounts.models import SignIn, User
+from fleet.audit import record
+
+# Roles are given robot by robot, and staff may do everything: groups would be a second truth.
+admin.site.unregister(Group)
+
+
+@admin.register(User)
+class PersonAdmin(UserAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Accounts. Nobody is deleted, for the audit log speaks of them: clear "active" instead."""
+
+    list_display = ["username", "full_name", "email", "is_staff", "is_active", "last_login"]
+    list_filter = ["is_staff", "is_active"]
+    search_fields = ["username", "full_name", "email"]
+    readonly_fields = ["roles", "last_login", "date_joined"]
+    filter_horizontal = []
+    fieldsets = [
+        (None, {"fields": ["username", "password", "full_name", "email"]}),
+        ("Rights", {"fields": ["is_active", "is_staff", "roles"]}),
+        ("Dates", {"fields": ["last_login", "date_joined"]}),
+    ]
+    add_fieldsets = [
+        (None, {"fields": ["username", "full_name", "email", "usable_password", "password1", "password2"]})
+    ]
+
+    @admin.display(description="Roles on robots")
+    def roles(self, user: User) -> str:
+        """A link to the person's roles."""
+        query = urlencode({"user__id__exact": str(user.pk)})
+        return format_html('<a href="{}?{}">Show</a>', reverse("admin:robots_robotrole_changelist"), query)
+
+    def save_model(self, request: HttpRequest, obj: User, form: ModelForm[User], change: bool) -> None:
+        """Save, and put on record who changed what."""
+        super().save_model(request, obj, form, change)
+        changes = [
+            {"field": name, "from": form.initial.get(name), "to": form.cleaned_data[name]}
+            for name in form.changed_data
+            if "password" not in name
+        ]
+        _record("account.change" if change else "account.create", request, obj, changes)
+
+    def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
+        """Another person's password; that it changed goes on record, not what it is."""
+        response = super().user_change_password(request, id, form_url)
+        if request.method == "POST" and response.status_code == 302:
+            _record("account.change", request, User.objects.get(pk=id), [{"field": "password"}])
+        return response
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """Accounts are closed, not deleted."""
+        return False
+
+
+@admin.register(SignIn)
+class SignInAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Who is signed in, and from where: to read."""
+
+    list_display = ["user", "address", "user_agent", "started_at", "seen_at"]
+    fields = ["user", "address", "user_agent", "started_at", "seen_at"]
+    search_fields = ["user__username", "user__full_name", "address"]
+    list_select_related = ["user"]
+
+    def has_add_permission(self, request: HttpRequest) -> bool:
+        """People sign in themselves."""
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """To read only."""
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """Closing the account ends its sign-ins; people end their own on their page."""
+        return False
+
+
+def _record(kind: str, request: HttpRequest, person: User, changes: list[dict[str, Any]]) -> None:
+    if not isinstance(request.user, User):
+        raise TypeError("the admin let somebody in who is not signed in")
+    record(
+        kind,
+        actor=request.user,
+        parameters={"user": str(person.pk), "name": person.display_name, "changes": changes},
+    )

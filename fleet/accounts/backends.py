@@ -1,0 +1,24 @@
+"""Who may do what in the admin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.contrib.auth.backends import ModelBackend
+from django.contrib.auth.models import AbstractBaseUser, AnonymousUser
+
+
+class StaffBackend(ModelBackend):
+    """Staff may administer everything that the admin offers; Django's permissions by model are not used."""
+
+    def has_perm(self, user_obj: Any, perm: str, obj: Any = None) -> bool:
+        """Active staff, whatever the permission."""
+        return _is_staff(user_obj)
+
+    def has_module_perms(self, user_obj: AbstractBaseUser | AnonymousUser, app_label: str) -> bool:
+        """Active staff, whatever the app."""
+        return _is_staff(user_obj)
+
+
+def _is_staff(user: AbstractBaseUser | AnonymousUser) -> bool:
+    return user.is_active and getattr(user, "is_staff", False)

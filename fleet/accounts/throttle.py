@@ -1,0 +1,50 @@
+"""Guessing passwords is slow: few failures for each name from each address.
+
+The failures are counted in the audit log, so that several web processes count together.
+"""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+from django.utils import timezone
+from django.utils.crypto import salted_hmac
+
+from fleet.accounts.models import User
+from fleet.audit import record
+from fleet.audit.models import Record
+
+FAILURES = 10
+WINDOW = timedelta(minutes=5)
+KIND = "account.sign_in_failed"
+
+
+def failure_recorded(*, username: str, address: str) -> None:
+    """Put a failed sign-in on record.
+
+    The name is kept as it was typed only if there is such an account: people type passwords into the wrong field.
+    """
+    known = User.objects.filter(username=username).exists()
+    record(
+        KIND,
+        outcome="refused",
+        parameters={
+            "username": username if known else None,
+            "name_digest": _digest(username),
+            "address": address,
+        },
+    )
+
+
+def wait_s(*, username: str, address: str) -> float:
+    """Seconds until this name may be tried again from this address; 0 if it may be now."""
+    now = timezone.now()
+    failures = Record.objects.filter(
+        kind=KIND, at__gt=now - WINDOW, parameters__name_digest=_digest(username), parameters__address=address
+    ).order_by("-at")
+    oldest_that_counts = failures.values_list("at", flat=True)[FAILURES - 1 : FAILURES].first()
+    return (oldest_that_counts + WINDOW - now).total_seconds() if oldest_that_counts else 0.0
+
+
+def _digest(username: str) -> str:
+    return salted_hmac("fleet.accounts.throttle", username, algorithm="sha256").hexdigest()[:32]
