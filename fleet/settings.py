@@ -142,10 +142,6 @@ REST_FRAMEWORK = {
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
 }
 
-# --- control -----------------------------------------------------------------------------------
-
-FLEET_CONTROL_TERM_S = 15 * 60  # one turn at a robot; may be renewed while nobody else asks for it
-
 # --- what browsers are told -------------------------------------------------------------------
 
 CONTENT_SECURITY_POLICY = {
