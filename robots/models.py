@@ -287,8 +287,9 @@ class BridgeStatus(models.Model):
         STARTING = "starting", "starting"
         RUNNING = "running", "running"
         BACKING_OFF = "backing_off", "ended, starts again soon"
-        REFUSED = "refused", "refused: will not be started again by itself"
+        REFUSED = "refused", "refused to start"
         DISABLED = "disabled", "disabled"
+        STOPPED = "stopped", "ended with the supervisor"
 
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="bridge")
     state = models.CharField(max_length=16, choices=State.choices)

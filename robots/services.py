@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from uuid import UUID
 
 from django.db import models, transaction
+from django.utils import timezone
 
 from fleet.audit import record
-from robots.models import Robot, RobotProfile, RobotRole, Role
+from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
@@ -94,3 +95,12 @@ def fence_next(robot: Robot, at_least: int = 0) -> int:
     fence = max(given, at_least) + 1
     Robot.objects.filter(pk=robot.pk).update(fence=fence)
     return fence
+
+
+def bridge_status_set(*, robot_id: UUID, state: BridgeStatus.State, detail: str, pid: int | None) -> None:
+    """Keep how a bridge process fares, since now. A robot that is gone by now is no matter."""
+    if Robot.objects.filter(pk=robot_id).exists():
+        BridgeStatus.objects.update_or_create(
+            robot_id=robot_id,
+            defaults={"state": state, "detail": detail[:500], "pid": pid, "since": timezone.now()},
+        )

@@ -1,0 +1,37 @@
+"""``manage.py run_bridge SLUG``: the bridge process of one robot. The supervisor runs it.
+
+stdin is its life line: when it ends, the robot is stopped and the process exits.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import connections
+
+from robots.bridge.process import run
+from robots.models import Robot
+from robots.records import AuditSink
+from robots.selectors import bridge_config
+
+
+class Command(BaseCommand):
+    """One bridge."""
+
+    help = "Run the bridge of one robot, until stdin ends."
+    requires_system_checks = []  # the supervisor's start has checked; a bridge must be back soon
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Which robot."""
+        parser.add_argument("slug")
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Hand the bridge plain values and a sink for its records."""
+        robot = Robot.objects.select_related("profile").filter(slug=options["slug"]).first()
+        if robot is None:
+            raise CommandError(f"There is no robot {options['slug']!r}.")
+        config = bridge_config(robot)
+        connections.close_all()  # records are written from a thread with a connection of its own
+        sys.exit(run(config, AuditSink(robot.id, robot.name)))

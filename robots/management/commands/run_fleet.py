@@ -1,0 +1,192 @@
+"""``manage.py run_fleet [SLUG ...]``: one bridge for each enabled robot, and one housekeeping process.
+
+Notices within a second what was added, edited or disabled in the registry, and touches only the robot concerned.
+Ends on SIGTERM, SIGINT or SIGHUP: every robot is let go of and stops.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import DatabaseError, connection
+
+from robots.described import Problems
+from robots.environment import NoWrapper, ros_environment
+from robots.models import BridgeStatus, Robot
+from robots.selectors import bridge_config
+from robots.services import bridge_status_set
+from robots.supervisor import KILL_S, Keeper, Program
+
+State = BridgeStatus.State
+Told = tuple[State, str, int | None]  # state, detail in words, process id
+log = logging.getLogger(__name__)
+
+STEP_S = 0.1
+POLL_S = 0.5
+END_S = KILL_S + 1.0
+HOUSEKEEPING = "run_housekeeping"
+
+
+class Command(BaseCommand):
+    """The fleet supervisor."""
+
+    help = "Run a bridge for every enabled robot, and the housekeeping."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Which robots."""
+        parser.add_argument(
+            "slugs", nargs="*", metavar="SLUG", help="only these robots, for one of several hosts"
+        )
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Until a signal comes."""
+        stopping = Stopping()
+        with only_instance(settings.FLEET_RUN_DIR / "fleet.lock"):
+            fleet = Fleet(frozenset(options["slugs"]))
+            try:
+                while not stopping:
+                    fleet.step(time.monotonic())
+                    time.sleep(STEP_S)
+            finally:
+                fleet.end()
+
+
+class Stopping:
+    """True once somebody wants this process to end."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, self._ask)
+
+    def _ask(self, _number: int, _frame: object) -> None:
+        self._asked = True
+
+    def __bool__(self) -> bool:
+        return self._asked
+
+
+@contextmanager
+def only_instance(path: Path) -> Iterator[None]:
+    """Hold the lock file; it falls with the process."""
+    with path.open("a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            lock.seek(0)
+            raise CommandError(f"A supervisor is running already (process {lock.read().strip()}).") from error
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        yield
+
+
+class Fleet:
+    """The robots of this supervisor, each with the keeper of its bridge."""
+
+    def __init__(self, only: frozenset[str], manage: Path | None = None) -> None:
+        self._only = only
+        self._manage = manage or settings.BASE_DIR / "manage.py"
+        self._keepers: dict[UUID, Keeper] = {}
+        self._told: dict[UUID, Told] = {}
+        self._unsaved: dict[UUID, Told] = {}
+        self._poll_at_s = 0.0
+        self._housekeeping = Keeper("Housekeeping", lambda *_: None)
+        self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
+
+    def step(self, now_s: float) -> None:
+        """One round; what the database refuses is tried again in the next."""
+        if now_s >= self._poll_at_s:
+            self._poll_at_s = now_s + POLL_S
+            self._poll()
+        for keeper in (*self._keepers.values(), self._housekeeping):
+            keeper.step(now_s)
+        self._save()
+
+    def end(self) -> None:
+        """Let go of every program and see them out."""
+        keepers = [*self._keepers.values(), self._housekeeping]
+        for keeper in keepers:
+            keeper.want(None)
+        last_s = time.monotonic() + END_S
+        while time.monotonic() < last_s:
+            for keeper in keepers:
+                keeper.step(time.monotonic())
+            if all(keeper.idle for keeper in keepers):
+                break
+            time.sleep(STEP_S)
+        for robot_id in self._keepers:
+            self._tell(robot_id, State.STOPPED, "", None)
+        self._save()
+
+    # --- the registry ------------------------------------------------------------------------------
+
+    def _poll(self) -> None:
+        try:
+            robots = list(Robot.objects.select_related("profile"))
+        except DatabaseError as error:
+            log.warning("The registry cannot be read, the fleet stays as it is: %s", error)
+            connection.close()
+            return
+        mine = [robot for robot in robots if not self._only or robot.slug in self._only]
+        for robot in mine:
+            self._look_at(robot)
+        for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
+            self._keepers[robot_id].want(None)
+
+    def _look_at(self, robot: Robot) -> None:
+        keeper = self._keepers.get(robot.id) or self._keeper(robot)
+        if not robot.enabled:
+            keeper.want(None)
+            self._tell(robot.id, State.DISABLED, "", None)
+            return
+        try:
+            config = bridge_config(robot)
+            if config.digest() == keeper.digest:
+                return
+            environment = ros_environment(config, settings.FLEET_RUN_DIR)
+        except (Problems, NoWrapper) as error:
+            keeper.want(None)
+            self._tell(robot.id, State.REFUSED, str(error), None)
+            return
+        keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
+
+    def _keeper(self, robot: Robot) -> Keeper:
+        robot_id = robot.id
+        keeper = Keeper(
+            f"Bridge of {robot.slug}", lambda state, detail, pid: self._tell(robot_id, state, detail, pid)
+        )
+        self._keepers[robot_id] = keeper
+        return keeper
+
+    def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:
+        return Program([sys.executable, str(self._manage), *command], environment, digest)
+
+    # --- what people see ---------------------------------------------------------------------------
+
+    def _tell(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
+        told = (state, detail, pid)
+        if self._told.get(robot_id) != told:
+            self._told[robot_id] = self._unsaved[robot_id] = told
+
+    def _save(self) -> None:
+        for robot_id, (state, detail, pid) in list(self._unsaved.items()):
+            try:
+                bridge_status_set(robot_id=robot_id, state=state, detail=detail, pid=pid)
+            except DatabaseError as error:
+                log.warning("The state of a bridge cannot be written yet: %s", error)
+                connection.close()
+                return
+            del self._unsaved[robot_id]
