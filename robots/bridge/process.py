@@ -218,5 +218,8 @@ def run(config: BridgeConfig, sink: RecordSink) -> int:
         log.error("%s", error)
         return EXIT_ALREADY_RUNNING
     sys.setswitchinterval(0.001)  # the control loop waits less for rospy's threads
-    asyncio.run(Bridge(config, sink, store).run())
+    try:
+        asyncio.run(Bridge(config, sink, store).run())
+    finally:
+        store.unlock()
     return 0

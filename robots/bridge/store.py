@@ -49,6 +49,12 @@ class Store:
             raise AlreadyRunning(f"{self._lock_path} is held by another bridge") from error
         self._lock = lock
 
+    def unlock(self) -> None:
+        """Let another process be the bridge."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
     def load(self, last_fence: int) -> Persisted:
         """The state as it was left.
 

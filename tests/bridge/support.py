@@ -1,0 +1,173 @@
+"""A bridge's core on the bench: a base that remembers, a gate that lets everything pass, a clock by hand."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
+from robots.bridge.core import Core, RosStatus
+from robots.bridge.drives import DriveLog
+from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.sink import DriveSummary, Holder, RecordError
+from robots.bridge.store import Persisted
+from robots.wire import Drive, Ended, Grant, Refusal
+
+LIMITS = Limits(1.0, 0.2, 0.0, 2.0, 1.0, 2.0)
+CONFIG = BridgeConfig(
+    robot_id="0" * 32,
+    slug="tiago",
+    name="Tiago",
+    master_uri="http://localhost:11311",
+    advertised_address=None,
+    host_aliases={},
+    topics=Topics(
+        drive=Topic("/key_vel", "geometry_msgs/Twist"),
+        odometry=Topic("/odom", "nav_msgs/Odometry"),
+    ),
+    gate=GateProfile(LIMITS, 0.27, None, {}, {}, {}, False, 0.3),
+    reverse_steering="turn",
+    link=LinkAddress(),
+    state_dir="unused",
+)
+
+
+class OpenGate:
+    """Lets everything pass, until told what to say."""
+
+    def __init__(self) -> None:
+        self.says: Callable[[Velocity], Verdict] | None = None
+
+    def observe_odometry(self, *_observation: object) -> None: ...
+
+    def observe_range(self, *_observation: object) -> None: ...
+
+    def decide(self, asked: Velocity, _sent: Velocity, _now_s: float) -> Verdict:
+        if asked != STILL and self.says:
+            return self.says(asked)
+        return Verdict(asked, asked, "idle" if asked == STILL else "free", "")
+
+    def obstacles(self, _now_s: float) -> Obstacles:
+        return Obstacles(np.zeros((0, 2)), np.zeros(0, int), ())
+
+    def sensor_health(self, _now_s: float) -> list[tuple[str, str, bool, float | None, str]]:
+        return []
+
+
+@dataclass
+class MemoryBase:
+    """Remembers what it was told."""
+
+    sent: list[Velocity] = field(default_factory=list)
+    cancelled: int = 0
+    listeners: int = 1
+
+    def publish(self, velocity: Velocity) -> None:
+        self.sent.append(velocity)
+
+    def cancel_all(self) -> None:
+        self.cancelled += 1
+
+
+class MemorySink:
+    """Remembers records; `fails` makes it refuse, `gate` makes it wait."""
+
+    def __init__(self) -> None:
+        self.records: list[tuple[str, object]] = []
+        self.fails: str | None = None
+        self.open = threading.Event()
+        self.open.set()
+
+    def _record(self, kind: str, what: object) -> int:
+        self.open.wait(10)
+        if self.fails:
+            raise RecordError(self.fails)
+        self.records.append((kind, what))
+        return len(self.records)
+
+    def begin_drive(self, holder: Holder) -> int:
+        return self._record("drive.start", holder)
+
+    def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
+        self._record("drive.end", summary)
+
+    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
+        return self._record("gate.begin", verdict)
+
+    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None:
+        self._record("gate.end", duration_s)
+
+    @property
+    def kinds(self) -> list[str]:
+        return [kind for kind, _ in self.records]
+
+
+class Bench:
+    """A core with everything around it under the test's hand."""
+
+    def __init__(self, left: Persisted | None = None, config: BridgeConfig = CONFIG) -> None:
+        self.now_s = 100.0
+        self.base = MemoryBase()
+        self.gate = OpenGate()
+        self.sink = MemorySink()
+        self.drives = DriveLog(self.sink)
+        self.ended: list[Ended] = []
+        state = left or Persisted(False, "", "", 0)
+        self.core = Core(config, self.base, self.gate, self.drives, state, self.ended.append)  # type: ignore[arg-type]
+        self.seq = 0
+        self.speed = STILL
+        self.x = 0.0
+
+    def online(self) -> Bench:
+        """The robot's master is there and odometry comes."""
+        self.core.ros_status(RosStatus("connecting", ""), self.now_s)
+        self.odometry()
+        return self
+
+    def odometry(self, speed: Velocity | None = None) -> None:
+        if speed is not None:
+            self.speed = speed
+        self.core.odometry(self.now_s, self.now_s, Pose(self.x, 0.0, 0.0), self.speed, self.now_s)
+
+    def granted(self, fence: int = 1, seconds: float = 60.0, link: int = 1) -> Bench:
+        """Ann has control and her stick is in the middle."""
+        grant = Grant(fence, seconds, f"session-{fence}", "Ann", "ann-id", 1.0)
+        self.core.grant(grant, link, self.now_s)
+        assert self.stick(0.0, fence=fence, link=link) is None
+        return self
+
+    def stick(
+        self, x: float, w: float = 0.0, fence: int = 1, link: int = 1, age_s: float = 0.0
+    ) -> Refusal | None:
+        self.seq += 1
+        sent_ms = (self.now_s - age_s) * 1000
+        drive = Drive(fence=fence, seq=self.seq, sent_ms=sent_ms, x=x, w=w, share=1.0)
+        return self.core.drive(drive, link, self.now_s)
+
+    def recorded(self) -> None:
+        """Wait until the records handed in so far are in."""
+        self.drives._worker.submit(lambda: None).result(10)
+
+    def driving(self, x: float = 0.5) -> Bench:
+        """The stick is forward and the robot obeys."""
+        self.stick(x)
+        self.recorded()
+        self.pass_time(0.02)
+        assert self.stick(x) is None
+        assert self.last.vx > 0
+        return self
+
+    def pass_time(self, seconds: float) -> None:
+        """Time passes in ticks of 50 ms, with odometry."""
+        until_s = self.now_s + seconds
+        while self.now_s < until_s - 1e-9:
+            self.now_s = min(self.now_s + 0.05, until_s)
+            self.odometry()
+            self.core.tick(self.now_s)
+
+    @property
+    def last(self) -> Velocity:
+        return self.base.sent[-1]

@@ -1,0 +1,304 @@
+"""The chain as the bridge enforces it: lease, dead-man, stop, neutral stick, audit."""
+
+import pytest
+
+from robots.bridge.core import RosStatus
+from robots.bridge.gate.values import STILL, Velocity, Verdict
+from robots.bridge.store import Persisted
+from robots.wire import Grant
+from tests.bridge.support import Bench
+
+FORWARD = Velocity(0.5, 0.0, 0.0)
+
+
+@pytest.fixture
+def bench():
+    bench = Bench().online()
+    yield bench
+    bench.drives.close(bench.now_s)
+
+
+def test_nothing_moves_without_control(bench):
+    refusal = bench.stick(1.0)
+    assert refusal.code == "no_lease"
+    assert bench.base.sent == []
+
+
+def test_a_command_is_published_when_it_comes_and_again_on_each_tick(bench):
+    bench.granted().driving()
+    count = len(bench.base.sent)
+    bench.stick(0.5)
+    assert len(bench.base.sent) == count + 1
+    bench.core.tick(bench.now_s)
+    assert len(bench.base.sent) == count + 2
+    assert bench.last == FORWARD
+
+
+def test_a_command_dies_after_three_tenths_of_a_second(bench):
+    bench.granted().driving()
+    bench.pass_time(0.29)
+    assert bench.last == FORWARD
+    bench.pass_time(0.05)
+    assert bench.last == STILL
+
+
+def test_after_silence_the_stick_must_return_to_the_middle(bench):
+    bench.granted().driving()
+    bench.pass_time(0.5)
+    refusal = bench.stick(0.5)
+    assert refusal.code == "neutral_needed"
+    assert "no command came for 0.3 s" in refusal.text
+    assert bench.stick(0.0) is None
+    bench.driving()
+
+
+def test_silence_with_the_stick_in_the_middle_asks_for_nothing(bench):
+    bench.granted()
+    bench.pass_time(1.0)
+    bench.driving()
+
+
+def test_an_old_fencing_number_is_refused_with_the_present_holder(bench):
+    bench.granted(1).granted(2)
+    refusal = bench.stick(1.0, fence=1)
+    assert refusal.code == "old_fence"
+    assert refusal.figures["holder"] == "Ann"
+    assert bench.last == STILL
+
+
+def test_a_number_that_was_never_given_is_refused(bench):
+    bench.granted(1)
+    assert bench.stick(1.0, fence=7).code == "unknown_fence"
+
+
+def test_a_command_by_another_link_than_the_grants_is_refused(bench):
+    bench.granted(1, link=1)
+    assert bench.stick(1.0, link=2).code == "other_link"
+
+
+def test_a_grant_below_the_highest_number_ever_seen_is_refused():
+    bench = Bench(left=Persisted(False, "", "", 9))
+    refusal = bench.core.grants.check(Grant(8, 3, "s", "Bob", "b", 1.0))
+    assert refusal.code == "old_fence"
+    assert refusal.figures["highest"] == 9
+
+
+def test_one_number_does_not_serve_two_control_sessions(bench):
+    bench.granted(3)
+    assert bench.core.grants.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
+
+
+def test_control_ends_by_the_bridges_own_clock(bench):
+    bench.granted(seconds=2.0).driving()
+    for _ in range(30):
+        bench.pass_time(0.1)
+        bench.stick(0.5)
+    assert bench.last == STILL
+    assert [ended.fence for ended in bench.ended] == [1]
+    assert bench.stick(0.5).code == "no_lease"
+
+
+def test_a_revoked_grant_stops_the_robot_at_once(bench):
+    bench.granted().driving()
+    bench.core.revoke(1, "Control was taken over.", bench.now_s)
+    assert bench.last == STILL
+
+
+def test_a_new_holder_starts_with_the_stick_in_the_middle(bench):
+    bench.core.grant(Grant(1, 60, "s", "Ann", "a", 1.0), 1, bench.now_s)
+    assert bench.stick(0.5).code == "neutral_needed"
+
+
+def test_a_lost_link_stops_the_robot_at_once(bench):
+    bench.granted().driving()
+    bench.core.link_lost(1, bench.now_s)
+    assert bench.last == STILL
+
+
+def test_another_web_process_that_goes_does_not_disturb_the_drive(bench):
+    bench.granted(link=1).driving()
+    bench.core.link_lost(2, bench.now_s)
+    assert bench.last == FORWARD
+
+
+def test_a_page_that_came_back_may_count_from_one_again(bench):
+    bench.granted().driving()
+    bench.core.hold(1, "the page was closed", bench.now_s)
+    assert bench.last == STILL
+    bench.seq = 0
+    bench.pass_time(1.0)
+    bench.granted()  # the same number, a fresh page with a fresh clock
+    bench.driving()
+
+
+def test_zeros_are_repeated_for_a_second_and_then_the_topic_is_left_to_others(bench):
+    bench.granted().driving()
+    bench.core.revoke(1, "released", bench.now_s)
+    bench.pass_time(0.9)
+    count = len(bench.base.sent)
+    bench.pass_time(3.0)
+    assert len(bench.base.sent) <= count + 3
+    assert set(bench.base.sent[-10:]) == {STILL}
+
+
+def test_stop_sends_zero_cancels_every_goal_and_holds(bench):
+    bench.granted().driving()
+    bench.core.stop("Bob", "", bench.now_s)
+    assert bench.last == STILL
+    assert bench.base.cancelled == 1
+    assert bench.stick(0.5).code == "stopped"
+    assert bench.stick(0.0) is None
+    assert bench.stick(0.5).code == "stopped"
+    assert bench.last == STILL
+
+
+def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):
+    bench.granted().driving()
+    bench.odometry(FORWARD)
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.pass_time(0.2)
+    assert bench.core.stop_state.state == "stopping"
+    bench.odometry(STILL)
+    bench.pass_time(0.1)
+    assert bench.core.stop_state.state == "stopped"
+    assert bench.core.stop_state.standstill_ms == pytest.approx(250, abs=60)
+
+
+def test_without_odometry_standstill_is_not_claimed(bench):
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.now_s += 0.5
+    bench.core.tick(bench.now_s)
+    assert bench.core.stop_state.state == "stopping"
+
+
+def test_clearing_moves_nothing_until_the_stick_was_in_the_middle(bench):
+    bench.granted().driving()
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.pass_time(0.1)
+    bench.core.clear(bench.now_s)
+    assert bench.last == STILL
+    assert bench.stick(0.5).code == "neutral_needed"
+    bench.stick(0.0)
+    bench.driving()
+
+
+def test_a_pressed_stop_is_found_again_after_a_kill():
+    bench = Bench(left=Persisted(True, "Bob", "", 4)).online().granted(5)
+    assert bench.stick(1.0, fence=5).code == "stopped"
+    assert bench.core.stop_state.by == "Bob"
+
+
+def test_a_lost_master_stops_the_robot_and_asks_for_a_neutral_stick(bench):
+    bench.granted().driving()
+    bench.core.ros_status(RosStatus("waiting", "No ROS master answers."), bench.now_s)
+    assert bench.last == STILL
+    assert bench.stick(0.5).code == "robot_offline"
+    bench.core.ros_status(RosStatus("connecting", ""), bench.now_s)
+    assert bench.stick(0.5).code == "neutral_needed"
+
+
+def test_a_robot_that_nobody_listens_on_is_not_driven_blindly(bench):
+    bench.granted()
+    bench.base.listeners = 0
+    refusal = bench.stick(0.5)
+    assert refusal.code == "robot_offline"
+    assert "/key_vel" in refusal.text
+
+
+def test_a_stop_by_missing_sensor_data_asks_for_a_neutral_stick(bench):
+    bench.granted().driving()
+    bench.gate.says = lambda asked: Verdict(STILL, asked, "scan_stale", "the laser is silent", neutral=True)
+    bench.stick(0.5)
+    assert bench.last == STILL
+    bench.gate.says = None
+    assert bench.stick(0.5).code == "neutral_needed"
+
+
+def test_odometry_that_is_not_a_number_is_counted_and_not_used(bench):
+    bench.odometry(Velocity(float("nan"), 0.0, 0.0))
+    assert bench.core.refused["odometry_not_finite"] == 1
+
+
+# --- what cannot be recorded is not done ---------------------------------------------------------
+
+
+def test_zeros_are_sent_until_the_drives_start_is_committed(bench):
+    bench.granted()
+    bench.sink.open.clear()
+    bench.stick(0.5)
+    bench.pass_time(0.2)
+    assert set(bench.base.sent) == {STILL}
+    bench.sink.open.set()
+    bench.recorded()
+    bench.stick(0.5)
+    assert bench.last == FORWARD
+
+
+def test_a_drive_that_cannot_be_recorded_does_not_begin(bench):
+    bench.granted()
+    bench.sink.fails = "no space left on device"
+    bench.stick(0.5)
+    bench.recorded()
+    bench.pass_time(0.1)
+    refusal = bench.stick(0.5)
+    assert refusal.code == "not_recorded"
+    assert "no space left on device" in refusal.text
+    assert set(bench.base.sent) == {STILL}
+
+
+def test_driving_resumes_when_recording_does(bench):
+    test_a_drive_that_cannot_be_recorded_does_not_begin(bench)
+    bench.sink.fails = None
+    bench.pass_time(1.0)
+    bench.stick(0.0)
+    bench.driving()
+
+
+def test_a_record_that_hangs_for_two_seconds_stops_the_robot(bench):
+    bench.granted().driving()
+    bench.sink.open.clear()
+    bench.gate.says = lambda asked: Verdict(Velocity(0.1, 0, 0), asked, "obstacle", "slowed")
+    for _ in range(45):
+        bench.stick(0.5)
+        bench.pass_time(0.05)
+    assert bench.last == STILL
+    bench.sink.open.set()
+
+
+def test_a_drive_is_one_start_and_one_end_with_its_distance(bench):
+    bench.granted().driving()
+    bench.odometry(FORWARD)
+    bench.x = 1.25
+    bench.stick(0.0)
+    bench.odometry(STILL)
+    bench.pass_time(1.0)
+    bench.recorded()
+    assert bench.sink.kinds == ["drive.start", "drive.end"]
+    summary = bench.sink.records[-1][1]
+    assert summary.distance_m == pytest.approx(1.25)
+    assert summary.top_mps == 0.5
+    assert summary.ended_by == "standstill"
+
+
+def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench):
+    bench.granted().driving()
+    bench.gate.says = lambda asked: Verdict(Velocity(0.1, 0, 0), asked, "obstacle", "slowed")
+    for _ in range(20):
+        bench.stick(0.5)
+        bench.pass_time(0.05)
+    bench.gate.says = None
+    for _ in range(20):
+        bench.stick(0.5)
+        bench.pass_time(0.05)
+    bench.recorded()
+    assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end"]
+
+
+def test_a_robot_held_at_a_wall_is_still_one_drive(bench):
+    bench.granted().driving()
+    bench.gate.says = lambda asked: Verdict(STILL, asked, "obstacle", "stopped")
+    for _ in range(40):
+        bench.stick(0.5)
+        bench.pass_time(0.05)
+    bench.recorded()
+    assert bench.sink.kinds == ["drive.start", "gate.begin"]

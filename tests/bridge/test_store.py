@@ -1,0 +1,55 @@
+"""What survives a kill."""
+
+import pytest
+
+from robots.bridge.store import AlreadyRunning, Persisted, Store
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path, "robot")
+
+
+def test_latch_and_number_come_back(store):
+    store.save(Persisted(True, "Ann", "why", 7))
+    assert store.load(0) == Persisted(True, "Ann", "why", 7)
+
+
+def test_a_robot_that_was_never_driven_starts_clear(store):
+    assert store.load(0) == Persisted(False, "", "", 0)
+
+
+def test_a_lost_file_counts_as_a_pressed_stop(store):
+    left = store.load(last_fence=12)
+    assert left.latched
+    assert left.fence == 12
+    assert "missing" in left.reason
+
+
+def test_a_spoilt_file_counts_as_a_pressed_stop(store, tmp_path):
+    (tmp_path / "robot.json").write_bytes(b'{"latched": false')
+    assert store.load(3).latched
+
+
+def test_the_highest_number_that_either_side_knows_counts(store):
+    store.save(Persisted(False, "", "", 7))
+    assert store.load(9).fence == 9
+    assert store.load(2).fence == 7
+
+
+def test_a_stop_that_cannot_be_written_takes_the_file_away_which_says_the_same(store, tmp_path):
+    store.save(Persisted(False, "", "", 7))
+    (tmp_path / "robot.new").mkdir()  # writing fails
+    with pytest.raises(OSError, match="directory"):
+        store.save(Persisted(True, "Ann", "", 7))
+    assert store.load(7).latched
+
+
+def test_a_second_bridge_on_this_machine_is_refused(store, tmp_path):
+    store.lock()
+    with pytest.raises(AlreadyRunning):
+        Store(tmp_path, "robot").lock()
+    store.unlock()
+    again = Store(tmp_path, "robot")
+    again.lock()
+    again.unlock()
