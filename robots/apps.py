@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from django.apps import AppConfig
+from django.apps import apps as installed_apps
 from django.db.models.signals import post_migrate
 
 
@@ -19,8 +20,11 @@ class RobotsConfig(AppConfig):
         post_migrate.connect(_load_shipped_profiles, sender=self)
 
 
-def _load_shipped_profiles(*, apps: Any, using: str, **_: Any) -> None:
-    """Only on a fully migrated table: an older state of it does not fit today's model."""
+def _load_shipped_profiles(*, using: str, apps: Any = installed_apps, **_: Any) -> None:
+    """Only on a fully migrated table: an older state of it does not fit today's model.
+
+    `manage.py flush` sends the signal without `apps`.
+    """
     from robots.models import RobotProfile
     from robots.shipped import load_profiles
 

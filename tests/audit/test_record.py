@@ -1,0 +1,155 @@
+"""What a record keeps, and when it is there."""
+
+import sqlite3
+import uuid
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from django.conf import settings
+from django.db import OperationalError, connection, transaction
+
+from fleet.audit import AuditUnavailable, record
+from fleet.audit.models import Record
+
+ROBOT = uuid.uuid4()
+
+
+@pytest.mark.django_db
+def test_a_record_keeps_who_what_and_which_robot(operator):
+    session, request = uuid.uuid4(), uuid.uuid4()
+    record(
+        "control.take",
+        actor=operator,
+        robot_id=ROBOT,
+        robot_name="TIAGo 1",
+        session_id=session,
+        fence=7,
+        request_id=request,
+        outcome="granted",
+        parameters={"seconds": 10.0},
+    )
+    entry = Record.objects.get(kind="control.take")
+    assert (entry.actor_id, entry.actor_name) == (str(operator.pk), "Olga Operator")
+    assert (entry.robot_id, entry.robot_name) == (ROBOT, "TIAGo 1")
+    assert (entry.session_id, entry.fence, entry.request_id) == (session, 7, request)
+    assert (entry.outcome, entry.parameters) == ("granted", {"seconds": 10.0})
+
+
+@pytest.mark.django_db
+def test_without_an_actor_it_was_the_console_itself():
+    entry = record("control.expire", robot_id=ROBOT)
+    assert (entry.actor_id, entry.actor_name) == ("", "")
+
+
+@pytest.mark.django_db
+def test_order_numbers_grow():
+    assert record("stop.press").pk < record("stop.clear").pk
+
+
+@pytest.mark.django_db
+def test_every_record_has_a_request_of_its_own_unless_told():
+    assert record("stop.press").request_id != record("stop.press").request_id
+
+
+@pytest.mark.django_db
+def test_an_outcome_belongs_to_the_request_and_robot_of_what_it_is_the_outcome_of():
+    pressed = record("stop.press", robot_id=ROBOT, robot_name="TIAGo 1")
+    outcome = record("stop.press", of=pressed, outcome="stopped")
+    assert (outcome.of, outcome.request_id) == (pressed, pressed.request_id)
+    assert (outcome.robot_id, outcome.robot_name) == (ROBOT, "TIAGo 1")
+
+
+@pytest.mark.django_db
+def test_an_outcome_may_name_its_request_by_number():
+    pressed = record("stop.press")
+    assert record("stop.press", of=pressed.pk, outcome="stopped").of == pressed
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_record_is_committed_when_the_call_returns():
+    entry = record("stop.press")
+    assert _seen_by_another_connection() == [entry.pk]
+
+
+@pytest.mark.django_db(transaction=True)
+def test_inside_a_transaction_it_is_committed_with_it():
+    with transaction.atomic():
+        entry = record("stop.press")
+        assert _seen_by_another_connection() == []
+    assert _seen_by_another_connection() == [entry.pk]
+
+
+@pytest.mark.django_db(transaction=True)
+def test_what_was_rolled_back_was_not_recorded():
+    with pytest.raises(ZeroDivisionError), transaction.atomic():
+        record("control.take")
+        raise ZeroDivisionError
+    assert _seen_by_another_connection() == []
+
+
+def _seen_by_another_connection() -> list[int]:
+    def look() -> list[int]:
+        try:
+            return list(Record.objects.values_list("pk", flat=True))
+        finally:
+            connection.close()
+
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(look).result()
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="locks the database file")
+@pytest.mark.django_db(transaction=True)
+def test_a_locked_database_is_a_refusal_in_words():
+    with connection.cursor() as cursor:
+        cursor.execute("PRAGMA busy_timeout = 50")
+    other = sqlite3.connect(connection.settings_dict["NAME"])
+    try:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(AuditUnavailable) as refused:
+            record("control.take")
+    finally:
+        other.close()
+        connection.close()
+    assert (refused.value.code, refused.value.rule) == ("audit_locked", "audit")
+    assert "could not be recorded" in refused.value.text
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="limits the database file")
+@pytest.mark.django_db(transaction=True)
+def test_a_full_disk_is_a_refusal_in_words():
+    with connection.cursor() as cursor:
+        cursor.execute("PRAGMA page_count")
+        pages = cursor.fetchone()[0]
+        cursor.execute(f"PRAGMA max_page_count = {pages}")
+    try:
+        with pytest.raises(AuditUnavailable) as refused:
+            record("control.take", parameters={"much": "x" * 1_000_000})
+    finally:
+        connection.close()
+    assert refused.value.code == "audit_disk_full"
+
+
+@pytest.mark.parametrize(
+    ("said", "code"),
+    [
+        ("database is locked", "audit_locked"),
+        ("canceling statement due to lock timeout", "audit_locked"),
+        ("database or disk is full", "audit_disk_full"),
+        ("could not extend file: No space left on device", "audit_disk_full"),
+        ("attempt to write a readonly database", "audit_read_only"),
+        ("cannot execute INSERT in a read-only transaction", "audit_read_only"),
+        ("no such table: audit_record", "audit_no_table"),
+        ("connection refused", "audit_unreachable"),
+    ],
+)
+def test_each_trouble_has_its_code(said, code):
+    assert AuditUnavailable.because(OperationalError(said)).code == code
+
+
+def test_the_database_keeps_what_was_committed_through_a_power_cut():
+    options = settings.DATABASES["default"]["OPTIONS"]
+    if connection.vendor == "sqlite":
+        assert "synchronous=FULL" in options["init_command"]
+    else:
+        assert "synchronous_commit" not in options.get("options", "")

@@ -1,0 +1,152 @@
+"""The standing cast: people by their role on one robot, and the robots.
+
+    staff       everything, on every robot
+    supervisor  of `robot`
+    operator    of `robot`
+    observer    of `robot`
+    stranger    signed in like the others, with no role on any robot
+
+Transactional tests empty all tables afterwards, which the triggers of the audit table refuse: they are lifted for
+that moment only (`_flush_past_the_audit_triggers`), so that within every test they hold as in production.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from django.contrib.sessions.models import Session
+from django.db import connection
+from django.test import Client, TransactionTestCase
+
+from fleet.accounts.models import User
+from fleet.audit import triggers
+from robots.models import Robot, RobotProfile, RobotRole, Role
+
+PASSWORD = "a long walk on the beach"
+
+
+@contextmanager
+def audit_triggers_lifted() -> Iterator[None]:
+    """The audit table without its triggers."""
+    with connection.cursor() as cursor:
+        for statement in triggers.DROP[connection.vendor]:
+            cursor.execute(statement)
+        try:
+            yield
+        finally:
+            for statement in triggers.CREATE[connection.vendor]:
+                cursor.execute(statement)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _flush_past_the_audit_triggers() -> Iterator[None]:
+    flush = TransactionTestCase._fixture_teardown
+
+    def flush_without_triggers(case: TransactionTestCase) -> None:
+        with audit_triggers_lifted():
+            flush(case)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TransactionTestCase, "_fixture_teardown", flush_without_triggers)
+        yield
+
+
+# --- robots -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tiago(db: None) -> RobotProfile:
+    """The profile that the console ships."""
+    return RobotProfile.objects.get(slug="tiago")
+
+
+@pytest.fixture
+def robot(tiago: RobotProfile) -> Robot:
+    """The robot on which the cast has its roles. Its master does not exist."""
+    return Robot.objects.create(
+        slug="tiago-1", name="TIAGo 1", profile=tiago, master_uri="http://127.0.0.1:9"
+    )
+
+
+@pytest.fixture
+def other_robot(tiago: RobotProfile) -> Robot:
+    """A robot on which nobody but staff has a role."""
+    return Robot.objects.create(
+        slug="tiago-2", name="TIAGo 2", profile=tiago, master_uri="http://127.0.0.1:9"
+    )
+
+
+# --- people -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def staff(db: None) -> User:
+    return User.objects.create_user("staff", password=PASSWORD, full_name="Sam Staff", is_staff=True)
+
+
+@pytest.fixture
+def supervisor(robot: Robot) -> User:
+    return _person_with("supervisor", "Sue Pervisor", robot, Role.SUPERVISOR)
+
+
+@pytest.fixture
+def operator(robot: Robot) -> User:
+    return _person_with("operator", "Olga Operator", robot, Role.OPERATOR)
+
+
+@pytest.fixture
+def observer(robot: Robot) -> User:
+    return _person_with("observer", "Obi Observer", robot, Role.OBSERVER)
+
+
+@pytest.fixture
+def stranger(db: None) -> User:
+    return User.objects.create_user("stranger", password=PASSWORD, full_name="Stig Stranger")
+
+
+def _person_with(username: str, full_name: str, robot: Robot, role: Role) -> User:
+    person = User.objects.create_user(username, password=PASSWORD, full_name=full_name)
+    RobotRole.objects.create(robot=robot, user=person, role=role.value)
+    return person
+
+
+# --- signed in --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def signed_in() -> Callable[[User], Client]:
+    """`signed_in(operator)`: that person's browser."""
+
+    def sign_in(person: User) -> Client:
+        client = Client()
+        client.force_login(person)
+        return client
+
+    return sign_in
+
+
+@pytest.fixture
+def websocket_headers() -> Callable[[Client], list[tuple[bytes, bytes]]]:
+    """`websocket_headers(client)`: what that browser sends when a page of ours opens a WebSocket."""
+
+    def headers(client: Client) -> list[tuple[bytes, bytes]]:
+        cookie = "; ".join(f"{name}={morsel.value}" for name, morsel in client.cookies.items())
+        return [
+            (b"host", b"testserver"),
+            (b"origin", b"http://testserver"),
+            (b"cookie", cookie.encode()),
+        ]
+
+    return headers
+
+
+@pytest.fixture
+def end_session() -> Callable[[Client], None]:
+    """`end_session(client)`: what happens to a browser's session when its sign-in is ended elsewhere."""
+
+    def end(client: Client) -> None:
+        Session.objects.filter(pk=client.session.session_key).delete()
+
+    return end
