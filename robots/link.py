@@ -11,6 +11,7 @@ import logging
 import os
 import ssl
 from collections import deque
+from collections.abc import Collection
 from contextlib import suppress
 from socket import gaierror
 from typing import Protocol
@@ -76,7 +77,7 @@ class BridgeLink:
         self.highest_fence = 0
         self._socket: ClientConnection | None = None
         self._listeners: set[Listener] = set()
-        self._watchers: dict[Listener, str] = {}
+        self._watchers: dict[Listener, frozenset[str]] = {}
         self._grants: dict[int, asyncio.Future[None]] = {}
         self._latch: deque[asyncio.Future[Stopped]] = deque()
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
@@ -93,17 +94,21 @@ class BridgeLink:
     def unsubscribe(self, listener: Listener) -> None:
         """Stop following."""
         self._listeners.discard(listener)
-        self.watch(listener, None)
+        self.watch(listener, ())
 
-    def watch(self, listener: Listener, name: str | None) -> None:
-        """Count `listener` as a viewer called `name`; None: no longer. The bridge draws only while somebody looks."""
-        before = set(self._watchers.values())
-        if name is None:
-            self._watchers.pop(listener, None)
+    def watch(self, listener: Listener, names: Collection[str]) -> None:
+        """Who looks through `listener`; nobody: no pictures for it. The bridge draws only while somebody looks."""
+        before = self._names
+        if names:
+            self._watchers[listener] = frozenset(names)
         else:
-            self._watchers[listener] = name
-        if set(self._watchers.values()) != before:
+            self._watchers.pop(listener, None)
+        if self._names != before:
             self._send_watchers()
+
+    @property
+    def _names(self) -> set[str]:
+        return set().union(*self._watchers.values())
 
     # --- what is sent --------------------------------------------------------------------------------
 
@@ -174,7 +179,7 @@ class BridgeLink:
             await self._socket.send(wire.encode(message), text=True)
 
     def _send_watchers(self) -> None:
-        self.send(wire.Watch(sorted(set(self._watchers.values()))))
+        self.send(wire.Watch(sorted(self._names)))
 
     # --- the connection ------------------------------------------------------------------------------
 
@@ -209,7 +214,7 @@ class BridgeLink:
             self._socket = None
 
     def _show(self, view: str) -> None:
-        for listener in self._watchers:
+        for listener in list(self._watchers):
             listener.on_view(view)
 
     def _heard(self, report: wire.LinkReport) -> None:
