@@ -95,3 +95,13 @@ class Verdict(NamedTuple):
     point: tuple[float, float] | None = None
     limits: tuple[str, ...] = ()
     neutral: bool = False
+
+
+class SensorHealth(NamedTuple):
+    """How a sensor is. `kind`: scan, sonar, odometry, depth. `age_s` None: never seen. `text` is empty while `ok`."""
+
+    name: str
+    kind: str
+    ok: bool
+    age_s: float | None
+    text: str

@@ -1,0 +1,276 @@
+"""The gate: keeps the newest data, and says what of an asked twist may be sent.
+
+Not thread-safe: one thread observes and decides. Time is an argument: `arrival_s` and `now_s` are the bridge's
+monotonic clock, `stamp_s` the robot's own, which only pairs scans with odometry.
+
+A verdict's codes, in the order in which the rules are tried (the last one that takes something away is told):
+
+    idle              nothing is asked
+    invalid           the asked twist is not made of numbers: stop
+    odometry_missing  no odometry has come yet: stop, then neutral
+    odometry_stale    the newest odometry is older than 0.2 s: stop, then neutral
+    scan_missing      a laser has sent nothing yet: stop, then neutral
+    scan_stale        a laser's newest scan is older than 0.5 s: stop, then neutral
+    scan_unpaired     a scan's stamp does not match the odometry's: stop, then neutral
+    robot_limit       more is asked than the robot can do
+    depth_missing     held to the blind speed: the depth camera is not used yet
+    blind_direction   held to the blind speed: no sensor looks in the direction of travel
+    sonar_stale       held to 0.1 m/s: the sonars that look in the direction of travel are silent
+    scan_late         a laser's newest scan is older than 0.25 s: slowed, down to nothing at 0.5 s
+    obstacle          braking must end before contact; slowed or stopped
+    near_miss         something is passed closely; slowed
+    free              nothing is taken away
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from robots.bridge.gate import arc, words
+from robots.bridge.gate.footprint import footprint_of
+from robots.bridge.gate.health import (
+    LASER_STALE_S,
+    ODOMETRY_STALE_S,
+    SONAR_STALE_MPS,
+    SONAR_STALE_S,
+    Fault,
+    Freshness,
+    Hold,
+    late_share,
+)
+from robots.bridge.gate.planar import joined
+from robots.bridge.gate.restraint import NEAR_MISS, Cause, clamped, is_finite, is_still, restrain
+from robots.bridge.gate.sources import Laser, Sonar, Source
+from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.values import (
+    STILL,
+    GateProfile,
+    Obstacles,
+    Pose,
+    SensorHealth,
+    Velocity,
+    Verdict,
+)
+
+STANDSTILL_MPS = 0.01
+STANDSTILL_RADPS = 0.02
+
+
+class Gate:
+    """The safety gate of one robot. `more` are sources beside the profile's lasers and sonars."""
+
+    def __init__(self, profile: GateProfile, more: tuple[Source, ...] = ()) -> None:
+        """ValueError if the profile describes no footprint."""
+        self.profile = profile
+        self.footprint = footprint_of(profile)
+        limits = profile.limits
+        fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
+        self._trail = Trail(fastest, limits.turn_radps)
+        self._odometry = Freshness()
+        self._velocity = STILL
+        self._lasers = {
+            name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
+            for name, pose in profile.scan_poses.items()
+        }
+        self._sonars = {
+            name: Sonar(name, "sonar", Pose(*pose), profile.sonar_fov[name])
+            for name, pose in profile.sonar_poses.items()
+        }
+        self._sources: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *more)
+        self._names = tuple(source.name for source in self._sources)
+        self._cached: tuple[tuple[int, ...], Obstacles] | None = None
+
+    # --- what comes in ------------------------------------------------------------------------
+
+    def observe_odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
+        """Take odometry; numbers that are none are as if nothing had come."""
+        if not all(map(math.isfinite, (stamp_s, arrival_s, *pose, *velocity))):
+            return
+        if self._odometry.advances(stamp_s, arrival_s):
+            self._trail.add(stamp_s, pose, velocity)
+            self._velocity = velocity
+
+    def observe_scan(
+        self,
+        source: str,
+        stamp_s: float,
+        arrival_s: float,
+        ranges: Any,
+        angle_min: float,
+        angle_increment: float,
+        range_min_m: float,
+        range_max_m: float,
+    ) -> None:
+        """Take a laser scan (ranges in metres). Malformed or of an unknown source: as if nothing had come."""
+        if laser := self._lasers.get(source):
+            laser.observe(stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m)
+
+    def observe_range(
+        self, source: str, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float = math.inf
+    ) -> None:
+        """Take a sonar's range; at or above `max_range_m` is free. Malformed or unknown: as if nothing had come."""
+        if sonar := self._sonars.get(source):
+            sonar.observe(stamp_s, arrival_s, range_m, max_range_m)
+
+    # --- what is known ------------------------------------------------------------------------
+
+    def obstacles(self, now_s: float) -> Obstacles:
+        """All points, base frame of the newest odometry. Computed again only when something came or went."""
+        key = (self._trail.revision, *(source.revision(now_s) for source in self._sources))
+        if self._cached is None or self._cached[0] != key:
+            parts = [source.points(self._trail, now_s) for source in self._sources]
+            source = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+            self._cached = key, Obstacles(joined(parts), source, self._names)
+        return self._cached[1]
+
+    def standstill(self, now_s: float) -> bool:
+        """Whether fresh odometry says that the robot stands."""
+        return (
+            self._odometry.within(ODOMETRY_STALE_S, now_s)
+            and arc.speed(self._velocity) < STANDSTILL_MPS
+            and abs(self._velocity.w) < STANDSTILL_RADPS
+        )
+
+    def sonar_range(self, source: str, now_s: float) -> float | None:
+        """The newest range of a sonar in metres; None if nothing is in range, or nothing new came."""
+        sonar = self._sonars.get(source)
+        return None if sonar is None else sonar.range_m(now_s)
+
+    def sensor_health(self, now_s: float) -> list[SensorHealth]:
+        """How each sensor is, odometry first."""
+        return [
+            self._odometry_health(now_s),
+            *(source.health(self._trail, now_s) for source in self._sources),
+        ]
+
+    def _odometry_health(self, now_s: float) -> SensorHealth:
+        age_s = self._odometry.age_s(now_s)
+        if age_s is None:
+            text = "nothing has come yet"
+        else:
+            text = "" if age_s <= ODOMETRY_STALE_S else f"nothing new for {age_s:.1f} s"
+        return SensorHealth("odometry", "odometry", not text, age_s, text)
+
+    # --- what may be done ---------------------------------------------------------------------
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
+        """What of `asked` may be sent now; `sent` is the twist that was published last."""
+        limits = self._standing_limits(now_s)
+        if not is_finite(asked):
+            return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
+        if is_still(asked):
+            return Verdict(STILL, asked, "idle", "", limits=limits)
+        if fault := self._fault(now_s):
+            text = f"stopped: {fault.text}"
+            return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
+        wanted, code, text = self._held(asked, now_s)
+        obstacles = self.obstacles(now_s)
+        turn_rates = (self._velocity.w, sent.w) if is_finite(sent) else (self._velocity.w,)
+        found = restrain(wanted, turn_rates, obstacles.points, obstacles.source, self.footprint, self.profile)
+        if found.cause is None or found.velocity == wanted:
+            return Verdict(wanted, asked, code, text, limits=limits)
+        return self._restrained(asked, wanted, found.velocity, found.cause, limits)
+
+    def _fault(self, now_s: float) -> Fault | None:
+        """Data without which the robot must not move."""
+        age_s = self._odometry.age_s(now_s)
+        if age_s is None:
+            return Fault("odometry_missing", "no odometry has come yet", "odometry")
+        if age_s > ODOMETRY_STALE_S:
+            return Fault("odometry_stale", f"odometry is {age_s:.1f} s old", "odometry")
+        for laser in self._lasers.values():
+            age_s = laser.freshness.age_s(now_s)
+            if age_s is None:
+                return Fault("scan_missing", f"no scan of the {laser.word} has come yet", laser.name)
+            if age_s >= LASER_STALE_S:
+                return Fault("scan_stale", f"{laser.word} is {age_s:.1f} s old", laser.name)
+            if not laser.is_paired(self._trail):
+                text = f"the stamps of the {laser.word} do not match the odometry's"
+                return Fault("scan_unpaired", text, laser.name)
+        return None
+
+    def _held(self, asked: Velocity, now_s: float) -> tuple[Velocity, str, str]:
+        """The asked twist within all limits but obstacles, with code and words of the last that bit."""
+        wanted, code, text = clamped(asked, self.profile), "free", ""
+        if wanted != asked:
+            code, text = "robot_limit", "held to what the robot can do"
+        speed = arc.speed(wanted)
+        if speed > 0.0:
+            direction = math.atan2(wanted.vy, wanted.vx)
+            holds = [*self._depth_hold(), *self._direction_hold(direction, now_s)]
+            hold = min(holds, key=lambda hold: hold.mps, default=None)
+            if hold is not None and hold.mps < speed:
+                wanted, code, text = _scaled(wanted, hold.mps / speed), hold.code, hold.text
+        for laser in self._lasers.values():
+            age_s = laser.freshness.age_s(now_s) or 0.0
+            share = late_share(age_s)
+            if share < 1.0:
+                slowed = _scaled(wanted, share)
+                text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {age_s:.1f} s old"
+                wanted, code = slowed, "scan_late"
+        return wanted, code, text
+
+    def _standing_limits(self, now_s: float) -> tuple[str, ...]:
+        """In words, every limit on speed that holds whatever is in the way."""
+        holds = self._depth_hold()
+        ways = (0.0, math.pi) if self.profile.limits.lateral_mps == 0.0 else (0.0, math.pi, 1.57, -1.57)
+        for direction in ways:
+            holds += self._direction_hold(direction, now_s)
+        return tuple(hold.text for hold in holds)
+
+    def _depth_hold(self) -> list[Hold]:
+        if not self.profile.has_depth:
+            return []
+        mps = self.profile.blind_mps
+        why = "the depth camera is not used yet, table tops are not seen"
+        return [Hold("depth_missing", f"held to {words.figure(mps)} m/s: {why}", mps)]
+
+    def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
+        """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
+        if any(laser.covers(direction) for laser in self._lasers.values()):
+            return []
+        sonars = [sonar for sonar in self._sonars.values() if sonar.watches(direction)]
+        way = words.way(direction)
+        if not sonars:
+            mps = self.profile.blind_mps
+            return [
+                Hold("blind_direction", f"held to {words.figure(mps)} m/s {way}: no sensor looks there", mps)
+            ]
+        silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
+        if not silent:
+            return []
+        mps = min(SONAR_STALE_MPS, self.profile.blind_mps)
+        names = ", ".join(sonar.name for sonar in silent)
+        return [Hold("sonar_stale", f"held to {words.figure(mps)} m/s {way}: sonar silent ({names})", mps)]
+
+    def _restrained(
+        self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause, limits: tuple[str, ...]
+    ) -> Verdict:
+        """The verdict about a twist that an obstacle holds back."""
+        source = self._sources[cause.source]
+        bearing = math.atan2(cause.point[1], cause.point[0])
+        reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule == NEAR_MISS)
+        return Verdict(
+            allowed,
+            asked,
+            cause.rule,
+            f"{words.what_is_left(wanted, allowed)}: {reason}",
+            source.name,
+            cause.gap_m,
+            bearing,
+            words.side(bearing),
+            cause.point,
+            limits,
+        )
+
+
+def _scaled(twist: Velocity, share: float) -> Velocity:
+    return Velocity(share * twist.vx, share * twist.vy, share * twist.w)
+
+
+def _word(kind: str, name: str, how_many: int) -> str:
+    """What a sensor is called: by its kind, and by name where there are several."""
+    return kind if how_many == 1 else f"{kind} {name}"

@@ -1,0 +1,45 @@
+"""Planar frames: poses, and points carried between them. Points are (N, 2) arrays in metres."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.values import Pose
+
+Points = NDArray[np.float64]
+
+NO_POINTS: Points = np.empty((0, 2))
+
+
+def wrapped(angle: float) -> float:
+    """The same angle in -pi..pi."""
+    return math.remainder(angle, math.tau)
+
+
+def from_columns(x: NDArray[np.float64], y: NDArray[np.float64]) -> Points:
+    """Points (N, 2) whose two columns each lie together in memory, as the arithmetic reads them."""
+    return np.stack((x, y)).T
+
+
+def placed(points: Points, pose: Pose) -> Points:
+    """Points given in the frame that stands at `pose`, in the frame in which `pose` is given."""
+    x, y = points.T
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    return from_columns(pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
+
+
+def seen_from(pose: Pose, viewer: Pose) -> Pose:
+    """`pose` as `viewer` sees it, both given in one frame."""
+    dx, dy = pose.x - viewer.x, pose.y - viewer.y
+    cos, sin = math.cos(viewer.yaw), math.sin(viewer.yaw)
+    return Pose(cos * dx + sin * dy, -sin * dx + cos * dy, wrapped(pose.yaw - viewer.yaw))
+
+
+def joined(parts: list[Points]) -> Points:
+    """All points of several arrays, in order."""
+    if not parts:
+        return NO_POINTS
+    return np.concatenate([part.T for part in parts], axis=1).T

@@ -1,0 +1,218 @@
+"""The largest part of a wanted twist that is safe among known points (GATE.md, methods 1-5).
+
+Pure: everything is an argument, nothing is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate import arc, braking
+from robots.bridge.gate.footprint import Footprint, Metres
+from robots.bridge.gate.planar import Points
+from robots.bridge.gate.values import GateProfile, Velocity
+
+WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less this
+STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
+TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends the arc by 2 cm in 1 m at most
+TURN_SHARES = (1.0, 0.75, 0.5, 0.25)  # tried in this order when rotation is given back
+_WHOLE = 0.999
+
+OBSTACLE = "obstacle"
+NEAR_MISS = "near_miss"
+
+
+class Share(NamedTuple):
+    """How much of a twist is safe, by which rule, and for which point (its row; -1 if nothing limits)."""
+
+    share: float
+    rule: str = ""
+    row: int = -1
+
+
+FREE = Share(1.0)
+
+
+class Cause(NamedTuple):
+    """The point that limits a twist, and by which rule. `source` as in `Obstacles`."""
+
+    rule: str
+    point: tuple[float, float]
+    gap_m: float
+    source: int
+
+
+class Restraint(NamedTuple):
+    """The safe twist, and what takes the rest away."""
+
+    velocity: Velocity
+    cause: Cause | None = None
+
+
+def restrain(
+    wanted: Velocity,
+    turn_rates: tuple[float, ...],
+    points: Points,
+    source: NDArray[np.intp],
+    footprint: Footprint,
+    profile: GateProfile,
+) -> Restraint:
+    """The safe part of `wanted`.
+
+    `turn_rates` are those the base has or is about to have (rad/s): until it turns as wanted it follows
+    their arcs at the wanted speed, so these must be clear too.
+    """
+    arcs = (wanted, *(wanted._replace(w=w) for w in _differing(turn_rates, wanted.w)))
+    near = _within_reach(points, arcs, footprint, profile)
+    if not len(near):
+        return Restraint(wanted)
+    points = points.T[:, near].T
+    gaps = footprint.gaps(points)
+    growth = way_out(gaps, profile.parameters.lateral_margin_m)
+    surroundings = (points, gaps, growth, footprint, profile)
+    limit = min((safe_share(each, *surroundings) for each in arcs), key=lambda share: share.share)
+    if limit is FREE:
+        return Restraint(wanted)
+    row = limit.row
+    point = float(points[row, 0]), float(points[row, 1])
+    cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
+    return Restraint(_give_rotation_back(wanted, limit.share, *surroundings), cause)
+
+
+def way_out(gaps: Metres, lateral_margin_m: float) -> Metres:
+    """How far the hull is grown for each point: by the lateral margin, but never demand more clearance than there is.
+
+    Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
+    does not shrink below the hull itself, except for points that are inside already.
+    """
+    spare = gaps - WAY_OUT_M
+    common = min(max(float(spare.min(initial=lateral_margin_m)), 0.0), lateral_margin_m)
+    return np.minimum(spare, common)
+
+
+def safe_share(
+    twist: Velocity, points: Points, gaps: Metres, growth: Metres, footprint: Footprint, profile: GateProfile
+) -> Share:
+    """The share of `twist` that braking and passing allow: the smaller one."""
+    return min(
+        _braking_share(twist, points, growth, footprint, profile),
+        _passing_share(twist, points, gaps, growth, footprint, profile),
+        key=lambda share: share.share,
+    )
+
+
+def _braking_share(
+    twist: Velocity, points: Points, growth: Metres, footprint: Footprint, profile: GateProfile
+) -> Share:
+    """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
+    parameters = profile.parameters
+    times = footprint.contact_times(points, twist, growth)
+    first = int(times.argmin())
+    if times[first] == np.inf:
+        return FREE
+    times -= parameters.front_margin_m / footprint.path_speeds(points, twist)
+    first = int(times.argmin())
+    share = braking.scale(float(times[first]), parameters.latency_s, braking.braking_time(twist, profile))
+    return Share(share, OBSTACLE, first) if share < 1.0 else FREE
+
+
+def _passing_share(
+    twist: Velocity, points: Points, gaps: Metres, growth: Metres, footprint: Footprint, profile: GateProfile
+) -> Share:
+    """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
+
+    Before that place the robot may be as fast as still lets it brake to this speed; the gap shrinks at most as
+    fast as the robot moves, so gap - clearance is a distance that is surely left.
+    """
+    v = arc.speed(twist)
+    if v == 0.0:
+        return FREE
+    parameters = profile.parameters
+    x, y = points.T
+    clearances = footprint.clearances(points, twist)
+    harmless = parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
+    passed = np.flatnonzero(
+        (clearances < harmless) & (clearances >= growth) & (twist.vx * x + twist.vy * y > 0.0)
+    )
+    if not len(passed):
+        return FREE
+    clearances = clearances[passed]
+    spare = np.maximum(clearances - parameters.lateral_margin_m, 0.0)
+    there = parameters.creep_mps + spare / parameters.near_miss_s
+    left = np.maximum(gaps[passed] - clearances, 0.0)
+    linear, _ = braking.deceleration(profile)
+    allowed = braking.speed_before(left, there, parameters.latency_s, linear)
+    slowest = int(allowed.argmin())
+    share = float(allowed[slowest]) / v
+    return Share(share, NEAR_MISS, int(passed[slowest])) if share < 1.0 else FREE
+
+
+def _give_rotation_back(
+    wanted: Velocity,
+    share: float,
+    points: Points,
+    gaps: Metres,
+    growth: Metres,
+    footprint: Footprint,
+    profile: GateProfile,
+) -> Velocity:
+    """The scaled twist with the largest safe part of the wanted turn (method 5).
+
+    So, nose at the wall and the stick held diagonally, the robot still turns.
+    """
+    scaled = Velocity(*(share * axis + 0.0 for axis in wanted))
+    if arc.speed(scaled) < STANDING_MPS:
+        scaled = Velocity(0.0, 0.0, scaled.w)
+    if wanted.w == 0.0:
+        return scaled
+    for turn in TURN_SHARES:
+        candidate = scaled._replace(w=turn * wanted.w)
+        if turn <= share:
+            break
+        if safe_share(candidate, points, gaps, growth, footprint, profile).share >= _WHOLE:
+            return candidate
+    return scaled
+
+
+def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
+    """The turn rates that make another arc than `w` does, each once."""
+    differing: list[float] = []
+    for rate in turn_rates:
+        if all(abs(rate - known) > TURN_TOLERANCE_RADPS for known in (w, *differing)):
+            differing.append(rate)
+    return differing
+
+
+def _within_reach(
+    points: Points, arcs: tuple[Velocity, ...], footprint: Footprint, profile: GateProfile
+) -> NDArray[np.intp]:
+    """Indices of the points that the hull could touch before it has braked."""
+    parameters = profile.parameters
+    way = max(arc.speed(twist) * braking.horizon(twist, profile) for twist in arcs)
+    reach = footprint.reach(parameters.lateral_margin_m) + parameters.front_margin_m + way
+    x, y = points.T
+    return np.flatnonzero(x**2 + y**2 < reach**2)
+
+
+def is_still(twist: Velocity) -> bool:
+    """Whether the twist asks for nothing at all."""
+    return twist.vx == 0.0 and twist.vy == 0.0 and twist.w == 0.0
+
+
+def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
+    """The twist within what the robot can do, axis by axis."""
+    limits = profile.limits
+    return Velocity(
+        min(max(asked.vx, -limits.reverse_mps), limits.forward_mps),
+        min(max(asked.vy, -limits.lateral_mps), limits.lateral_mps),
+        min(max(asked.w, -limits.turn_radps), limits.turn_radps),
+    )
+
+
+def is_finite(twist: Velocity) -> bool:
+    """Whether all three numbers are numbers."""
+    return all(math.isfinite(axis) for axis in twist)

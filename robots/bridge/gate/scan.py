@@ -1,0 +1,107 @@
+"""From what a laser or a sonar measured to points in the base frame (GATE.md, method 8 and "Parameters")."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.planar import NO_POINTS, Points, from_columns, placed
+from robots.bridge.gate.values import Pose
+
+NEIGHBOUR_BEAMS = 2
+NEIGHBOUR_M = 0.10
+INSIDE_HULL_M = 0.03  # what lies deeper than this in the hull is the robot itself
+MOST_BEAMS = 20_000
+LEAST_KNOWN_SHARE = 0.5  # a scan that is mostly NaN vouches for nothing
+CONE_POINTS = 9  # over a cone of 0.5 rad at 1 m they stand 6 cm apart
+
+
+class Malformed(ValueError):
+    """A measurement that makes no sense, and why, in words."""
+
+
+class Sweep:
+    """The geometry of one scan: beam i points to `angle_min + i * increment` in the sensor's frame."""
+
+    def __init__(
+        self, ranges: Any, angle_min: float, increment: float, range_min_m: float, range_max_m: float
+    ) -> None:
+        """Check everything; Malformed if the scan cannot be one."""
+        try:
+            self.ranges = np.asarray(ranges, dtype=np.float64)
+            numbers = [float(number) for number in (angle_min, increment, range_min_m, range_max_m)]
+        except (TypeError, ValueError, OverflowError) as error:
+            raise Malformed("its scans are not numbers") from error
+        self.angle_min, self.increment, self.range_min_m, self.range_max_m = numbers
+        self._check()
+
+    def _check(self) -> None:
+        if self.ranges.ndim != 1 or not 2 <= len(self.ranges) <= MOST_BEAMS:
+            raise Malformed("its scans have no beams, or far too many")
+        if not (abs(self.angle_min) <= math.tau and 0.0 < abs(self.increment) <= math.pi / 2.0):
+            raise Malformed("the angles of its scans make no sense")
+        if self.span > math.tau + 2.0 * abs(self.increment):
+            raise Malformed("its scans go round more than once")
+        if not 0.0 <= self.range_min_m < self.range_max_m:
+            raise Malformed("the range limits of its scans make no sense")
+        if np.isnan(self.ranges).mean() > LEAST_KNOWN_SHARE:
+            raise Malformed("most of its beams measure nothing")
+
+    @property
+    def span(self) -> float:
+        """Angle between the first and the last beam, radians."""
+        return abs(self.increment) * (len(self.ranges) - 1)
+
+    @property
+    def middle(self) -> float:
+        """Angle of the middle beam in the sensor's frame."""
+        return self.angle_min + self.increment * (len(self.ranges) - 1) / 2.0
+
+    def points(self) -> Points:
+        """What was hit, in the sensor's frame.
+
+        +inf is free and NaN unknown; -inf is closer than `range_min_m` and taken to be right there.
+        """
+        ranges = np.where(np.isneginf(self.ranges), self.range_min_m, self.ranges)
+        ranges[(ranges < self.range_min_m) | (ranges >= self.range_max_m) | np.isinf(ranges)] = np.nan
+        kept = np.flatnonzero(has_neighbour(ranges))
+        angles = self.angle_min + self.increment * kept
+        return from_columns(ranges[kept] * np.cos(angles), ranges[kept] * np.sin(angles))
+
+
+def has_neighbour(ranges: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Beams with another within two beams and 10 cm of range: noise stands alone, the thinnest leg does not.
+
+    NaN marks no hit. The last beam is a neighbour of the first: so it is on a full circle, and elsewhere it only
+    keeps more.
+    """
+    kept = np.zeros(len(ranges), dtype=np.bool_)
+    for beams in range(1, NEIGHBOUR_BEAMS + 1):
+        close = np.abs(ranges - np.roll(ranges, beams)) < NEIGHBOUR_M
+        kept |= close | np.roll(close, -beams)
+    return kept
+
+
+def outside_hull(points: Points, footprint: Footprint) -> Points:
+    """The points that are not the robot's own body."""
+    if not len(points):
+        return points
+    return points.T[:, footprint.gaps(points) >= -INSIDE_HULL_M].T
+
+
+def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> Points:
+    """What a sonar may have met: an arc across its cone, base frame.
+
+    Nothing at or beyond `max_range_m`; -inf is right at the sensor. Malformed if the range is no range.
+    """
+    if math.isnan(range_m) or (range_m < 0.0 and not math.isinf(range_m)):
+        raise Malformed("its ranges make no sense")
+    if range_m >= max_range_m or range_m == math.inf:
+        return NO_POINTS
+    angles = np.linspace(-fov / 2.0, fov / 2.0, CONE_POINTS)
+    range_m = max(range_m, 0.0)
+    return placed(from_columns(range_m * np.cos(angles), range_m * np.sin(angles)), pose)

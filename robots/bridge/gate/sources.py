@@ -1,0 +1,188 @@
+"""Sources give points, the gate takes points.
+
+Whatever else will know of obstacles (a memory, a depth camera, movers) is one more `Source`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any, NamedTuple, Protocol
+
+from robots.bridge.gate import scan
+from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.health import LASER_LATE_S, SONAR_STALE_S, Freshness
+from robots.bridge.gate.planar import NO_POINTS, Points, joined, placed, seen_from, wrapped
+from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.values import Pose, SensorHealth
+
+SONAR_MEMORY_S = 0.5
+SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
+
+
+class Source(Protocol):
+    """Something that knows where obstacles are."""
+
+    name: str
+    word: str  # for the operator: "laser"
+
+    def revision(self, now_s: float) -> int:
+        """Differs whenever `points` may differ, for a trail that did not change."""
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        """Obstacles (N, 2) in the base frame of the newest odometry."""
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        """How the sensor behind it is."""
+
+
+class Laser:
+    """A planar laser: its newest scan."""
+
+    kind = "scan"
+
+    def __init__(self, name: str, word: str, pose: Pose, footprint: Footprint) -> None:
+        self.name = name
+        self.word = word
+        self.freshness = Freshness()
+        self._pose = pose
+        self._footprint = footprint
+        self._points = NO_POINTS
+        self._middle = 0.0
+        self._half_span = -1.0
+        self._complaint = ""
+        self._revision = 0
+
+    def observe(
+        self,
+        stamp_s: float,
+        arrival_s: float,
+        ranges: Any,
+        angle_min: float,
+        angle_increment: float,
+        range_min_m: float,
+        range_max_m: float,
+    ) -> None:
+        """Take a scan. One that makes no sense is no scan; its complaint is kept for `health`."""
+        try:
+            check_times(stamp_s, arrival_s)
+            sweep = scan.Sweep(ranges, angle_min, angle_increment, range_min_m, range_max_m)
+        except scan.Malformed as error:
+            self._complaint = str(error)
+            return
+        if not self.freshness.advances(stamp_s, arrival_s):
+            return
+        self._points = scan.outside_hull(placed(sweep.points(), self._pose), self._footprint)
+        self._middle = self._pose.yaw + sweep.middle
+        self._half_span = sweep.span / 2.0
+        self._complaint = ""
+        self._revision += 1
+
+    def covers(self, direction: float) -> bool:
+        """Whether its beams reach in a direction of the base frame."""
+        return abs(wrapped(direction - self._middle)) <= self._half_span
+
+    def is_paired(self, trail: Trail) -> bool:
+        """Whether the odometry tells where the robot was when the newest scan was taken."""
+        stamp_s = self.freshness.stamp_s
+        return stamp_s is not None and trail.pose_at(stamp_s) is not None
+
+    def revision(self, now_s: float) -> int:
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return carried(self._points, self.freshness.stamp_s, trail)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        age_s = self.freshness.age_s(now_s)
+        text = self._complaint
+        if age_s is None:
+            text = text or "nothing has come yet"
+        elif age_s > LASER_LATE_S:
+            text = text or f"nothing new for {age_s:.1f} s"
+        elif not self.is_paired(trail):
+            text = "its stamps do not match the odometry's"
+        else:
+            text = ""
+        return SensorHealth(self.name, self.kind, not text, age_s, text)
+
+
+class _Echo(NamedTuple):
+    stamp_s: float
+    arrival_s: float
+    points: Points
+
+
+class Sonar:
+    """A range sensor: what it met within the last half second."""
+
+    kind = "sonar"
+
+    def __init__(self, name: str, word: str, pose: Pose, fov: float) -> None:
+        self.name = name
+        self.word = word
+        self.freshness = Freshness()
+        self._pose = pose
+        self._fov = fov
+        self._echoes: deque[_Echo] = deque()
+        self._range_m: float | None = None
+        self._complaint = ""
+        self._revision = 0
+
+    def observe(self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float) -> None:
+        """Take a range. One that makes no sense is none; its complaint is kept for `health`."""
+        try:
+            check_times(stamp_s, arrival_s)
+            points = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
+        except scan.Malformed as error:
+            self._complaint = str(error)
+            return
+        if not self.freshness.advances(stamp_s, arrival_s):
+            return
+        self._range_m = max(range_m, 0.0) if len(points) else None
+        self._complaint = ""
+        self._revision += 1
+        self._echoes.append(_Echo(stamp_s, arrival_s, points))
+
+    def watches(self, direction: float) -> bool:
+        """Whether it looks out for a direction of travel in the base frame."""
+        return abs(wrapped(direction - self._pose.yaw)) <= SONAR_WATCHES_RAD
+
+    def range_m(self, now_s: float) -> float | None:
+        """The newest range, None if nothing is in range or nothing new came."""
+        return self._range_m if self.freshness.within(SONAR_STALE_S, now_s) else None
+
+    def revision(self, now_s: float) -> int:
+        while self._echoes and now_s - self._echoes[0].arrival_s > SONAR_MEMORY_S:
+            self._echoes.popleft()
+            self._revision += 1
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        remembered = [carried(echo.points, echo.stamp_s, trail) for echo in self._echoes]
+        return joined(remembered)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        age_s = self.freshness.age_s(now_s)
+        if age_s is None:
+            text = self._complaint or "nothing has come yet"
+        elif age_s > SONAR_STALE_S:
+            text = self._complaint or f"nothing new for {age_s:.1f} s"
+        else:
+            text = ""
+        return SensorHealth(self.name, self.kind, not text, age_s, text)
+
+
+def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:
+    """Points in the base frame of `stamp_s`, brought to the newest one; none if the odometry cannot tell how."""
+    newest = trail.newest
+    then = None if stamp_s is None else trail.pose_at(stamp_s)
+    if newest is None or then is None or not len(points):
+        return NO_POINTS
+    return placed(points, seen_from(then, newest))
+
+
+def check_times(stamp_s: float, arrival_s: float) -> None:
+    """Malformed unless both are numbers."""
+    if not (math.isfinite(stamp_s) and math.isfinite(arrival_s)):
+        raise scan.Malformed("its stamps are not numbers")

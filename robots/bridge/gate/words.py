@@ -1,0 +1,50 @@
+"""What the gate says to the operator: sensor, side, distance, what is left."""
+
+from __future__ import annotations
+
+import math
+
+from robots.bridge.gate.values import Velocity
+
+SIDES = (
+    "ahead",
+    "ahead left",
+    "left",
+    "behind left",
+    "behind",
+    "behind right",
+    "right",
+    "ahead right",
+)
+WAYS = ("forward", "to the left", "in reverse", "to the right")
+
+
+def side(bearing: float) -> str:
+    """The eighth of the compass round the robot that a bearing (base frame, radians) falls into."""
+    return SIDES[round(bearing / (math.pi / 4.0)) % len(SIDES)]
+
+
+def figure(number: float) -> str:
+    """A distance or speed with no more digits than an operator can use: 0.6, but 0.08."""
+    return f"{number:.1f}" if number >= 0.095 else f"{number:.2f}"
+
+
+def what_is_left(wanted: Velocity, allowed: Velocity) -> str:
+    """How the allowed twist differs from the wanted one: "slowed to 0.2 m/s"."""
+    speed = math.hypot(allowed.vx, allowed.vy)
+    if wanted.vx == 0.0 and wanted.vy == 0.0:
+        return f"turning slowed to {figure(abs(allowed.w))} rad/s" if allowed.w else "not turning"
+    if speed > 0.0:
+        return f"slowed to {figure(speed)} m/s"
+    return "only turning" if allowed.w else "stopped"
+
+
+def obstacle(word: str, gap_m: float, bearing: float, passing: bool) -> str:
+    """What holds back: "laser, 0.6 m ahead left"."""
+    near = "passing close, " if passing else ""
+    return f"{near}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
+
+
+def way(direction: float) -> str:
+    """A direction of travel (base frame, radians) in words: "in reverse"."""
+    return WAYS[round(direction / (math.pi / 2.0)) % len(WAYS)]
