@@ -1,0 +1,264 @@
+"""``python -m robots.bridge.ros.probe``: a plan on stdin, findings on stdout, both JSON.
+
+Listens to topics by a TCPROS handshake of its own rather than as a rospy node: the publisher then tells its type
+and md5 sum even where they are not ours, and nothing stays registered with the master. Runs in the environment
+that the robot's bridge runs in (`robots.environment`), so that names resolve for it as they do for the bridge.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import secrets
+import socket
+import struct
+import sys
+import threading
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+from urllib.parse import urlsplit
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+import msgspec
+from rosgraph.network import get_host_name
+
+from robots.bridge.findings import (
+    CALLER,
+    CallbackFound,
+    DriveFound,
+    Findings,
+    HostFound,
+    Listened,
+    Plan,
+    TopicFound,
+)
+from robots.bridge.ros.master import Master, MasterError, SystemState
+from robots.bridge.ros.types import UnknownTypeError, message_class
+
+CONNECT_S = 1.0
+CALLBACK_S = 2.0
+LARGEST_HEADER = 64 * 1024  # bytes of a connection header
+HEAD = 512  # bytes of a message that are looked at: its std_msgs/Header
+
+
+def probe(plan: Plan) -> Findings:
+    """Find out; takes a few seconds at most."""
+    master = Master(plan.master_uri, CALLER)
+    try:
+        state = master.system_state()
+        uris = _node_uris(master, state)
+    except MasterError as error:
+        return Findings(master_error=str(error))
+    with ThreadPoolExecutor(len(plan.listened) + 2) as pool:
+        hosts = pool.submit(_hosts, uris)
+        callback = pool.submit(_callback, master)
+        topics = list(pool.map(lambda asked: _topic(asked, state, uris, plan.listen_s), plan.listened))
+        return Findings(
+            hosts=hosts.result(), callback=callback.result(), topics=topics, drive=_drive(plan, state)
+        )
+
+
+def _drive(plan: Plan, state: SystemState) -> DriveFound:
+    topic = plan.drive.name
+    return DriveFound(
+        state.publishers.get(topic, []), state.subscribers.get(topic, []), state.types.get(topic)
+    )
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+
+def _node_uris(master: Master, state: SystemState) -> dict[str, str]:
+    """Every node's XML-RPC address."""
+    sides = (state.publishers, state.subscribers)
+    nodes = {node for side in sides for names in side.values() for node in names}
+    found = {node: master.node_uri(node) for node in sorted(nodes)}
+    return {node: uri for node, uri in found.items() if uri}
+
+
+def _hosts(uris: dict[str, str]) -> list[HostFound]:
+    """The host names that nodes advertise; of each, one node is called."""
+    names = Counter(urlsplit(uri).hostname or "" for uri in uris.values())
+    one_of = {urlsplit(uri).hostname or "": uri for uri in uris.values()}
+    with ThreadPoolExecutor(16) as pool:
+        return list(pool.map(lambda item: _host(item[0], item[1], one_of[item[0]]), names.items()))
+
+
+def _host(name: str, nodes: int, uri: str) -> HostFound:
+    try:
+        address = socket.gethostbyname(name)
+    except OSError:
+        return HostFound(name, nodes)
+    try:
+        socket.create_connection((address, urlsplit(uri).port or 80), CONNECT_S).close()
+    except OSError as error:
+        return HostFound(name, nodes, address, str(error))
+    return HostFound(name, nodes, address)
+
+
+class _QuietHandler(SimpleXMLRPCRequestHandler):
+    def log_message(self, format: str, *args: Any) -> None:
+        """Not a word on stderr."""
+
+
+def _callback(master: Master) -> CallbackFound:
+    """Publish and subscribe one made-up topic: the master then has to call the subscriber, which is us."""
+    advertised, route = get_host_name(), _route(master.uri)
+    called = threading.Event()
+
+    def publisher_update(*_caller_topic_publishers: Any) -> tuple[int, str, int]:
+        called.set()
+        return 1, "", 0
+
+    with SimpleXMLRPCServer(("", 0), _QuietHandler, logRequests=False) as server:
+        server.register_function(publisher_update, "publisherUpdate")
+        serving = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        serving.start()
+        uri = f"http://{advertised}:{server.server_address[1]}/"
+        try:
+            _provoke(master, uri, called)
+        except MasterError as error:
+            return CallbackFound(advertised, False, route, str(error))
+        finally:
+            server.shutdown()
+    return CallbackFound(advertised, called.is_set(), route)
+
+
+def _provoke(master: Master, uri: str, called: threading.Event) -> None:
+    topic = f"{CALLER}/{secrets.token_hex(8)}"
+    master.register("registerSubscriber", topic, "std_msgs/Empty", uri)
+    try:
+        master.register("registerPublisher", topic, "std_msgs/Empty", uri)
+        called.wait(CALLBACK_S)
+    finally:
+        master.call("unregisterPublisher", topic, uri)
+        master.call("unregisterSubscriber", topic, uri)
+
+
+def _route(master_uri: str) -> str | None:
+    """This computer's address in the master's network; connecting a datagram socket sends nothing."""
+    parts = urlsplit(master_uri)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as datagrams:
+        try:
+            datagrams.connect((parts.hostname or "", parts.port or 80))
+        except OSError:
+            return None
+        address: str = datagrams.getsockname()[0]
+        return address
+
+
+# --- topics --------------------------------------------------------------------------------------
+
+
+def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: float) -> TopicFound:
+    """What the topic's publishers offer; the first that can be reached counts."""
+    publishers = state.publishers.get(asked.topic, [])
+    found = TopicFound(asked.what, publishers, state.types.get(asked.topic), our_md5=_our_md5(asked.type))
+    errors = []
+    for node in publishers:
+        try:
+            with _connect(asked.topic, uris[node]) as connection:
+                return _listen(connection, asked, found, time.monotonic() + listen_s)
+        except KeyError:
+            errors.append(f"{node} has no address at the master")
+        except (OSError, MasterError, ValueError) as error:
+            errors.append(f"{node}: {error}")
+    return msgspec.structs.replace(found, error="; ".join(errors) or None)
+
+
+def _our_md5(type_name: str) -> str | None:
+    try:
+        md5: str = message_class(type_name)._md5sum
+    except UnknownTypeError:
+        return None
+    return md5
+
+
+def _connect(topic: str, node_uri: str) -> socket.socket:
+    protocol = Master(node_uri, CALLER).call("requestTopic", topic, [["TCPROS"]])
+    if not protocol:
+        raise ValueError("does not offer TCPROS")
+    _, host, port = protocol
+    connection = socket.create_connection((host, port), CONNECT_S)
+    fields = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
+    pairs = [f"{key}={value}".encode() for key, value in fields.items()]
+    header = b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
+    connection.sendall(struct.pack("<I", len(header)) + header)
+    return connection
+
+
+def _listen(connection: socket.socket, asked: Listened, found: TopicFound, until_s: float) -> TopicFound:
+    """Read until what was to be seen was seen, or the time is over."""
+    offered = _read_header(connection)
+    if "error" in offered:
+        raise ValueError(offered["error"])
+    messages, frames, skews = 0, set[str](), list[float]()
+    try:
+        while messages == 0 or (asked.frames and not frames.issuperset(asked.frames)):
+            head = _read_message(connection, until_s)
+            messages += 1
+            if asked.stamped:
+                stamp_s, frame = _stamp_and_frame(head)
+                frames.add(frame)
+                skews.append(stamp_s - time.time())
+    except TimeoutError:
+        pass  # what was seen until now is the answer
+    return msgspec.structs.replace(
+        found,
+        type=offered.get("type"),
+        md5=offered.get("md5sum"),
+        messages=messages,
+        frames=sorted(frames),
+        skew_s=max(skews, default=None),
+    )
+
+
+def _read_header(connection: socket.socket) -> dict[str, str]:
+    (length,) = struct.unpack("<I", _read(connection, 4))
+    if length > LARGEST_HEADER:
+        raise ValueError("does not speak TCPROS")
+    block, fields = _read(connection, length), {}
+    while block:
+        (size,) = struct.unpack_from("<I", block)
+        key, _, value = block[4 : 4 + size].decode(errors="replace").partition("=")
+        fields[key] = value
+        block = block[4 + size :]
+    return fields
+
+
+def _read_message(connection: socket.socket, until_s: float) -> bytes:
+    """The beginning of the next message; the rest of it is read and dropped."""
+    remaining_s = until_s - time.monotonic()
+    if remaining_s <= 0.0:
+        raise TimeoutError
+    connection.settimeout(remaining_s)
+    (length,) = struct.unpack("<I", _read(connection, 4))
+    head = _read(connection, min(length, HEAD))
+    left = length - len(head)
+    while left:
+        left -= len(_read(connection, min(left, 1 << 16)))
+    return head
+
+
+def _read(connection: socket.socket, length: int) -> bytes:
+    parts = bytearray()
+    while len(parts) < length:
+        part = connection.recv(length - len(parts))
+        if not part:
+            raise ConnectionError("closed the connection")
+        parts += part
+    return bytes(parts)
+
+
+def _stamp_and_frame(head: bytes) -> tuple[float, str]:
+    """Of the std_msgs/Header that the message begins with: its stamp (s) and frame id."""
+    _seq, seconds, nanoseconds, length = struct.unpack_from("<IIII", head)
+    return seconds + nanoseconds * 1e-9, head[16 : 16 + length].decode(errors="replace")
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(
+        msgspec.json.encode(probe(msgspec.json.decode(sys.stdin.buffer.read(), type=Plan)))
+    )
