@@ -1,8 +1,8 @@
 """The mobile base controller: limits, accelerations and time-out, without ROS or physics.
 
 It turns the last command into the velocity that the wheels are asked for now, as PAL's
-diff_drive_controller does: clamp to the velocity limits, then to the accelerations, and brake to zero when no command came for
-`timeout_s`.
+diff_drive_controller does: clamp to the velocity limits, then to the accelerations, and brake to zero
+when no command came for `timeout_s`.
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ class BaseController:
     def __init__(self, limits: BaseLimits = TIAGO) -> None:
         self.limits = limits
         self.velocity = STILL
+        self.brake_share = 1.0  # less than 1: worn brakes, for tests of what relies on them
         self._command = STILL
         self._commanded_at = float("-inf")
 
@@ -62,13 +63,18 @@ class BaseController:
         wanted = self._within_limits(self._command) if self._is_fresh(now) else STILL
         linear = self.limits.linear_mps2 * dt
         angular = self.limits.angular_radps2 * dt
-        before = self.velocity
         self.velocity = Twist(
-            clamp(wanted.vx, before.vx - linear, before.vx + linear),
-            clamp(wanted.vy, before.vy - linear, before.vy + linear),
-            clamp(wanted.w, before.w - angular, before.w + angular),
+            self._towards(wanted.vx, self.velocity.vx, linear),
+            self._towards(wanted.vy, self.velocity.vy, linear),
+            self._towards(wanted.w, self.velocity.w, angular),
         )
         return self.velocity
+
+    def _towards(self, wanted: float, before: float, change: float) -> float:
+        """At most `change` away from `before`; less where that means to slow down with worn brakes."""
+        if abs(wanted) < abs(before):
+            change *= self.brake_share
+        return clamp(wanted, before - change, before + change)
 
     def _is_fresh(self, now: float) -> bool:
         return now - self._commanded_at <= self.limits.timeout_s

@@ -1,4 +1,7 @@
-"""What the simulated robots are made of: hull, sensors and where they sit. Data, base frame, metres, radians."""
+"""What the simulated robots are made of: hull, sensors, topics. Data; base frame, metres, radians.
+
+The figures of TIAGo and PMB-2 are PAL's; the generic robots are those of the profiles of the same name.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,14 @@ from robots.simulator.base import BaseLimits
 
 @dataclass(frozen=True)
 class Part:
-    """An upright cylinder of the hull."""
+    """An upright piece of the hull: a cylinder of `radius`, or a block of half extents `half`."""
 
     name: str
     at: tuple[float, float]
-    radius: float
     bottom: float
     top: float
+    radius: float = 0.0
+    half: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -43,15 +47,19 @@ class SonarMount:
     fov: float = 0.5
     shortest_m: float = 0.02
     longest_m: float = 1.0
+    sigma_m: float = 0.005
 
 
-TIAGO_SONARS = (
-    SonarMount("base_sonar_01_link", (-0.183, -0.183, 0.2715, math.radians(225.0))),
-    SonarMount("base_sonar_02_link", (-0.259, 0.0, 0.2715, math.radians(180.0))),
-    SonarMount("base_sonar_03_link", (-0.183, 0.183, 0.2715, math.radians(135.0))),
-)
+@dataclass(frozen=True)
+class Names:
+    """How a base's topics are called. `mux`: TIAGo's velocity inputs and locks stand before `command`."""
 
-_BASE = Part("base", (0.0, 0.0), 0.27, 0.0, 0.30)
+    command: str = "/mobile_base_controller/cmd_vel"
+    odometry: str = "/mobile_base_controller/odom"
+    base_frame: str = "base_footprint"
+    scan: str = "/scan_raw"
+    filtered_scan: str | None = "/scan"
+    mux: bool = True
 
 
 @dataclass(frozen=True)
@@ -61,34 +69,56 @@ class Body:
     mass_kg: float
     parts: tuple[Part, ...]
     limits: BaseLimits
+    names: Names = Names()
     laser: LaserMount = field(default_factory=LaserMount)
     sonars: tuple[SonarMount, ...] = ()
     upper_body: bool = False  # torso, head, arm: joints, camera, speech and motions
 
 
+_SONARS = (
+    SonarMount("base_sonar_01_link", (-0.183, -0.183, 0.2715, math.radians(225.0))),
+    SonarMount("base_sonar_02_link", (-0.259, 0.0, 0.2715, math.radians(180.0))),
+    SonarMount("base_sonar_03_link", (-0.183, 0.183, 0.2715, math.radians(135.0))),
+)
+_PMB2_BASE = Part("base", (0.0, 0.0), 0.0, 0.30, radius=0.27)
+_GENERIC_NAMES = Names("/cmd_vel", "/odom", "base_link", "/scan", filtered_scan=None, mux=False)
+_CENTRE_LASER = LaserMount(frame="laser", pose=(0.0, 0.0, 0.2, 0.0), half_angle=math.pi, rays=720)
+
+TIAGO = Body(
+    mass_kg=70.0,
+    # With the arm folded the upper body stays within the base's circle; a table top meets it all the same.
+    parts=(
+        _PMB2_BASE,
+        Part("torso", (-0.06, 0.0), 0.30, 1.0, radius=0.19),
+        Part("folded arm", (0.09, 0.0), 0.55, 0.95, radius=0.18),
+        Part("head", (0.06, 0.0), 1.0, 1.15, radius=0.13),
+    ),
+    limits=TIAGO_LIMITS,
+    sonars=_SONARS,
+    upper_body=True,
+)
+
+PMB2 = Body(mass_kg=40.0, parts=(_PMB2_BASE,), limits=TIAGO_LIMITS, sonars=_SONARS)
+
+GENERIC_DIFF = Body(
+    mass_kg=30.0,
+    parts=(Part("base", (0.0, 0.0), 0.0, 0.25, radius=0.35),),
+    limits=BaseLimits(0.6, 0.2, 0.0, 1.5, linear_mps2=0.5, angular_radps2=1.5),
+    names=_GENERIC_NAMES,
+    laser=_CENTRE_LASER,
+)
+
+GENERIC_OMNI = Body(
+    mass_kg=30.0,
+    parts=(Part("base", (0.0, 0.0), 0.0, 0.25, half=(0.35, 0.28)),),
+    limits=BaseLimits(0.6, 0.3, 0.3, 1.2, linear_mps2=0.5, angular_radps2=1.2),
+    names=_GENERIC_NAMES,
+    laser=_CENTRE_LASER,
+)
+
 BODIES: dict[str, Body] = {
-    "tiago": Body(
-        mass_kg=70.0,
-        # With the arm folded the upper body stays within the base's circle; a table top meets it all the same.
-        parts=(
-            _BASE,
-            Part("torso", (-0.06, 0.0), 0.19, 0.30, 1.0),
-            Part("folded arm", (0.09, 0.0), 0.18, 0.55, 0.95),
-            Part("head", (-0.03, 0.0), 0.13, 1.0, 1.15),
-        ),
-        limits=TIAGO_LIMITS,
-        sonars=TIAGO_SONARS,
-        upper_body=True,
-    ),
-    "pmb2": Body(mass_kg=40.0, parts=(_BASE,), limits=TIAGO_LIMITS, sonars=TIAGO_SONARS),
-    "generic_diff": Body(
-        mass_kg=30.0,
-        parts=(_BASE,),
-        limits=BaseLimits(forward_mps=0.8, reverse_mps=0.4, turn_radps=1.8),
-    ),
-    "generic_omni": Body(
-        mass_kg=30.0,
-        parts=(_BASE,),
-        limits=BaseLimits(forward_mps=0.8, reverse_mps=0.8, lateral_mps=0.5, turn_radps=1.8),
-    ),
+    "tiago": TIAGO,
+    "pmb2": PMB2,
+    "generic_diff": GENERIC_DIFF,
+    "generic_omni": GENERIC_OMNI,
 }

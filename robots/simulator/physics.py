@@ -46,6 +46,7 @@ class Physics:
         self.robot_id = self.model.body("robot").id
         self._mass = body.mass_kg
         self._inertia = float(self.model.body("robot").inertia[2])
+        self._mocaps = {person.name: int(self.model.body(person.name).mocapid[0]) for person in world.people}
         self._parts = np.flatnonzero(self.model.geom_group == ROBOT_GROUP)
         self.data.qpos[:3] = start
         mujoco.mj_forward(self.model, self.data)
@@ -125,9 +126,15 @@ class Physics:
 
     def place_person(self, name: str, x: float, y: float, yaw: float) -> None:
         """Put a person somewhere; shows from the next step on."""
-        mocap = int(self.model.body(name).mocapid[0])
+        mocap = self._mocaps[name]
         self.data.mocap_pos[mocap] = (x, y, 0.0)
         self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+    def place_robot(self, pose: Pose) -> None:
+        """Put the robot somewhere, at rest."""
+        self.data.qpos[:3] = pose
+        self.data.qvel[:3] = 0.0
+        mujoco.mj_forward(self.model, self.data)
 
     def _name(self, geom: int) -> str:
         return str(self.model.geom(geom).name)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from robots.simulator.base import BaseController, Twist
+from robots.simulator.battery import Battery
 from robots.simulator.body import Body
+from robots.simulator.faults import Faults
 from robots.simulator.laser import Laser
+from robots.simulator.motions import Player, load_motions
 from robots.simulator.odometry import Drift, Odometry
+from robots.simulator.people import Walker
 from robots.simulator.physics import Physics, Pose
+from robots.simulator.sonar import Sonar
 from robots.simulator.worlds import World
 
 TICK_HZ = 50
@@ -16,7 +23,7 @@ TICK_S = 1.0 / TICK_HZ
 
 
 class Robot:
-    """Base, odometry and sensors over one `Physics`."""
+    """Base, odometry, sensors, joints and battery over one `Physics`."""
 
     def __init__(self, world: World, body: Body, start: Pose, seed: int, drift: Drift) -> None:
         random = np.random.default_rng(seed)
@@ -25,14 +32,36 @@ class Robot:
         self.controller = BaseController(body.limits)
         self.odometry = Odometry(drift, random)
         self.laser = Laser(body.laser, random)
+        self.sonars = [Sonar(mount, random) for mount in body.sonars]
+        self.battery = Battery()
+        self.people = {person.name: Walker(person) for person in world.people}
+        self.player = Player(load_motions() if body.upper_body else {})
+        self.faults = Faults()
+        self._late: deque[tuple[float, Twist]] = deque()
         self._steps = round(TICK_S / self.physics.timestep_s)
 
     def command(self, twist: Twist, now: float) -> None:
-        """A command reached the base controller."""
-        self.controller.command(twist, now)
+        """A command reached the base."""
+        if self.faults.command_delay_s:
+            self._late.append((now + self.faults.command_delay_s, twist))
+        else:
+            self.controller.command(twist, now)
 
     def tick(self, now: float) -> None:
         """Live through the next `TICK_S` seconds."""
-        wanted = self.controller.step(now, TICK_S)
-        self.physics.step(wanted, self._steps)
-        self.odometry.step(self.physics.velocity, TICK_S)
+        while self._late and self._late[0][0] <= now:
+            self.controller.command(self._late.popleft()[1], now)
+        self._walk()
+        self.controller.brake_share = self.faults.brake_share
+        wheels = self.controller.step(now, TICK_S)
+        kept = 1.0 - self.faults.slip_share
+        self.physics.step(Twist(wheels.vx * kept, wheels.vy * kept, wheels.w * kept), self._steps)
+        moved = self.physics.velocity
+        self.odometry.step(Twist(moved.vx / kept, moved.vy / kept, moved.w / kept), TICK_S)
+        self.player.step(now)
+        self.battery.step(moved, TICK_S)
+
+    def _walk(self) -> None:
+        for name, walker in self.people.items():
+            walker.step(TICK_S)
+            self.physics.place_person(name, walker.x, walker.y, walker.yaw)

@@ -22,6 +22,7 @@ _CLOTH = "0.25 0.35 0.55 1"
 _SKIN = "0.80 0.45 0.30 1"
 _ROBOT = "0.95 0.95 0.95 1"
 _CHAIR_LEG_M = 0.025
+_GYRATION_M = 0.28
 
 
 def scene_xml(world: World, body: Body) -> str:
@@ -70,8 +71,14 @@ def _floor(parent: Element, world: World) -> None:
     )
 
 
-def _solid(parent: Element, name: str, centre: tuple[float, float, float], size: tuple[float, float, float],
-           rgba: str, yaw: float = 0.0) -> None:  # fmt: skip
+def _solid(
+    parent: Element,
+    name: str,
+    centre: tuple[float, float, float],
+    size: tuple[float, float, float],
+    rgba: str,
+    yaw: float = 0.0,
+) -> None:
     """A box of full extents `size` around `centre`."""
     SubElement(
         parent,
@@ -144,18 +151,19 @@ def _person(parent: Element, person: Person) -> None:
     _upright(figure, f"{person.name} head", (0.0, 0.0), 0.11, person.height - 0.3, person.height, _SKIN)
 
 
-def _upright(parent: Element, name: str, at: tuple[float, float], radius: float, bottom: float, top: float,
-             rgba: str, **more: str) -> None:  # fmt: skip
-    SubElement(
-        parent,
-        "geom",
-        name=name,
-        type="cylinder",
-        pos=_numbers(*at, (bottom + top) / 2),
-        size=_numbers(radius, (top - bottom) / 2),
-        rgba=rgba,
-        **more,
-    )
+def _upright(
+    parent: Element,
+    name: str,
+    at: tuple[float, float],
+    radius: float,
+    bottom: float,
+    top: float,
+    rgba: str,
+) -> None:
+    """An upright cylinder."""
+    centre = _numbers(*at, (bottom + top) / 2)
+    size = _numbers(radius, (top - bottom) / 2)
+    SubElement(parent, "geom", name=name, type="cylinder", pos=centre, size=size, rgba=rgba)
 
 
 def _robot(parent: Element, body: Body) -> None:
@@ -163,15 +171,16 @@ def _robot(parent: Element, body: Body) -> None:
     robot = SubElement(parent, "body", name="robot")
     for name, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("yaw", "hinge", "0 0 1")):
         SubElement(robot, "joint", name=f"robot {name}", type=kind, axis=axis)
-    inertia = 0.5 * body.mass_kg * 0.2**2
-    SubElement(
-        robot,
-        "inertial",
-        pos="0 0 0.3",
-        mass=str(body.mass_kg),
-        diaginertia=_numbers(inertia, inertia, inertia),
-    )
+    inertia = _numbers(*[0.5 * body.mass_kg * _GYRATION_M**2] * 3)
+    SubElement(robot, "inertial", pos="0 0 0.3", mass=str(body.mass_kg), diaginertia=inertia)
     for part in body.parts:
-        # Smooth covers: the robot slides along what it scrapes instead of climbing or sticking.
-        more = {"group": str(ROBOT_GROUP), "friction": "0.3 0.005 0.0001"}
-        _upright(robot, f"robot {part.name}", part.at, part.radius, part.bottom, part.top, _ROBOT, **more)
+        name = f"robot {part.name}"
+        if part.half is not None:
+            centre = (*part.at, (part.bottom + part.top) / 2)
+            _solid(robot, name, centre, (2 * part.half[0], 2 * part.half[1], part.top - part.bottom), _ROBOT)
+        else:
+            _upright(robot, name, part.at, part.radius, part.bottom, part.top, _ROBOT)
+    for geom in robot.iter("geom"):
+        geom.set("group", str(ROBOT_GROUP))
+        # Smooth covers: the robot slides along what it scrapes instead of sticking to it.
+        geom.set("friction", "0.3 0.005 0.0001")

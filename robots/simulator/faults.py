@@ -1,0 +1,43 @@
+"""What can be made to go wrong with a simulated robot, for tests and benchmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+
+class FaultError(ValueError):
+    """No such fault, or a value that is no number."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Everything that is wrong just now. Read and replaced as a whole."""
+
+    laser_dead: bool = False  # no scans
+    laser_frozen: bool = False  # the same scan with the same stamp, again and again
+    laser_nan: bool = False  # scans of nothing but nan
+    sonar_dead: bool = False
+    odom_dead: bool = False
+    odom_frozen: bool = False
+    depth_dead: bool = False
+    motion_fails: bool = False  # motions are aborted half-way
+    command_delay_s: float = 0.0  # commands reach the controller late
+    brake_share: float = 1.0  # of the deceleration that the controller should manage
+    slip_share: float = 0.0  # of the wheels' way that the robot does not make
+
+
+def parse_faults(text: str) -> Faults:
+    """``none``, or names and ``name=value`` pairs separated by commas, such as ``laser_dead,brake_share=0.6``."""
+    kinds = {field.name: type(field.default) for field in fields(Faults)}
+    wrong: dict[str, bool | float] = {}
+    for item in filter(None, (part.strip() for part in text.split(","))):
+        name, _, value = item.partition("=")
+        if name == "none":
+            continue
+        if name not in kinds or (kinds[name] is bool) == bool(value):
+            raise FaultError(f"{item!r} is none of: {', '.join(kinds)}")
+        try:
+            wrong[name] = True if kinds[name] is bool else float(value)
+        except ValueError:
+            raise FaultError(f"{item!r}: {value!r} is no number") from None
+    return Faults(**wrong)  # type: ignore[arg-type]  # each value has its field's type

@@ -1,0 +1,170 @@
+"""Recorded motions as play_motion performs them, without ROS.
+
+A motion moves its joints to its first point as fast as they can, then along its points. Each controller
+follows one motion at a time: a second motion that needs it is refused as busy. A cancelled motion
+stops where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import Enum, IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import Struct
+
+from robots.simulator.joints import HOME, JOINTS
+
+
+class ErrorCode(IntEnum):
+    """PlayMotionResult's codes that are used here."""
+
+    SUCCEEDED = 1
+    MOTION_NOT_FOUND = -1
+    CONTROLLER_BUSY = -3
+    GOAL_NOT_REACHED = -6
+
+
+class Point(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the joints are at a time."""
+
+    positions: list[float]
+    time_from_start: float
+
+
+class Meta(Struct, frozen=True, forbid_unknown_fields=True):
+    """For people."""
+
+    name: str
+    usage: str
+    description: str
+
+
+class Motion(Struct, frozen=True, forbid_unknown_fields=True):
+    """A recorded motion."""
+
+    joints: list[str]
+    points: list[Point]
+    meta: Meta
+
+    @property
+    def controllers(self) -> frozenset[str]:
+        """Which controllers it needs."""
+        return frozenset(JOINTS[joint].controller for joint in self.joints)
+
+    def parameters(self) -> dict[str, Any]:
+        """As it stands on the robot's parameter server."""
+        plain: dict[str, Any] = msgspec.to_builtins(self)
+        return plain
+
+
+def load_motions() -> dict[str, Motion]:
+    """TIAGo's motions by name."""
+    return msgspec.yaml.decode(Path(__file__).with_name("motions.yaml").read_bytes(), type=dict[str, Motion])
+
+
+class RefusedMotionError(Exception):
+    """The motion was not begun."""
+
+    def __init__(self, code: ErrorCode, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+class Phase(Enum):
+    """Where a run is in its life."""
+
+    MOVING = "moving"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class Knot(NamedTuple):
+    """All joints of a run at a moment."""
+
+    at: float
+    positions: Sequence[float]
+
+
+class Run:
+    """One motion being performed."""
+
+    def __init__(self, motion: Motion, start: Mapping[str, float], now: float, fails: bool) -> None:
+        self.motion = motion
+        self.phase = Phase.MOVING
+        from_here = [start[joint] for joint in motion.joints]
+        begins = now + self._approach_s(from_here) - motion.points[0].time_from_start
+        later = (Knot(max(begins + point.time_from_start, now), point.positions) for point in motion.points)
+        self._knots = [Knot(now, from_here), *later]
+        self._fails_at = (now + self._knots[-1].at) / 2.0 if fails else None
+
+    def _approach_s(self, start: list[float]) -> float:
+        """How long the slowest joint needs to the first point, and no less than that point's own time."""
+        ways = zip(self.motion.joints, start, self.motion.points[0].positions, strict=True)
+        slowest = max(abs(end - begin) / JOINTS[joint].speed for joint, begin, end in ways)
+        return max(slowest, self.motion.points[0].time_from_start)
+
+    def positions(self, now: float) -> dict[str, float]:
+        """Its joints at `now`; ends the run when its time has come."""
+        if self._fails_at is not None and now >= self._fails_at:
+            self.phase = Phase.FAILED
+        elif now >= self._knots[-1].at:
+            self.phase = Phase.DONE
+        following = next((knot for knot in self._knots if knot.at > now), self._knots[-1])
+        before = self._knots[max(self._knots.index(following) - 1, 0)]
+        span = following.at - before.at
+        share = 1.0 if span <= 0.0 else min(max((now - before.at) / span, 0.0), 1.0)
+        eased = share * share * (3.0 - 2.0 * share)
+        pairs = zip(before.positions, following.positions, strict=True)
+        values = (begin + (end - begin) * eased for begin, end in pairs)
+        return dict(zip(self.motion.joints, values, strict=True))
+
+
+class Player:
+    """The robot's joints, and the motions that move them."""
+
+    def __init__(self, motions: Mapping[str, Motion]) -> None:
+        self.motions = motions
+        self.positions = dict(HOME)
+        self._running: list[Run] = []
+
+    def start(self, name: str, now: float, fails: bool = False) -> Run:
+        """Begin motion `name`, or raise `RefusedMotionError`."""
+        motion = self._motion(name)
+        busy = {controller for run in self._running for controller in run.motion.controllers}
+        if needed := sorted(busy & motion.controllers):
+            raise RefusedMotionError(
+                ErrorCode.CONTROLLER_BUSY, f"busy with another motion: {', '.join(needed)}"
+            )
+        run = Run(motion, self.positions, now, fails)
+        self._running.append(run)
+        return run
+
+    def cancel(self, run: Run) -> None:
+        """Stop `run` where it is."""
+        if run in self._running:
+            self._running.remove(run)
+            run.phase = Phase.CANCELLED
+
+    def step(self, now: float) -> None:
+        """Move the joints of all runs to where they are at `now`."""
+        for run in self._running[:]:
+            self.positions.update(run.positions(now))
+            if run.phase is not Phase.MOVING:
+                self._running.remove(run)
+
+    def is_there(self, name: str, tolerance: float) -> bool:
+        """True when the joints are at the motion's last point; raises `RefusedMotionError` if there is no such."""
+        motion = self._motion(name)
+        pairs = zip(motion.joints, motion.points[-1].positions, strict=True)
+        return all(abs(self.positions[joint] - end) <= tolerance for joint, end in pairs)
+
+    def _motion(self, name: str) -> Motion:
+        try:
+            return self.motions[name]
+        except KeyError:
+            text = f"there is no motion {name!r}"
+            raise RefusedMotionError(ErrorCode.MOTION_NOT_FOUND, text) from None

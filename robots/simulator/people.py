@@ -1,0 +1,53 @@
+"""People who stand or walk to and fro along a path, whatever stands in their way."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+from robots.simulator.worlds import Person
+
+
+class Walker:
+    """One person: where they are."""
+
+    def __init__(self, person: Person) -> None:
+        self.person = person
+        self.x, self.y = person.at
+        self.yaw = 0.0
+        self.walks = person.walks and bool(person.path)
+        self._targets = itertools.cycle(_to_and_fro(person.path)) if person.path else None
+        self._target = next(self._targets) if self._targets else person.at
+
+    def place(self, x: float, y: float) -> None:
+        """Stand somewhere else."""
+        self.x, self.y = x, y
+        self.walks = False
+
+    def walk(self) -> None:
+        """Walk along the path, from here on."""
+        self.walks = self._targets is not None
+
+    def stand(self) -> None:
+        """Stop walking."""
+        self.walks = False
+
+    def step(self, dt: float) -> None:
+        """Walk for `dt` seconds, if walking."""
+        if not self.walks:
+            return
+        dx, dy = self._target[0] - self.x, self._target[1] - self.y
+        way = self.person.speed_mps * dt
+        distance = math.hypot(dx, dy)
+        if distance <= way:
+            self.x, self.y = self._target
+            self._target = next(self._targets) if self._targets else self._target
+            return
+        self.yaw = math.atan2(dy, dx)
+        self.x += dx / distance * way
+        self.y += dy / distance * way
+
+
+def _to_and_fro(path: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """There, then back along the same points."""
+    return path + path[-2:0:-1]
