@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import fcntl
 import io
+import shutil
 import signal
 import socket
 import sys
@@ -156,9 +157,15 @@ def smoke() -> int:
     from script.stack.smoke import drive_and_stop
 
     began_s = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="fleet-smoke-") as directory, Stack(Path(directory)) as stack:
-        ready_s = time.monotonic() - began_s
-        figures = asyncio.run(drive_and_stop(stack))
+    directory = Path(tempfile.mkdtemp(prefix="fleet-smoke-"))
+    try:
+        with Stack(directory) as stack:
+            ready_s = time.monotonic() - began_s
+            figures = asyncio.run(drive_and_stop(stack))
+    except (Exception, Ended):
+        say(f"Logs of the failed run are kept in {directory / 'log'}.")
+        raise
+    shutil.rmtree(directory)
     say(f"smoke: ready in {ready_s:.1f} s, {figures}, {time.monotonic() - began_s:.1f} s in all")
     return 0
 

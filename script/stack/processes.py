@@ -104,7 +104,7 @@ class Child:
         self.process.wait()
 
 
-def end_all(children: Iterable[Child], *, patience_s: float = 5.0) -> None:
+def end_all(children: Iterable[Child], *, patience_s: float = 8.0) -> None:
     """End these children together: SIGTERM, patience, then SIGKILL."""
     children = list(children)
     for child in children:

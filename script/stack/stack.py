@@ -103,6 +103,7 @@ class SimulatedRobot:
             **self._stack.environment,
             "ROS_MASTER_URI": self.master_uri,
             "ROS_IP": "127.0.0.1",
+            "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug),
         }
 
     def start_master(self) -> Child:
@@ -225,6 +226,11 @@ class Stack:
         child = Child(name, command, env=environment, log=self.logs / f"{name}.log", fds=fds)
         self.children = [other for other in self.children if other.name != name] + [child]
         return child
+
+    def release(self, *children: Child) -> None:
+        """End these; nobody misses them."""
+        end_all(children)
+        self.children = [child for child in self.children if child not in children]
 
     def manage(self, name: str, *arguments: str) -> Child:
         """Start a command of manage.py."""
@@ -359,10 +365,10 @@ class Stack:
     # --- end -------------------------------------------------------------------------------------
 
     def end(self) -> None:
-        """End every process; the console first, since a bridge takes its leave of its master."""
-        robots = [child for robot in self.robots.values() for child in (robot.simulator, robot.master)]
-        end_all(child for child in self.children if child not in robots)
-        end_all(child for child in self.children if child in robots)
+        """End every process; the masters last, since everybody takes leave of them."""
+        masters = [robot.master for robot in self.robots.values()]
+        end_all(child for child in self.children if child not in masters)
+        end_all(child for child in self.children if child in masters)
         self.children.clear()
         for left_over in self.run_directory.glob("*.sock"):
             left_over.unlink()

@@ -1,0 +1,47 @@
+"""script/bench: run one benchmark, or list them."""
+
+from __future__ import annotations
+
+import argparse
+import pkgutil
+import sys
+from importlib import import_module
+
+import benchmarks
+from benchmarks.harness import machine, show
+from script.stack.demo import Ended, ended_by_signals
+
+
+def main() -> int:
+    """Returns the exit status: 0 if every figure holds."""
+    parser = argparse.ArgumentParser(prog="script/bench", description="Without a name, lists what there is.")
+    parser.add_argument("name", nargs="?")
+    parser.add_argument("--json", action="store_true", help="JSON alone on stdout")
+    asked = parser.parse_args()
+    if asked.name is None:
+        for name, described in known().items():
+            print(f"{name:<10} {described}")
+        return 0
+    if asked.name not in known():
+        parser.error(f"no such benchmark: {asked.name} ({', '.join(known())})")
+    facts = machine()
+    try:
+        with ended_by_signals():
+            figures = import_module(f"benchmarks.{asked.name}").measure()
+    except Ended:
+        return 130
+    return 0 if show(asked.name, figures, facts, as_json=asked.json) else 1
+
+
+def known() -> dict[str, str]:
+    """Benchmarks by name, each with the first line of what it says about itself."""
+    found = {}
+    for module in pkgutil.iter_modules(benchmarks.__path__):
+        if module.name.startswith("_") or module.name in ("harness", "parts"):
+            continue
+        found[module.name] = (import_module(f"benchmarks.{module.name}").__doc__ or "").splitlines()[0]
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

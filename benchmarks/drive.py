@@ -1,0 +1,166 @@
+"""From the stick to the robot: delay of a command from the WebSocket to another rospy process, at 50 Hz."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import math
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.harness import Figure, progress, quantile
+from benchmarks.parts.chromium import ChromiumPage
+from benchmarks.parts.looking import Crowd
+from benchmarks.parts.observer import Observer, Seen, start_ros_side
+from robots.bridge.commands import COMMAND_LIFE_S
+from script.stack.client import Driver, sign_in
+from script.stack.stack import Stack
+
+ROBOT = "tiago-1"
+PERIOD_S = 0.02
+SAMPLES = 1000
+WARM_UP = 50  # commands: the base turns at its speed by then
+VIEWERS = 50
+FLOOD_S = 0.5
+SHARE = 0.4
+# Every command asks for a turn of its own, a hair from the next one's: that is how the observer's Twists are told
+# apart. Turning on the spot a disc never meets anything, so the gate leaves it as it is.
+TURN = 0.30
+STEP = 1e-6
+
+
+def measure() -> list[Figure]:
+    """Start a console with three robots and drive one."""
+    with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory, Stack(Path(directory)) as stack:
+        return asyncio.run(measure_on(stack))
+
+
+async def measure_on(stack: Stack) -> list[Figure]:
+    """Every figure, one phase after the other."""
+    gc.freeze()
+    robot = stack.robots[ROBOT]
+    operator = await asyncio.to_thread(sign_in, stack, "operator")
+    observer_cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    figures: list[Figure] = []
+    async with Observer(robot) as observer:
+        progress("bare rospy ...")
+        publisher = start_ros_side(stack, robot, "publish")
+        await observer.until(lambda: len(observer.bare_s) >= WARM_UP + SAMPLES, 60.0)
+        stack.release(publisher)
+        figures += delays("bare rospy", observer.bare_s[WARM_UP:], None, None)
+
+        async with Driver(stack, ROBOT, operator) as driver:
+            await driver.take()
+            progress("Python client ...")
+            figures += delays("Python", await drive(driver, observer), 0.8, 2.5)
+            progress(f"with {VIEWERS} viewers ...")
+            async with Crowd(stack, ROBOT, observer_cookie, VIEWERS):
+                figures += delays(f"with {VIEWERS} viewers", await drive(driver, observer), None, 4.0)
+            progress("with a map ...")
+            maps = [start_ros_side(stack, robot, role) for role in ("map", "watch_map")]
+            figures += delays("with a map", await drive(driver, observer), None, 4.0)
+            stack.release(*maps)
+            progress("flood ...")
+            figures += await flood(driver, observer)
+        progress("Chromium ...")
+        async with ChromiumPage(stack, ROBOT, operator) as page:
+            figures += delays("Chromium", await drive_in_chromium(page, observer), None, None)
+    return figures
+
+
+def delays(name: str, delays_s: Sequence[float], p50_ms: float | None, p99_ms: float | None) -> list[Figure]:
+    """Two figures in milliseconds."""
+    return [
+        Figure(f"{name} p50", 1000.0 * quantile(delays_s, 0.50), "ms", p50_ms),
+        Figure(f"{name} p99", 1000.0 * quantile(delays_s, 0.99), "ms", p99_ms),
+    ]
+
+
+class Numbers:
+    """Tells which command a Twist carries out, by its turning speed."""
+
+    def __init__(self, full_turn_radps: float) -> None:
+        self._scale = SHARE * full_turn_radps
+
+    def turn(self, number: int) -> float:
+        """The stick of command `number`."""
+        return TURN + number * STEP
+
+    def number(self, command: Seen) -> int | None:
+        """The command behind a Twist, None if it is another one."""
+        steps = (command.w / self._scale - TURN) / STEP
+        number = round(steps)
+        return number if math.isclose(steps, number, abs_tol=0.1) else None
+
+    def arrivals(self, commands: Sequence[Seen]) -> dict[int, float]:
+        """First arrival of each command; later ones are the bridge's own repetition."""
+        first: dict[int, float] = {}
+        for command in commands:
+            number = self.number(command)
+            if number is not None:
+                first.setdefault(number, command.at_s)
+        return first
+
+
+def numbers_for(driver: Driver) -> Numbers:
+    """By the robot's own limits."""
+    assert driver.robot is not None  # noqa: S101 - a driver has been welcomed
+    return Numbers(driver.robot.limits.turn_radps)
+
+
+async def drive(driver: Driver, observer: Observer) -> list[float]:
+    """Delays of commands at 50 Hz. A command that never arrives counts as endless."""
+    numbers = numbers_for(driver)
+    observer.forget()
+    sent: dict[int, float] = {}
+    due_s = time.monotonic()
+    for number in range(WARM_UP + SAMPLES):
+        sent[number] = time.monotonic()
+        await driver.drive(0.0, numbers.turn(number), SHARE)
+        due_s += PERIOD_S
+        await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+    await asyncio.sleep(0.2)
+    arrived = numbers.arrivals(observer.commands)
+    return [arrived.get(number, math.inf) - sent[number] for number in range(WARM_UP, WARM_UP + SAMPLES)]
+
+
+async def flood(driver: Driver, observer: Observer) -> list[Figure]:
+    """As many commands as the socket takes for half a second: how old is the oldest that is carried out?"""
+    numbers = numbers_for(driver)
+    await hold_turn(driver, numbers)
+    observer.forget()
+    sent: dict[int, float] = {}
+    began_s = time.monotonic()
+    while (now_s := time.monotonic()) < began_s + FLOOD_S:
+        sent[len(sent)] = now_s
+        await driver.drive(0.0, numbers.turn(len(sent) - 1), SHARE)
+    await asyncio.sleep(1.0)
+    ages_s = [
+        command.at_s - sent[number]
+        for command in observer.commands
+        if (number := numbers.number(command)) in sent and number is not None
+    ]
+    return [
+        Figure("flood: commands sent", len(sent), ""),
+        Figure("flood: oldest carried out", 1000.0 * max(ages_s, default=0.0), "ms", 1000.0 * COMMAND_LIFE_S),
+    ]
+
+
+async def hold_turn(driver: Driver, numbers: Numbers) -> None:
+    """Turn until the base has its speed, so that rate limits change nothing."""
+    for _ in range(WARM_UP):
+        await driver.drive(0.0, numbers.turn(0), SHARE)
+        await asyncio.sleep(PERIOD_S)
+
+
+async def drive_in_chromium(page: ChromiumPage, observer: Observer) -> list[float]:
+    """The same from a real browser."""
+    observer.forget()
+    numbers = Numbers(page.full_turn_radps)
+    turns = [numbers.turn(number) for number in range(WARM_UP + SAMPLES)]
+    sent = await page.drive(turns, PERIOD_S, SHARE)
+    await asyncio.sleep(0.2)
+    arrived = numbers.arrivals(observer.commands)
+    return [arrived.get(number, math.inf) - sent[number] for number in range(WARM_UP, WARM_UP + SAMPLES)]

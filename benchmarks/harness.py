@@ -1,0 +1,90 @@
+"""Figures, their limits, and how they are shown."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number; it holds if it is at most its limit, or has none."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """A value that is not a number was not measured, and holds nothing."""
+        return self.limit is None or self.value <= self.limit
+
+    def beside_limit(self) -> str:
+        """Such as ``p50 0.61 <= 0.8 ms ok``."""
+        if self.limit is None:
+            return f"{self.name} {self.value:.3g} {self.unit}"
+        sign, word = ("<=", "ok") if self.holds else (">", "TOO MUCH")
+        return f"{self.name} {self.value:.3g} {sign} {self.limit:g} {self.unit} {word}"
+
+
+def quantile(values: Sequence[float], share: float) -> float:
+    """The value that `share` of the values do not exceed; not a number if there is none."""
+    return float(np.quantile(values, share, method="higher")) if values else float("nan")
+
+
+def progress(text: str) -> None:
+    """For whoever waits; stdout is for figures."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def machine() -> dict[str, str | int]:
+    """Where this was measured."""
+    models = [
+        line.split(":", 1)[1].strip()
+        for line in Path("/proc/cpuinfo").read_text().splitlines()
+        if line.startswith("model name")
+    ]
+    return {
+        "processor": models[0] if models else platform.machine(),
+        "cores": len(os.sched_getaffinity(0)),
+        "kernel": platform.release(),
+        "python": platform.python_version(),
+        "load_before": f"{os.getloadavg()[0]:.2f}",
+    }
+
+
+def show(name: str, figures: Sequence[Figure], facts: dict[str, str | int], *, as_json: bool) -> bool:
+    """Print the figures; True if all hold."""
+    holds = all(figure.holds for figure in figures)
+    if as_json:
+        rows = [
+            {
+                "name": figure.name,
+                "value": None if np.isnan(figure.value) else figure.value,
+                "unit": figure.unit,
+                "limit": figure.limit,
+                "holds": figure.holds,
+            }
+            for figure in figures
+        ]
+        day = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
+        print(json.dumps({"bench": name, "date": day, "machine": facts, "figures": rows, "holds": holds}))
+        return holds
+    width = max(len(figure.name) for figure in figures)
+    print(", ".join(f"{key} {value}" for key, value in facts.items()))
+    for figure in figures:
+        limit = "" if figure.limit is None else f"<= {figure.limit:g}"
+        mark = "" if figure.limit is None else "ok" if figure.holds else "TOO MUCH"
+        print(f"{figure.name:<{width}}  {figure.value:>9.3f} {figure.unit:<6} {limit:<9} {mark}".rstrip())
+    limited = [figure.beside_limit() for figure in figures if figure.limit is not None]
+    print(f"{name}: {'; '.join(limited)}")
+    return holds

@@ -1,0 +1,1 @@
+"""What benchmarks share: processes that watch, publish, look and carry bytes."""

@@ -1,0 +1,106 @@
+"""A WebSocket in a real browser that drives and notes when it sent."""
+
+from __future__ import annotations
+
+from contextlib import AsyncExitStack
+from types import TracebackType
+from typing import Any
+
+from playwright.async_api import Page, async_playwright
+
+from script.stack.stack import Stack
+
+CHROMIUM = "/usr/bin/chromium"
+
+# Talks to the console as the control page does, without drawing: the network and the chain are measured, not the page.
+_OPEN = """
+(address) => new Promise((done, failed) => {
+  const socket = new WebSocket(address);
+  const page = { socket, seq: 0, fence: null, robot: null };
+  window.bench = page;
+  socket.onopen = () => socket.send(JSON.stringify({
+    t: "hello", tab: Array.from(crypto.getRandomValues(new Uint8Array(16)), (b) => (b % 36).toString(36)).join(""),
+  }));
+  socket.onclose = () => failed(new Error("closed"));
+  socket.onmessage = (event) => {
+    const message = JSON.parse(event.data);
+    if (message.t === "view") socket.send('{"t":"ack"}');
+    if (message.t === "welcome") {
+      page.robot = message.robot;
+      socket.send('{"t":"take"}');
+    }
+    if (message.t === "control" && message.state === "yours") {
+      page.fence = message.fence;
+      done(page.robot.limits.turn_radps);
+    }
+  };
+})
+"""
+
+_DRIVE = """
+([turns, period_ms, share]) => new Promise((done) => {
+  const page = window.bench;
+  const sent = [];
+  const began = performance.now();
+  const send = () => {
+    const w = turns[sent.length];
+    const sent_ms = performance.now();
+    page.seq += 1;
+    page.socket.send(JSON.stringify({ t: "drive", fence: page.fence, seq: page.seq, sent_ms, x: 0, w, share }));
+    sent.push(sent_ms);
+    if (sent.length === turns.length) return done(sent);
+    setTimeout(send, Math.max(0, began + sent.length * period_ms - performance.now()));
+  };
+  send();
+})
+"""
+
+
+class ChromiumPage:
+    """Async context: a signed-in page with control of `slug`."""
+
+    def __init__(self, stack: Stack, slug: str, cookie: str) -> None:
+        self._stack = stack
+        self._slug = slug
+        self._cookie = cookie
+        self._closing = AsyncExitStack()
+        self.full_turn_radps = 0.0
+
+    async def __aenter__(self) -> ChromiumPage:
+        playwright = await self._closing.enter_async_context(async_playwright())
+        browser = await playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+        )
+        self._closing.push_async_callback(browser.close)
+        context = await browser.new_context()
+        cookies: list[Any] = [
+            {"name": name, "value": value, "url": self._stack.url}
+            for name, value in (cookie.split("=", 1) for cookie in self._cookie.split("; "))
+        ]
+        await context.add_cookies(cookies)
+        self._page: Page = await context.new_page()
+        # A page of the console's own origin, without scripts of its own.
+        await self._page.goto(f"{self._stack.url}/healthz")
+        self._offset_s = await self._clock_offset_s()
+        address = f"{self._stack.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
+        self.full_turn_radps = await self._page.evaluate(_OPEN, address)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self._closing.aclose()
+
+    async def drive(self, turns: list[float], period_s: float, share: float) -> list[float]:
+        """Send these turns at this period; returns when each was sent, in seconds of CLOCK_MONOTONIC."""
+        sent_ms: list[float] = await self._page.evaluate(_DRIVE, [turns, 1000.0 * period_s, share])
+        return [self._offset_s + ms / 1000.0 for ms in sent_ms]
+
+    async def _clock_offset_s(self) -> float:
+        """performance.now() counts from the navigation's start, which DevTools tells on CLOCK_MONOTONIC."""
+        tools = await self._page.context.new_cdp_session(self._page)
+        await tools.send("Performance.enable")
+        answer = await tools.send("Performance.getMetrics")
+        metrics = {metric["name"]: metric["value"] for metric in answer["metrics"]}
+        await tools.detach()
+        return float(metrics["NavigationStart"])

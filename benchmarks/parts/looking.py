@@ -1,0 +1,56 @@
+"""Starting a crowd of viewers and collecting what they saw."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from collections import defaultdict
+from types import TracebackType
+
+from script.stack.places import REPOSITORY
+from script.stack.stack import Stack
+
+READY_S = 60.0
+
+
+class Crowd:
+    """Async context: `count` viewers of `slug`. `seen`: view's checksum -> viewer's number -> arrival in seconds."""
+
+    def __init__(self, stack: Stack, slug: str, cookie: str, count: int, *, one_stalls: bool = False) -> None:
+        self._stack = stack
+        self._address = f"{stack.url.replace('http', 'ws', 1)}/ws/robots/{slug}/"
+        self._cookie = cookie
+        self._count = count
+        self._one_stalls = one_stalls
+        self.seen: dict[int, dict[int, float]] = defaultdict(dict)
+
+    async def __aenter__(self) -> Crowd:
+        words = [self._address, self._stack.url, str(self._count), *(["--stall"] if self._one_stalls else [])]
+        self._process = await asyncio.create_subprocess_exec(
+            *("/usr/bin/setpriv", "--pdeathsig", "KILL"),
+            *(sys.executable, "-m", "benchmarks.parts.crowd", *words),
+            cwd=REPOSITORY,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        assert self._process.stdin and self._process.stdout  # noqa: S101 - we asked for pipes
+        self._process.stdin.write(f"{self._cookie}\n".encode())
+        async with asyncio.timeout(READY_S):
+            while await self._process.stdout.readline() != b"ready\n":
+                if self._process.returncode is not None:
+                    raise RuntimeError("The viewers could not be opened.")
+        self._reader = asyncio.create_task(self._read(self._process.stdout))
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        await self._process.wait()
+        await self._reader
+
+    async def _read(self, lines: asyncio.StreamReader) -> None:
+        async for line in lines:
+            number, at_ns, checksum = map(int, line.split())
+            self.seen[checksum][number] = at_ns / 1e9

@@ -1,0 +1,105 @@
+"""Watching a robot from outside: what `ros_side.py observe` reports, on our event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from script.stack.processes import Child
+from script.stack.stack import SimulatedRobot, Stack
+
+ROS_SIDE = Path(__file__).with_name("ros_side.py")
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+class Seen(NamedTuple):
+    """A velocity, and when it was seen (seconds, CLOCK_MONOTONIC)."""
+
+    at_s: float
+    vx: float
+    vy: float
+    w: float
+
+    @property
+    def still(self) -> bool:
+        """Exactly zero."""
+        return self.vx == self.vy == self.w == 0.0
+
+
+class Observer:
+    """Async context: collects commands, and odometry or scans where asked, as they come."""
+
+    def __init__(self, robot: SimulatedRobot, *also: str) -> None:
+        self._robot = robot
+        self._also = also
+        self.commands: list[Seen] = []
+        self.odometry: list[Seen] = []
+        self.scans: list[float] = []
+        self.bare_s: list[float] = []  # delays
+        self._ready = False
+        self._news = asyncio.Condition()
+
+    async def __aenter__(self) -> Observer:
+        self._process = await asyncio.create_subprocess_exec(
+            *("/usr/bin/setpriv", "--pdeathsig", "TERM"),
+            *(SYSTEM_PYTHON, str(ROS_SIDE), "observe", *self._also),
+            env=self._robot.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        self._reader = asyncio.create_task(self._read())
+        await self.until(lambda: self._ready, 20.0)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process.returncode is None:
+            self._process.terminate()
+        await self._process.wait()
+        await self._reader
+
+    def forget(self) -> None:
+        """Drop what was collected so far."""
+        for seen in (self.commands, self.odometry, self.scans, self.bare_s):
+            seen.clear()
+
+    async def until(self, condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+        """Wait until `condition()` is true; it is asked again after every message."""
+        async with asyncio.timeout(timeout_s), self._news:
+            await self._news.wait_for(lambda: bool(condition()))
+
+    async def _read(self) -> None:
+        assert self._process.stdout is not None  # noqa: S101 - we asked for a pipe
+        async for line in self._process.stdout:
+            kind, *values = line.decode().split()
+            async with self._news:
+                self._keep(kind, values)
+                self._news.notify_all()
+
+    def _keep(self, kind: str, values: list[str]) -> None:
+        if kind == "ready":
+            self._ready = True
+            return
+        at_s = int(values[0]) / 1e9
+        numbers = [float(value) for value in values[1:]]
+        match kind:
+            case "command":
+                self.commands.append(Seen(at_s, *numbers))
+            case "odometry":
+                self.odometry.append(Seen(at_s, *numbers))
+            case "scan":
+                self.scans.append(at_s)
+            case "bare":
+                self.bare_s.append(at_s - numbers[0])
+
+
+def start_ros_side(stack: Stack, robot: SimulatedRobot, role: str) -> Child:
+    """Start one of the other roles of ros_side.py; it ends with the stack, or by `end_all`."""
+    command = [SYSTEM_PYTHON, str(ROS_SIDE), role]
+    return stack.start_child(f"bench-{role}-{time.monotonic_ns()}", command, robot.environment)

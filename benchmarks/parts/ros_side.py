@@ -1,0 +1,102 @@
+"""The robot's side of a benchmark: a rospy process that has nothing to do with the console.
+
+Run by the distribution's Python, on the master in ROS_MASTER_URI:
+
+    ros_side.py observe [odometry]   a line for each message: kind, arrival (monotonic ns), values
+    ros_side.py publish              Twists at 50 Hz to /bench_bare, each carrying its own time of sending
+    ros_side.py map                  a map of 1000 x 1000 cells to /map, once a second
+    ros_side.py watch_map            reads that map's bytes, as any display does
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import LaserScan
+
+DRIVE_TOPIC = "/key_vel"
+BARE_TOPIC = "/bench_bare"
+RATE_HZ = 50.0
+
+
+def say(line: str) -> None:
+    """One line, at once."""
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def observe(*also: str) -> None:
+    """Report commands, and odometry and scans if asked."""
+
+    def on_command(message: Twist) -> None:
+        now_ns = time.monotonic_ns()
+        say(f"command {now_ns} {message.linear.x!r} {message.linear.y!r} {message.angular.z!r}")
+
+    def on_bare(message: Twist) -> None:
+        say(f"bare {time.monotonic_ns()} {message.linear.z!r}")
+
+    def on_odometry(message: Odometry) -> None:
+        now_ns = time.monotonic_ns()
+        twist = message.twist.twist
+        say(f"odometry {now_ns} {twist.linear.x!r} {twist.linear.y!r} {twist.angular.z!r}")
+
+    def on_scan(message: LaserScan) -> None:
+        say(f"scan {time.monotonic_ns()} {message.header.seq}")
+
+    rospy.Subscriber(DRIVE_TOPIC, Twist, on_command, tcp_nodelay=True)
+    rospy.Subscriber(BARE_TOPIC, Twist, on_bare, tcp_nodelay=True)
+    if "odometry" in also:
+        rospy.Subscriber("/mobile_base_controller/odom", Odometry, on_odometry, tcp_nodelay=True)
+    if "scan" in also:
+        rospy.Subscriber("/scan_raw", LaserScan, on_scan, tcp_nodelay=True)
+    say("ready")
+    rospy.spin()
+
+
+def publish() -> None:
+    """What rospy alone can do: the same message, the same rate, no console between."""
+    publisher = rospy.Publisher(BARE_TOPIC, Twist, queue_size=1, tcp_nodelay=True)
+    message = Twist()
+    due_s = time.monotonic()
+    while not rospy.is_shutdown():
+        message.linear.z = time.monotonic()
+        publisher.publish(message)
+        due_s += 1.0 / RATE_HZ
+        time.sleep(max(0.0, due_s - time.monotonic()))
+
+
+def publish_map() -> None:
+    """A large message beside the small ones."""
+    publisher = rospy.Publisher("/map", OccupancyGrid, queue_size=1)
+    grid = OccupancyGrid()
+    grid.info.width = grid.info.height = 1000
+    grid.info.resolution = 0.05
+    grid.data = bytes(1_000_000)
+    rate = rospy.Rate(1.0)
+    while not rospy.is_shutdown():
+        grid.header.stamp = rospy.Time.now()
+        publisher.publish(grid)
+        rate.sleep()
+
+
+def watch_map() -> None:
+    """Somebody who wants the map, so that its bytes flow."""
+    rospy.Subscriber("/map", rospy.AnyMsg, lambda _message: None)
+    rospy.spin()
+
+
+def main() -> None:
+    """By the first word."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    role, *words = sys.argv[1:]
+    rospy.init_node(f"bench_{role}", anonymous=True, disable_signals=True)
+    {"observe": observe, "publish": publish, "map": publish_map, "watch_map": watch_map}[role](*words)
+
+
+if __name__ == "__main__":
+    main()
