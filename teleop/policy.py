@@ -8,8 +8,8 @@ from typing import Protocol
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from robots.models import Robot
-from robots.selectors import Role, role_on
+from robots.models import Robot, Role
+from robots.selectors import role_on
 from robots.wire import Refusal
 
 

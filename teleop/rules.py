@@ -1,7 +1,7 @@
 """The rules of control: values in, a refusal or None out.
 
-No clock, no database, no socket: `now` is an argument. Times are aware datetimes, because several web processes judge the
-same lease; the bridge is told seconds only. A rule answers None when the step is allowed.
+No clock, no database, no socket: `now` is an argument. Times are aware datetimes, because several web processes
+judge the same lease; the bridge is told seconds only. A rule answers None when the step is allowed.
 """
 
 from __future__ import annotations
@@ -117,9 +117,7 @@ def may_resume(holding: Holding | None, *, user: UUID, tab: Tab, now: datetime) 
     return _over(holding, now)
 
 
-def may_renew(
-    holding: Holding | None, *, tab: Tab, asks: Sequence[Ask], now: datetime
-) -> Refusal | None:
+def may_renew(holding: Holding | None, *, tab: Tab, asks: Sequence[Ask], now: datetime) -> Refusal | None:
     """A fresh term: only for the holder, and not while somebody waits for a turn."""
     if (refusal := must_hold(holding, tab=tab, now=now)) is not None:
         return refusal
@@ -149,9 +147,7 @@ def must_ask(ask: Ask | None, *, now: datetime) -> Refusal | None:
     return None
 
 
-def may_take_over(
-    holding: Holding | None, *, user: UUID, supervises: bool, now: datetime
-) -> Refusal | None:
+def may_take_over(holding: Holding | None, *, user: UUID, supervises: bool, now: datetime) -> Refusal | None:
     """Take control from its holder: supervisors of the robot and staff."""
     if not supervises:
         return Refusal(

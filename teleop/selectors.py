@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from datetime import datetime
 from uuid import UUID
 
-from teleop.models import ControlRequest, Lease
+from fleet.accounts.models import User
+from fleet.accounts.selectors import session_alive
+from robots.models import Robot, Role
+from robots.selectors import link_address, robot_facts, role_on
+from robots.wire import Refusal
+from teleop.models import ControlRequest, ControlSession, Lease
+from teleop.policy import control_permitted
 from teleop.rules import Ask, Holding, Tab
+from teleop.standing import Ending, Registered, Rights, Standing
+
+SignIn = tuple[UUID, str]  # user, session key
 
 
 def holding_of(robot_id: UUID) -> Holding | None:
     """Who has the robot, by the table; it may have lapsed by the clock (`rules.phase`)."""
-    lease = (
-        Lease.objects.filter(robot_id=robot_id, session__isnull=False)
-        .select_related("session__user")
-        .first()
-    )
+    leases = Lease.objects.filter(robot_id=robot_id, session__isnull=False)
+    lease = leases.select_related("session__user").first()
     return None if lease is None else _holding(lease)
 
 
-def holdings() -> list[tuple[UUID, Holding]]:
-    """Every robot that somebody has."""
+def held_robots() -> list[tuple[UUID, Holding]]:
+    """Every robot that somebody has, and who."""
     leases = Lease.objects.filter(session__isnull=False).select_related("session__user")
     return [(lease.robot_id, _holding(lease)) for lease in leases]
 
@@ -39,10 +47,56 @@ def asks_of(robot_id: UUID) -> list[Ask]:
     ]
 
 
+def standing_of(
+    robot_id: UUID, *, people: Iterable[SignIn], sessions: Iterable[UUID], now: datetime
+) -> Standing:
+    """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
+    robot = Robot.objects.filter(pk=robot_id).first()
+    return Standing(
+        read_at=now,
+        holding=holding_of(robot_id),
+        asks=asks_of(robot_id),
+        endings=_endings(list(sessions)),
+        rights={person: rights_of(person, robot, now) for person in set(people)},
+    )
+
+
+def rights_of(person: SignIn, robot: Robot | None, now: datetime) -> Rights:
+    """What this sign-in may do with the robot; nothing if the robot is None: it was deleted."""
+    user_id, session_key = person
+    user = User.objects.filter(pk=user_id).first()
+    if user is None or not user.is_active:
+        return _nothing(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
+    if not session_alive(session_key, user_id):
+        return _nothing(Refusal("signed_out", "You are signed out: sign in again.", "account"))
+    role = role_on(user, robot) if robot else None
+    if robot is None or role is None:
+        return Rights(True, None, False, Refusal("no_role", "You have no role on this robot.", "account"))
+    permit = control_permitted(user=user, robot=robot, now=now)
+    return Rights(True, role.value, role >= Role.SUPERVISOR, permit)
+
+
+def registered(robot_id: UUID) -> Registered | None:
+    """What pages and the link need to know of the robot; None if it was deleted."""
+    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
+    return None if robot is None else Registered(robot_facts(robot), link_address(robot))
+
+
+def _nothing(refusal: Refusal) -> Rights:
+    return Rights(alive=False, role=None, supervises=False, permit=refusal)
+
+
+def _endings(sessions: list[UUID]) -> dict[UUID, Ending]:
+    if not sessions:
+        return {}
+    over = ControlSession.objects.filter(pk__in=sessions, ended_at__isnull=False)
+    return {session.id: Ending(session.end_reason, session.end_note) for session in over}
+
+
 def _holding(lease: Lease) -> Holding:
     session = lease.session
     if session is None or lease.term_ends_at is None or lease.seen_at is None:
-        raise ValueError(f"lease of robot {lease.robot_id} is held but incomplete")
+        raise ValueError(f"the lease of robot {lease.robot_id} is held, but incomplete")
     return Holding(
         session=session.id,
         user=session.user.id,

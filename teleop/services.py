@@ -20,6 +20,7 @@ from django.db.models import QuerySet
 
 from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit.models import Record
 from robots.models import Robot, Role
 from robots.selectors import role_on
 from robots.services import fence_next
@@ -30,11 +31,10 @@ from teleop.policy import Permit, control_permitted
 from teleop.rules import Ask, Holding, Tab
 from teleop.selectors import asks_of, holding_of
 
-
 T = TypeVar("T")
 
 
-class ControlRefused(Exception):  # noqa: N818 - a refusal is an answer, not an error
+class ControlRefused(Exception):
     """A step that may not be done; `refusal` says why."""
 
     def __init__(self, refusal: Refusal) -> None:
@@ -216,7 +216,21 @@ def asks_lapse(*, now: datetime) -> int:
     return old.update(answered_at=now, outcome=ControlRequest.Outcome.LAPSED)
 
 
+# --- stop ---------------------------------------------------------------------------------------
+
+
+def clear_begin(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: datetime) -> Record:
+    """Check that this person may clear the stop latch, and record it. After this the clear may be sent."""
+    with _change():
+        robot, user = _robot(robot_id), _user(user_id)
+        held = holding_of(robot_id)
+        supervises = supervises_robot(user=user, robot=robot)
+        _require(rules.may_clear(held, tab=tab, supervises=supervises, now=now))
+        return _record("stop.clear", held, robot, user)
+
+
 # --- inside -------------------------------------------------------------------------------------
+
 
 def supervises_robot(*, user: User, robot: Robot) -> bool:
     """Whether this person is a supervisor of the robot, or staff."""
@@ -345,8 +359,8 @@ def _end_session(held: Holding, reason: EndReason, note: str, now: datetime) -> 
     )
 
 
-def _record(kind: str, held: Holding | None, robot: Robot, actor: User | None, **parameters: Any) -> None:
-    audit.record(
+def _record(kind: str, held: Holding | None, robot: Robot, actor: User | None, **parameters: Any) -> Record:
+    return audit.record(
         kind,
         actor=actor,
         robot_id=robot.id,

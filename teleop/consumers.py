@@ -1,0 +1,415 @@
+"""The live page of one robot."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Coroutine
+from contextlib import suppress
+from hashlib import sha256
+from typing import Any
+from uuid import UUID, uuid4
+
+from django.db import DatabaseError
+from django.utils import timezone
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from robots import wire
+from robots.link import LinkRefused
+from robots.selectors import robots_visible_to
+from robots.wire import Ended, Notice, Refusal, Refused, browser_message
+from teleop import notices, rooms, services, stopping
+from teleop.database import in_database
+from teleop.grip import Grip
+from teleop.models import EndReason
+from teleop.policy import Permit
+from teleop.rules import Phase, Tab, open_asks, phase
+from teleop.selectors import SignIn, registered, rights_of
+from teleop.services import ControlRefused
+from teleop.socket import CloseCode, Errands, MessageSocket
+from teleop.standing import Registered, Rights, Standing, control_for, gist
+from teleop.views_out import Viewer
+
+log = logging.getLogger(__name__)
+
+
+class RobotConsumer(MessageSocket):
+    """One page of one robot: its pictures, its control, its stop.
+
+    What the connection holds follows the lease in the database, as its room reads it (`stands`); requests only
+    change the lease. So taking, being handed control and losing it by whatever door are one path.
+    """
+
+    room: rooms.Room
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.id = uuid4().hex
+        self.looks = False
+        self.tab: Tab | None = None
+        self.viewer: Viewer | None = None
+        self.grip: Grip | None = None
+        self.dropped = 0  # drive messages that the link could not take at once
+        self._gave_up: UUID | None = None  # never gripped again, whatever an older look says
+        self._standing: Standing | None = None
+        self._told: tuple[object, ...] | None = None
+        self._asks: set[int] = set()
+        self._asking = False
+        self._pressing = False
+        self._beside: set[asyncio.Task[None]] = set()
+
+    # --- opening and closing -----------------------------------------------------------------------
+
+    async def opened(self) -> None:
+        """Find the robot, and see whether this person may look at it."""
+        slug = self.scope["url_route"]["kwargs"]["slug"]
+        self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
+        found = await in_database(_find, slug, self.person)
+        if found is None:
+            await self.close(CloseCode.NO_SUCH_ROBOT, "There is no such robot, or you may not see it.")
+            return
+        self.user, self.robot_id, entry, self.rights = found
+        self.name = self.user.display_name
+        self.errands = Errands()
+        self.room = rooms.enter(self.robot_id, entry, self)
+
+    async def closed(self) -> None:
+        """Zero at once; the lease waits for the page to come back."""
+        if not hasattr(self, "room"):
+            return
+        held, self.grip = self.grip, None
+        if held:
+            held.leave()
+        self.errands.close()
+        for task in self._beside:
+            task.cancel()
+        if self.viewer:
+            self.viewer.leave()
+        try:
+            await in_database(_left, self.robot_id, self.id, held.holding.session if held else None)
+            await self.room.changed()
+        except DatabaseError as error:
+            log.warning("that a page is gone was not noted; its lease lapses by itself: %s", error)
+        finally:
+            await self.room.remove(self)
+
+    # --- what the page says ------------------------------------------------------------------------
+
+    async def heard(self, raw: str) -> None:
+        """One message. A drive message takes no detour, a stop waits for nothing."""
+        message = browser_message(raw)
+        if isinstance(message, wire.Stop):
+            self._press_stop()
+        elif not await self.within_budget(_tag(message)):
+            return
+        elif isinstance(message, wire.Drive):
+            await self._drive(message, raw)
+        elif isinstance(message, wire.Ack):
+            if self.viewer:
+                await self.viewer.drawn()
+        elif isinstance(message, wire.Ping):
+            await self.tell(wire.Pong(message.sent_ms))
+        elif not self.errands.add(lambda: self._do(message)):
+            text = "Too much at once: wait for the answers."
+            await self.refuse(_tag(message), Refusal("busy", text, "wire"))
+
+    async def _drive(self, drive: wire.Drive, raw: str) -> None:
+        grip = self.grip
+        if grip is not None and grip.fence == drive.fence:
+            if not await self.room.link.forward(raw):
+                self.dropped += 1
+            return
+        if grip is None:
+            refusal = Refusal("no_lease", "You do not have control: take it first.", "lease")
+        else:
+            figures: dict[str, float | int | str | None] = {"fence": drive.fence, "yours": grip.fence}
+            refusal = Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
+        await self.refuse("drive", refusal, drive.seq, drive.fence)
+
+    async def _do(self, message: wire.BrowserMessage) -> None:
+        """One errand: a request that needs the database."""
+        try:
+            if isinstance(message, wire.Hello):
+                await self._hello(message)
+            elif self.tab is None:
+                raise ControlRefused(Refusal("hello_first", "The first message is hello.", "wire"))
+            else:
+                await self._change(message, self.tab)
+        except (ControlRefused, LinkRefused) as refused:
+            await self.refuse(_tag(message), refused.refusal)
+
+    async def _hello(self, hello: wire.Hello) -> None:
+        if self.tab is not None:
+            raise ControlRefused(Refusal("hello_twice", "This page has said hello already.", "wire"))
+        self.tab = Tab(hello.tab, sha256(self.person[1].encode()).hexdigest(), self.id)
+        await self._welcome()
+        await self.room.look_for(self)
+        holding = self._standing.holding if self._standing else None
+        if holding and holding.user == self.user.id and holding.tab.is_same_tab(self.tab):
+            with suppress(ControlRefused):  # then it lapsed just now, or the right to it ended
+                await in_database(services.lease_resume, **self._me(), now=timezone.now())
+                await self.room.changed()
+        self.viewer = Viewer(self.room.views, self.asgi_send)
+        self.looks = True
+        self.room.watchers_changed()
+
+    async def _change(self, message: wire.BrowserMessage, tab: Tab) -> None:
+        """Change who has control, or the stop latch; then everybody is told."""
+        me, now = self._me(), timezone.now()
+        match message:
+            case wire.Take():
+                await in_database(services.lease_take, **me, highest_fence=self._bridge_fence(), now=now)
+            case wire.TakeOver(reason=reason):
+                await in_database(
+                    services.lease_take_over, **me, reason=reason, highest_fence=self._bridge_fence(), now=now
+                )
+            case wire.HandOver(request=request):
+                await in_database(
+                    services.lease_hand_over,
+                    **me,
+                    request_id=request,
+                    highest_fence=self._bridge_fence(),
+                    now=now,
+                )
+            case wire.Renew():
+                await in_database(services.lease_renew, **me, now=now)
+            case wire.Release():
+                self._let_go("Control was given back.")
+                await in_database(services.lease_release, **me, now=now)
+            case wire.Ask():
+                await in_database(services.control_ask, **me, now=now)
+            case wire.AskCancel():
+                self._asking = False
+                await in_database(
+                    services.control_ask_cancel,
+                    robot_id=self.robot_id,
+                    connection=self.id,
+                    gone=False,
+                    now=now,
+                )
+            case wire.Clear():
+                await stopping.clear(self.room.link, user=self.user, tab=tab)
+                return
+        await self.room.changed()
+
+    def _me(self) -> dict[str, Any]:
+        return {"robot_id": self.robot_id, "user_id": self.user.id, "tab": self.tab}
+
+    def _bridge_fence(self) -> int:
+        """The highest fencing number that the bridge knows; nobody gets control of a robot out of reach."""
+        link = self.room.link
+        if not link.up and link.refusal:
+            raise LinkRefused(link.refusal)
+        return link.highest_fence
+
+    # --- stop --------------------------------------------------------------------------------------
+
+    def _press_stop(self) -> None:
+        if self._pressing:  # pressed again and again: sent each time, recorded once
+            self.room.link.send(wire.LinkStop(self.name))
+            return
+        self._pressing = True
+        self._do_beside(self._stop())
+
+    async def _stop(self) -> None:
+        try:
+            result = await stopping.press(self.room.link, user=self.user, through="robot page")
+        finally:
+            self._pressing = False
+        if isinstance(result, Refusal):
+            await self.tell(Refused("stop", result))
+
+    # --- what the room says (rooms.Member) -----------------------------------------------------------
+
+    @property
+    def held_session(self) -> UUID | None:
+        """The control session that this page has."""
+        return self.grip.holding.session if self.grip else None
+
+    async def stands(self, standing: Standing) -> None:
+        """Follow the lease: grip what is ours, let go what is not, say what is new."""
+        self._standing = standing
+        before, self.rights = self.rights, standing.rights.get(self.person, self.rights)
+        if not self.rights.alive or self.rights.role is None:
+            await self._cut_off()
+            return
+        if before.role != self.rights.role:
+            await self._welcome()
+        await self._follow_lease(standing)
+        await self._follow_permit()
+        await self._tell_control()
+        await self._tell_of_asks(standing)
+
+    async def edited(self, entry: Registered) -> None:
+        """The robot was edited."""
+        await self._welcome()
+
+    def link_changed(self, up: bool, refusal: Refusal | None) -> None:
+        """Say that the bridge is away, or grip again when it is back."""
+        if up and self.grip:
+            self.grip.renew_soon()
+        if refusal and not up and self.tab:
+            self._do_beside(self.tell(wire.BridgeGone(refusal)))
+
+    def ended_at_bridge(self, ended: Ended) -> None:
+        """Look what came in between, and grip again if nothing did."""
+        if self.grip and ended.fence == self.grip.fence:
+            self.grip.renew_soon()
+
+    def refused_at_bridge(self, refused: Refused) -> None:
+        """Pass on what was refused of ours."""
+        if self.grip and refused.fence == self.grip.fence:
+            self._do_beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
+
+    # --- control on this connection ------------------------------------------------------------------
+
+    async def _follow_lease(self, standing: Standing) -> None:
+        holding = standing.holding
+        if holding is None or phase(holding, standing.read_at) is Phase.LAPSED:
+            ours = None
+        else:
+            ours = holding if holding.tab.connection == self.id and holding.session != self._gave_up else None
+        if self.grip and (ours is None or ours.session != self.held_session):
+            await self._lost(standing)
+        if ours and self.grip is None and isinstance(self.rights.permit, Permit):
+            if self._asking:
+                self._asking = False
+                await self.tell(notices.now_yours())
+            self.grip = Grip(
+                self.room,
+                ours,
+                permit=self.rights.permit,
+                settled=self._tell_control,
+                refused=self._refused_by_bridge,
+            )
+
+    async def _lost(self, standing: Standing) -> None:
+        """Control went elsewhere, or ended, by another door than this connection."""
+        if self.grip is None:
+            return
+        session = self.grip.holding.session
+        ending = standing.endings.get(session)
+        if ending is None:
+            self.grip.pass_on()
+        else:
+            self.grip.revoke(ending.note or EndReason(ending.reason).label)
+        self.grip = None
+        await self.tell(notices.control_ended(ending))
+
+    async def _follow_permit(self) -> None:
+        """End control when the right to it ended; follow a changed limit."""
+        permit = self.rights.permit
+        if self.grip is None:
+            return
+        if isinstance(permit, Refusal):
+            await self._right_ended(permit)
+        elif permit.max_share != self.grip.permit.max_share:
+            self.grip.permit = permit
+            self.grip.renew_soon()
+
+    async def _right_ended(self, refusal: Refusal) -> None:
+        session = self._let_go(refusal.text)
+        if session is not None:
+            await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
+            self._do_beside(self._end_lease(session, EndReason.RIGHT, refusal))
+
+    async def _refused_by_bridge(self, refusal: Refusal) -> None:
+        """The bridge knows better: a higher fencing number, another session under this one."""
+        session = self._let_go(refusal.text)
+        if session is not None:
+            await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
+            self._do_beside(self._end_lease(session, EndReason.BRIDGE, refusal))
+
+    async def _end_lease(self, session: UUID, reason: EndReason, refusal: Refusal) -> None:
+        await in_database(_end_lease, self.robot_id, session, reason, refusal)
+        await self.room.changed()
+
+    async def _cut_off(self) -> None:
+        """This person may not even look any more."""
+        permit = self.rights.permit
+        refusal = (
+            permit if isinstance(permit, Refusal) else Refusal("no_role", "You may not look.", "account")
+        )
+        if self.grip:
+            await self._right_ended(refusal)
+        else:
+            await self.tell(Notice("error", refusal.code, refusal.text))
+        if self.viewer:
+            self.viewer.leave()
+        code = CloseCode.NOT_PERMITTED if self.rights.alive else CloseCode.SIGNED_OUT
+        await self.close(code, refusal.text)
+
+    def _let_go(self, reason: str) -> UUID | None:
+        """End control on this connection, whatever the database says yet. Returns the session, if there was one."""
+        grip, self.grip = self.grip, None
+        if grip is None:
+            return None
+        self._gave_up = grip.holding.session
+        grip.revoke(reason)
+        return grip.holding.session
+
+    # --- what the page is told -----------------------------------------------------------------------
+
+    async def _welcome(self) -> None:
+        if self.tab is not None and self.rights.role:
+            await self.tell(wire.Welcome(wire.PROTOCOL, self.name, self.rights.role, self.room.entry.facts))
+
+    async def _tell_control(self) -> None:
+        standing = self._standing
+        if standing is None or self.tab is None or (self.grip and not self.grip.is_settled):
+            return
+        control = control_for(standing, user=self.user.id, connection=self.id, rights=self.rights)
+        now = gist(control, standing)
+        if now != self._told:
+            self._told = now
+            await self.tell(control)
+
+    async def _tell_of_asks(self, standing: Standing) -> None:
+        asks = open_asks(standing.asks, standing.read_at)
+        if self.grip:
+            for ask in asks:
+                if ask.id not in self._asks:
+                    await self.tell(notices.somebody_asks(ask.name))
+        self._asks = {ask.id for ask in asks}
+        asking = any(ask.tab.connection == self.id for ask in asks)
+        if self._asking and not asking:
+            await self.tell(notices.answered(free=standing.holding is None))
+        self._asking = asking
+
+    def _do_beside(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._beside.add(task)
+        task.add_done_callback(self._beside.discard)
+
+
+def _tag(message: Struct) -> str:
+    return str(message.__struct_config__.tag)
+
+
+def _find(slug: str, person: SignIn) -> tuple[User, UUID, Registered, Rights] | None:
+    """The person, the robot if they may see it, and what they may do with it."""
+    user = User.objects.get(pk=person[0])
+    robot = robots_visible_to(user).filter(slug=slug).first()
+    entry = registered(robot.id) if robot else None
+    if robot is None or entry is None:
+        return None
+    return user, robot.id, entry, rights_of(person, robot, timezone.now())
+
+
+def _left(robot_id: UUID, connection: str, session: UUID | None) -> None:
+    """A page is gone: its lease may be resumed for a while, its question is withdrawn."""
+    now = timezone.now()
+    if session is not None:
+        services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
+    services.control_ask_cancel(robot_id=robot_id, connection=connection, gone=True, now=now)
+
+
+def _end_lease(robot_id: UUID, session: UUID, reason: EndReason, refusal: Refusal) -> None:
+    try:
+        services.lease_end(
+            robot_id=robot_id, session=session, reason=reason, refusal=refusal, now=timezone.now()
+        )
+    except ControlRefused as error:
+        # The bridge has been told already; unseen, the lease lapses by itself.
+        log.error("the end of control session %s was not recorded: %s", session, error)

@@ -1,0 +1,27 @@
+"""How much one connection may say. Pure: time is an argument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Budget:
+    """A bucket of `size` tokens that fills by `rate_per_s`; each message takes one."""
+
+    rate_per_s: float
+    size: float
+    _left: float = field(init=False)
+    _at_s: float = field(init=False, default=float("-inf"))
+
+    def __post_init__(self) -> None:
+        self._left = self.size
+
+    def spend(self, now_s: float) -> bool:
+        """Take a token. False if there is none."""
+        self._left = min(self.size, self._left + (now_s - self._at_s) * self.rate_per_s)
+        self._at_s = now_s
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True

@@ -1,0 +1,52 @@
+"""What a page is told in words when control changes."""
+
+from __future__ import annotations
+
+from robots.wire import Notice
+from teleop.models import EndReason
+from teleop.rules import GRACE_S
+from teleop.standing import Ending
+
+_LEVELS = {
+    EndReason.HANDED_OVER: "info",
+    EndReason.MOVED: "info",
+    EndReason.RELEASED: "info",
+    EndReason.TERM: "warning",
+}
+
+_TEXTS = {
+    EndReason.RELEASED: "Control was given back.",
+    EndReason.MOVED: "You have control in another tab now.",
+    EndReason.TERM: "Your term is over. Take control again if nobody else does.",
+    EndReason.AWAY: f"Your page was out of reach for more than {GRACE_S:.0f} s, so control ended.",
+}
+
+
+def control_ended(ending: Ending | None) -> Notice:
+    """Why control ended, to the page that had it. `ending` None: it went on elsewhere."""
+    if ending is None:
+        return Notice("info", "elsewhere", "Control goes on in another tab.")
+    reason = EndReason(ending.reason)
+    text = _TEXTS.get(reason, ending.note) or reason.label
+    return Notice(_LEVELS.get(reason, "error"), reason.value, text)
+
+
+def somebody_asks(name: str) -> Notice:
+    """To the holder."""
+    return Notice("info", "asked", f"{name} asks for control.")
+
+
+def now_yours() -> Notice:
+    """To whoever asked, and got it."""
+    return Notice("info", "handed_to_you", "Control was handed to you.")
+
+
+def answered(free: bool) -> Notice:
+    """To whoever asked, and did not get it."""
+    if free:
+        return Notice("info", "free", "The robot is free now: take control.")
+    return Notice(
+        "info",
+        "not_handed_over",
+        "Your question for control is closed; ask again if you still need the robot.",
+    )

@@ -1,0 +1,224 @@
+"""A room: one robot and everybody who has its page open in this web process.
+
+It holds the link, hands out the pictures and looks at the database for all of them together: every half second
+while one of them has control, else every two. A stale look changes nothing for the better: who may control is
+confirmed again and again, and whoever is not confirmed is not renewed at the bridge.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Collection
+from contextlib import suppress
+from typing import Protocol
+from uuid import UUID
+
+from django.db import DatabaseError
+from django.utils import timezone
+
+from robots.link import BridgeLink, links
+from robots.wire import Ended, Refusal, Refused, State
+from teleop import rules
+from teleop.database import in_database
+from teleop.hints import Hints
+from teleop.rules import Phase
+from teleop.selectors import SignIn, registered, standing_of
+from teleop.services import ControlRefused, lease_expire, lease_seen
+from teleop.standing import Registered, Standing
+from teleop.views_out import Views
+
+log = logging.getLogger(__name__)
+
+LOOK_HOLDER_S = 0.5
+LOOKS_PER_FULL = 4  # everybody's rights and the registry: every so many looks
+
+
+class Member(Protocol):
+    """One page, as its room sees it."""
+
+    id: str
+    person: SignIn
+    name: str
+    looks: bool  # pictures are wanted
+
+    @property
+    def held_session(self) -> UUID | None:
+        """The control session that this page has."""
+
+    async def stands(self, standing: Standing) -> None:
+        """How control stands now."""
+
+    async def edited(self, entry: Registered) -> None:
+        """What the registry says of the robot, at each full look."""
+
+    def link_changed(self, up: bool, refusal: Refusal | None) -> None:
+        """The link to the bridge came or went."""
+
+    def ended_at_bridge(self, ended: Ended) -> None:
+        """The bridge ended somebody's control."""
+
+    def refused_at_bridge(self, refused: Refused) -> None:
+        """The bridge refused somebody's message."""
+
+
+class Room:
+    """See the module. Made by `enter`, gone with its last member."""
+
+    def __init__(self, robot_id: UUID, entry: Registered) -> None:
+        self.robot_id = robot_id
+        self.entry = entry
+        self.link: BridgeLink = links.get(robot_id, entry.link)
+        self.views = Views()
+        self.members: dict[str, Member] = {}
+        self.looked_s = time.monotonic()  # when the database last answered
+        self._one_look = asyncio.Lock()
+        self._hints = Hints(robot_id, self.look)
+        self._looking = asyncio.create_task(self._keep_looking())
+        self.link.subscribe(self)
+
+    # --- members -----------------------------------------------------------------------------------
+
+    def add(self, member: Member) -> None:
+        """Let a page in."""
+        self.members[member.id] = member
+
+    async def remove(self, member: Member) -> None:
+        """See a page out; the last one closes the room."""
+        self.members.pop(member.id, None)
+        if self.members:
+            self.watchers_changed()
+            return
+        _rooms.pop(self.robot_id, None)
+        self.link.unsubscribe(self)
+        await self._hints.close()
+        await self.views.close()
+        self._looking.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._looking
+
+    def watchers_changed(self) -> None:
+        """Tell the bridge who looks."""
+        self.link.watch(self, {member.name for member in self.members.values() if member.looks})
+
+    # --- the database ------------------------------------------------------------------------------
+
+    async def changed(self) -> None:
+        """This process changed the lease: everybody is told, here and elsewhere."""
+        await self._hints.give()
+        await self.look()
+
+    async def look(self) -> None:
+        """Read how control stands, for everybody here. On return, they know what was true when this was called."""
+        await self._look([member.person for member in self.members.values()])
+
+    async def look_for(self, member: Member) -> None:
+        """Read how control stands, for one who has just come."""
+        await self._look([member.person])
+
+    async def _look(self, people: Collection[SignIn]) -> None:
+        # One after the other: what members are told never goes back in time.
+        async with self._one_look:
+            standing = await in_database(self._read, people)
+            self.looked_s = time.monotonic()
+            for member in list(self.members.values()):
+                await member.stands(standing)
+
+    def _read(self, people: Collection[SignIn]) -> Standing:
+        sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
+        standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+        if rules.phase(standing.holding, standing.read_at) is not Phase.LAPSED:
+            return standing
+        with suppress(ControlRefused):  # then somebody else expires it, or it came back
+            lease_expire(robot_id=self.robot_id, now=standing.read_at)
+        return standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+
+    def _note_seen(self) -> None:
+        for member in list(self.members.values()):
+            if member.held_session:
+                lease_seen(
+                    robot_id=self.robot_id,
+                    session=member.held_session,
+                    connection=member.id,
+                    now=timezone.now(),
+                )
+
+    async def _keep_looking(self) -> None:
+        looks = 0
+        reachable = True
+        while True:
+            await asyncio.sleep(LOOK_HOLDER_S)
+            looks += 1
+            try:
+                await self._regular_look(full=looks % LOOKS_PER_FULL == 0)
+                if not reachable:
+                    log.info("the database answers again")
+                reachable = True
+            except DatabaseError as error:
+                if reachable:
+                    log.error("rights cannot be checked, so control is not renewed: %s", error)
+                reachable = False
+            except Exception:
+                log.exception("a look at the lease failed")
+
+    async def _regular_look(self, *, full: bool) -> None:
+        holders = [member.person for member in self.members.values() if member.held_session]
+        if not full:
+            if holders:
+                await self._look(holders)
+            return
+        await self._read_registry()
+        await self.look()
+        if holders:
+            await in_database(self._note_seen)
+
+    async def _read_registry(self) -> None:
+        entry = await in_database(registered, self.robot_id)
+        if entry is None or entry == self.entry:
+            return
+        self.entry = entry
+        link = links.get(self.robot_id, entry.link)
+        if link is not self.link:
+            self.link.unsubscribe(self)
+            self.link = link
+            self.link.subscribe(self)
+            self.watchers_changed()
+        for member in list(self.members.values()):
+            await member.edited(entry)
+
+    # --- the link (robots.link.Listener) -------------------------------------------------------------
+
+    def on_view(self, raw: str) -> None:
+        """A picture for all who look."""
+        self.views.publish(raw)
+
+    def on_status(self, state: State) -> None:
+        """Pages see the state in their pictures."""
+
+    def on_link(self, up: bool, refusal: Refusal | None) -> None:
+        """Pages say so."""
+        for member in list(self.members.values()):
+            member.link_changed(up, refusal)
+
+    def on_ended(self, ended: Ended) -> None:
+        """For whoever held it."""
+        for member in list(self.members.values()):
+            member.ended_at_bridge(ended)
+
+    def on_refused(self, refused: Refused) -> None:
+        """For whoever sent it."""
+        for member in list(self.members.values()):
+            member.refused_at_bridge(refused)
+
+
+_rooms: dict[UUID, Room] = {}
+
+
+def enter(robot_id: UUID, entry: Registered, member: Member) -> Room:
+    """The robot's room, with `member` in it."""
+    room = _rooms.get(robot_id)
+    if room is None:
+        room = _rooms[robot_id] = Room(robot_id, entry)
+    room.add(member)
+    return room

@@ -1,0 +1,142 @@
+"""A WebSocket that speaks typed messages: what both consumers have in common.
+
+Channels' own loop makes a task and a thread hop for each message, 0.3 ms; on the way of the stick that is most of
+the time. This one hands each message straight to `heard`, and what takes long is done beside it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import Counter
+from typing import Any
+
+from channels.consumer import AsyncConsumer
+from msgspec import Struct
+
+from robots.wire import Refusal, Refused, WireError, encode
+from teleop.flood import Budget
+
+log = logging.getLogger(__name__)
+
+FLOOD_PER_S = 200.0  # messages; a stick sends 50
+FLOOD_BURST = 400.0  # what a stall of some seconds may leave behind
+FLOOD_CLOSES_AFTER = 400  # refused messages
+REPLIES_PER_S = 10.0  # refusals that are answered; the others are only counted
+REPLIES_BURST = 20.0
+
+
+class CloseCode:
+    """Why the server closes a WebSocket, for the page to act on."""
+
+    SIGNED_OUT = 4401
+    NOT_PERMITTED = 4403
+    NO_SUCH_ROBOT = 4404
+    FLOOD = 4429
+
+
+class MessageSocket(AsyncConsumer):
+    """Base of the consumers. Subclasses say what happens when it opens, hears something, and closes."""
+
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()  # messages not carried out, by code
+        self._budget = Budget(FLOOD_PER_S, FLOOD_BURST)
+        self._replies = Budget(REPLIES_PER_S, REPLIES_BURST)
+        self._closing = False
+
+    async def opened(self) -> None:
+        """The handshake is done."""
+
+    async def heard(self, raw: str) -> None:
+        """A text message came in. Raises WireError if it is none of ours. Must not wait for anything slow."""
+        raise NotImplementedError
+
+    async def closed(self) -> None:
+        """The connection is gone."""
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """The ASGI application."""
+        self.scope: Any = scope
+        self.asgi_send = send
+        await receive()  # websocket.connect
+        await send({"type": "websocket.accept"})
+        try:
+            await self.opened()
+            while (event := await receive())["type"] != "websocket.disconnect":
+                if not self._closing:
+                    await self._received(event)
+        finally:
+            await self.closed()
+            if self.refused:
+                log.info("%s: refused on this connection: %s", scope["path"], dict(self.refused))
+
+    async def _received(self, event: dict[str, Any]) -> None:
+        raw = event.get("text")
+        try:
+            if raw is None:
+                raise WireError(Refusal("not_text", "Only text frames are taken.", "wire"))
+            await self.heard(raw)
+        except WireError as error:
+            await self.refuse("", error.refusal)
+
+    async def tell(self, message: Struct) -> None:
+        """Send a message to the page."""
+        if not self._closing:
+            await self.asgi_send({"type": "websocket.send", "text": encode(message).decode()})
+
+    async def refuse(
+        self, of: str, refusal: Refusal, seq: int | None = None, fence: int | None = None
+    ) -> None:
+        """Count a message that is not carried out, and say why, though not more often than anybody can read."""
+        self.refused[refusal.code] += 1
+        if self._replies.spend(time.monotonic()):
+            await self.tell(Refused(of, refusal, seq, fence))
+
+    async def within_budget(self, of: str) -> bool:
+        """Whether this connection may say one thing more. Refuses if not, and closes when it goes on and on."""
+        if self._budget.spend(time.monotonic()):
+            return True
+        text = f"More than {FLOOD_PER_S:.0f} messages a second."
+        flood = Refusal("flood", text, "wire", {"limit_per_s": FLOOD_PER_S})
+        await self.refuse(of, flood)
+        if self.refused["flood"] >= FLOOD_CLOSES_AFTER:
+            await self.tell(Refused(of, flood))
+            await self.close(CloseCode.FLOOD, text)
+        return False
+
+    async def close(self, code: int, reason: str) -> None:
+        """Close the connection; what still comes in is not looked at."""
+        if not self._closing:
+            self._closing = True
+            await self.asgi_send({"type": "websocket.close", "code": code, "reason": reason})
+
+
+class Errands:
+    """What one connection asks for that takes long, done one after the other beside its stick."""
+
+    LONGEST = 8
+
+    def __init__(self) -> None:
+        self._queue: asyncio.Queue[Any] = asyncio.Queue(self.LONGEST)
+        self._task = asyncio.create_task(self._run())
+
+    def add(self, errand: Any) -> bool:
+        """Queue a coroutine function without arguments. False if too much waits already."""
+        try:
+            self._queue.put_nowait(errand)
+        except asyncio.QueueFull:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Drop what waits; what runs is not waited for."""
+        self._task.cancel()
+
+    async def _run(self) -> None:
+        while True:
+            errand = await self._queue.get()
+            try:
+                await errand()
+            except Exception:
+                log.exception("an errand of a connection failed")
