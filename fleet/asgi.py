@@ -3,14 +3,13 @@
 import os
 import warnings
 
-from channels.auth import AuthMiddlewareStack
 from channels.routing import ProtocolTypeRouter, URLRouter
 from django.core.asgi import get_asgi_application
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
 http = get_asgi_application()
 
-from fleet.doors import SameOrigin, SignedIn  # noqa: E402 - the applications are ready only now
+from fleet.doors import guarded  # noqa: E402 - the applications are ready only now
 from teleop.routing import websocket_urlpatterns  # noqa: E402
 
 # WhiteNoise serves files from threads, and Django says so once for each file.
@@ -18,9 +17,4 @@ warnings.filterwarnings(
     "ignore", message="StreamingHttpResponse must consume synchronous iterators", category=Warning
 )
 
-application = ProtocolTypeRouter(
-    {
-        "http": http,
-        "websocket": SameOrigin(AuthMiddlewareStack(SignedIn(URLRouter(websocket_urlpatterns)))),
-    }
-)
+application = ProtocolTypeRouter({"http": http, "websocket": guarded(URLRouter(websocket_urlpatterns))})

@@ -8,12 +8,13 @@ from __future__ import annotations
 import logging
 from typing import Any
 
+from channels.auth import AuthMiddlewareStack
 from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
-logger = logging.getLogger(__name__)
+from teleop.socket import CloseCode
 
-SIGNED_OUT = 4401  # close code
+logger = logging.getLogger(__name__)
 
 
 class SameOrigin:
@@ -46,7 +47,14 @@ class SignedIn:
             return await self._inner(scope, receive, send)
         await receive()  # websocket.connect
         await send({"type": "websocket.accept"})
-        return await send({"type": "websocket.close", "code": SIGNED_OUT, "reason": "Sign in first."})
+        return await send(
+            {"type": "websocket.close", "code": CloseCode.SIGNED_OUT, "reason": "Sign in first."}
+        )
+
+
+def guarded(inner: Any) -> Any:
+    """Every door of a WebSocket, in order: whose page, which person."""
+    return SameOrigin(AuthMiddlewareStack(SignedIn(inner)))
 
 
 def origin_allowed(headers: list[tuple[bytes, bytes]]) -> bool:

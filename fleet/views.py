@@ -5,17 +5,22 @@ from __future__ import annotations
 from functools import cache
 
 from django.contrib.auth.decorators import login_not_required
+from django.contrib.auth.views import redirect_to_login
 from django.core.exceptions import PermissionDenied
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect
+from django.urls import reverse
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 
+@login_not_required
 def admin_login(request: HttpRequest) -> HttpResponse:
     """Where Django's admin sends whoever may not see it. To sign in there is one door, and it is not here."""
+    if not request.user.is_authenticated:
+        return redirect_to_login(request.GET.get("next", reverse("admin:index")))
     if request.user.is_staff:
         return redirect("admin:index")
     raise PermissionDenied("The admin pages are for staff.")

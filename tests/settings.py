@@ -18,7 +18,7 @@ for _name in ("FLEET_DEBUG", "FLEET_TLS", "FLEET_RUN_DIR", "FLEET_ORIGINS", "FLE
     os.environ.pop(_name, None)
 
 from fleet.settings import *  # noqa: E402, F403
-from fleet.settings import DATABASES, PASSWORD_HASHERS, STORAGES  # noqa: E402
+from fleet.settings import DATABASES, FLEET_VAR, PASSWORD_HASHERS, STORAGES  # noqa: E402
 
 # A file, not memory: connections of several threads then wait for each other as they do in production.
 DATABASES["default"]["TEST"] = {
@@ -26,6 +26,7 @@ DATABASES["default"]["TEST"] = {
     if "sqlite" in DATABASES["default"]["ENGINE"]
     else f"test_fleet_{os.getpid()}"
 }
+(FLEET_VAR / "static").mkdir()  # WhiteNoise warns when there is none
 STORAGES["staticfiles"]["BACKEND"] = "django.contrib.staticfiles.storage.StaticFilesStorage"
 PRODUCTION_PASSWORD_HASHERS = PASSWORD_HASHERS
 PASSWORD_HASHERS = [

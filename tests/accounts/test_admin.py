@@ -1,0 +1,99 @@
+"""People and the audit log in the admin."""
+
+import pytest
+
+from fleet.accounts.models import User
+from fleet.audit import record
+from fleet.audit.models import Record
+from tests.conftest import PASSWORD
+
+pytestmark = pytest.mark.django_db
+
+PEOPLE = "/admin/accounts/user/"
+SIGN_INS = "/admin/accounts/signin/"
+RECORDS = "/admin/audit/record/"
+
+
+@pytest.fixture
+def admin(staff, signed_in):
+    """A staff member's browser: staff, not superuser."""
+    return signed_in(staff)
+
+
+@pytest.mark.parametrize("page", [PEOPLE, f"{PEOPLE}add/", SIGN_INS, RECORDS, f"{RECORDS}?kind=stop.press"])
+def test_staff_see_the_lists(page, admin):
+    record("stop.press")
+    assert admin.get(page).status_code == 200
+
+
+@pytest.mark.parametrize("page", [PEOPLE, SIGN_INS, RECORDS])
+def test_nobody_else_does(page, supervisor, signed_in):
+    assert signed_in(supervisor).get(page, follow=True).status_code == 403
+
+
+def test_a_record_can_be_read_and_neither_added_changed_nor_deleted(admin):
+    entry = record("stop.press")
+    assert admin.get(f"{RECORDS}{entry.pk}/change/").status_code == 200
+    assert admin.post(f"{RECORDS}{entry.pk}/change/", {"kind": "stop.clear"}).status_code == 403
+    assert admin.get(f"{RECORDS}add/").status_code == 403
+    assert admin.post(f"{RECORDS}{entry.pk}/delete/", {"post": "yes"}).status_code == 403
+    assert Record.objects.get(pk=entry.pk).kind == "stop.press"
+
+
+def test_records_can_be_filtered_by_robot_kind_actor_and_day(admin, operator):
+    record("stop.press", actor=operator, robot_name="TIAGo 1")
+    record("stop.clear", robot_name="TIAGo 2")
+    query = "kind=stop.press&robot_name=TIAGo+1&actor_name=Olga+Operator&at__gte=2000-01-01+00%3A00%3A00%2B00%3A00"
+    response = admin.get(f"{RECORDS}?{query}")
+    assert [entry.kind for entry in response.context["cl"].result_list] == ["stop.press"]
+
+
+def test_an_account_made_here_goes_on_record_without_its_password(admin, staff):
+    form = {
+        "username": "new",
+        "full_name": "Nia New",
+        "usable_password": "true",
+        "password1": PASSWORD,
+        "password2": PASSWORD,
+    }
+    assert admin.post(f"{PEOPLE}add/", form).status_code == 302
+    entry = Record.objects.get(kind="account.create")
+    assert (entry.actor_id, entry.parameters["name"]) == (str(staff.pk), "Nia New")
+    assert PASSWORD not in str(entry.parameters)
+
+
+def test_making_somebody_staff_goes_on_record(admin, operator):
+    form = {
+        "username": "operator",
+        "full_name": "Olga Operator",
+        "email": "",
+        "is_active": "on",
+        "is_staff": "on",
+    }
+    assert admin.post(f"{PEOPLE}{operator.pk}/change/", form).status_code == 302
+    assert User.objects.get(pk=operator.pk).is_staff
+    changes = Record.objects.get(kind="account.change").parameters["changes"]
+    assert changes == [{"field": "is_staff", "from": False, "to": True}]
+
+
+def test_a_new_password_goes_on_record_but_not_what_it_is(admin, operator):
+    form = {"usable_password": "true", "password1": "another long walk", "password2": "another long walk"}
+    assert admin.post(f"{PEOPLE}{operator.pk}/password/", form).status_code == 302
+    changes = Record.objects.get(kind="account.change").parameters["changes"]
+    assert changes == [{"field": "password"}]
+
+
+def test_a_persons_page_leads_to_their_roles(admin, operator):
+    page = admin.get(f"{PEOPLE}{operator.pk}/change/").content.decode()
+    assert f"/admin/robots/robotrole/?user__id__exact={operator.pk}" in page
+
+
+def test_accounts_are_closed_not_deleted(admin, operator):
+    assert admin.post(f"{PEOPLE}{operator.pk}/delete/", {"post": "yes"}).status_code == 403
+
+
+def test_sign_ins_are_to_be_read_only(admin, staff):
+    sign_in = staff.sign_ins.get()
+    assert admin.get(f"{SIGN_INS}{sign_in.pk}/change/").status_code == 200
+    assert admin.post(f"{SIGN_INS}{sign_in.pk}/delete/", {"post": "yes"}).status_code == 403
+    assert sign_in.session_id not in admin.get(f"{SIGN_INS}{sign_in.pk}/change/").content.decode()

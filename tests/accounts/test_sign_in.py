@@ -1,0 +1,172 @@
+"""Signing in and out, what goes on record of it, and how guessing is slowed down."""
+
+from datetime import timedelta
+from unittest import mock
+
+import pytest
+from django.core.management import call_command
+from django.test import Client
+from django.utils import timezone
+
+from fleet.accounts import throttle
+from fleet.accounts.models import SignIn, User
+from fleet.audit import AuditUnavailable
+from fleet.audit.models import Record
+from tests.conftest import PASSWORD
+from tests.settings import PRODUCTION_PASSWORD_HASHERS
+
+pytestmark = pytest.mark.django_db
+
+PAGE = "/accounts/sign-in/"
+SESSIONS = "/accounts/sessions/"
+
+
+def _try(username, password, client=None, **extra):
+    form = {"username": username, "password": password, "next": SESSIONS}
+    return (client or Client()).post(PAGE, form, **extra)
+
+
+def _records(kind):
+    return list(Record.objects.filter(kind=kind).order_by("id"))
+
+
+def test_the_right_password_leads_to_the_page_that_was_asked_for(operator):
+    response = _try("operator", PASSWORD)
+    assert (response.status_code, response.headers["Location"]) == (302, SESSIONS)
+
+
+def test_a_foreign_address_is_not_followed_after_sign_in(operator):
+    form = {"username": "operator", "password": PASSWORD, "next": "https://evil.example/"}
+    assert Client().post(PAGE, form).headers["Location"] == "/"
+
+
+def test_the_session_cookie_is_out_of_reach_of_scripts_and_other_sites(operator):
+    morsel = _try("operator", PASSWORD).cookies["fleet_session"]
+    assert morsel["httponly"]
+    assert morsel["samesite"] == "Lax"
+
+
+def test_a_form_without_its_token_is_refused(operator):
+    assert _try("operator", PASSWORD, Client(enforce_csrf_checks=True)).status_code == 403
+
+
+def test_a_sign_in_goes_on_record_and_on_the_list(operator):
+    _try("operator", PASSWORD, headers={"user-agent": "Browser/1"}, REMOTE_ADDR="10.0.0.7")
+    (entry,) = _records("account.sign_in")
+    assert entry.actor_id == str(operator.pk)
+    assert entry.parameters == {"address": "10.0.0.7", "browser": "Browser/1"}
+    sign_in = SignIn.objects.get(user=operator)
+    assert (sign_in.address, sign_in.user_agent) == ("10.0.0.7", "Browser/1")
+
+
+def test_a_sign_out_goes_on_record_and_off_the_list(operator):
+    client = Client()
+    _try("operator", PASSWORD, client)
+    assert client.post("/accounts/sign-out/").status_code == 302
+    assert [entry.actor_name for entry in _records("account.sign_out")] == ["Olga Operator"]
+    assert not SignIn.objects.exists()
+
+
+def test_a_link_cannot_sign_anybody_out(operator, signed_in):
+    assert signed_in(operator).get("/accounts/sign-out/").status_code == 405
+
+
+def test_a_wrong_password_is_refused_and_goes_on_record(operator):
+    response = _try("operator", "wrong")
+    assert (response.status_code, response.context["form"].non_field_errors().as_data()[0].code) == (
+        200,
+        "invalid_login",
+    )
+    (entry,) = _records("account.sign_in_failed")
+    assert (entry.actor_id, entry.outcome, entry.parameters["username"]) == ("", "refused", "operator")
+    assert "wrong" not in str(entry.parameters)
+
+
+def test_a_name_that_nobody_has_is_not_kept_since_it_may_be_a_password(operator):
+    _try(PASSWORD, "operator")
+    (entry,) = _records("account.sign_in_failed")
+    assert entry.parameters["username"] is None
+    assert PASSWORD not in str(entry.parameters)
+
+
+def test_a_closed_account_cannot_sign_in(operator):
+    User.objects.update(is_active=False)
+    assert _try("operator", PASSWORD).status_code == 200
+    assert len(_records("account.sign_in_failed")) == 1
+
+
+# --- throttling -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def guessed_too_often(operator):
+    for _ in range(throttle.FAILURES):
+        assert _try("operator", "wrong").status_code == 200
+
+
+def test_after_ten_failures_even_the_right_password_must_wait(guessed_too_often):
+    response = _try("operator", PASSWORD)
+    (error,) = response.context["form"].non_field_errors().as_data()
+    assert (response.status_code, error.code) == (429, "throttled")
+    assert "Try again in 5 minutes" in error.message
+    assert 290 <= int(response.headers["Retry-After"]) <= 300
+
+
+def test_while_it_waits_the_password_is_not_looked_at(guessed_too_often):
+    _try("operator", "wrong")
+    assert len(_records("account.sign_in_failed")) == throttle.FAILURES
+
+
+def test_another_address_need_not_wait(guessed_too_often):
+    assert _try("operator", PASSWORD, REMOTE_ADDR="10.0.0.8").status_code == 302
+
+
+def test_another_name_need_not_wait(guessed_too_often, observer):
+    assert _try("observer", PASSWORD).status_code == 302
+
+
+def test_after_five_minutes_it_may_be_tried_again(guessed_too_often):
+    later = timezone.now() + throttle.WINDOW + timedelta(seconds=1)
+    with mock.patch.object(throttle.timezone, "now", return_value=later):
+        assert _try("operator", PASSWORD).status_code == 302
+
+
+def test_names_that_nobody_has_are_throttled_alike(db):
+    for _ in range(throttle.FAILURES):
+        _try("nobody", "wrong")
+    assert _try("nobody", "wrong").status_code == 429
+
+
+# --- what cannot be recorded is not done ------------------------------------------------------
+
+
+@pytest.mark.django_db(transaction=True)
+def test_without_a_record_nobody_is_signed_in(operator):
+    client = Client()
+    full = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+    with mock.patch("fleet.accounts.signals.record", autospec=True, side_effect=full):
+        response = _try("operator", PASSWORD, client)
+    assert (response.status_code, response.context["form"].non_field_errors()) == (
+        503,
+        ["Not done: the disk is full."],
+    )
+    assert client.get(SESSIONS).status_code == 302
+    assert not SignIn.objects.exists()
+
+
+# --- passwords --------------------------------------------------------------------------------
+
+
+def test_passwords_are_kept_by_bcrypt(settings, monkeypatch):
+    settings.PASSWORD_HASHERS = PRODUCTION_PASSWORD_HASHERS
+    monkeypatch.setenv("DJANGO_SUPERUSER_PASSWORD", PASSWORD)
+    call_command("createsuperuser", "--noinput", username="first", email="", verbosity=0)
+    first = User.objects.get(username="first")
+    assert first.password.startswith("bcrypt_sha256$")
+    assert first.is_staff
+    assert first.check_password(PASSWORD)
+
+
+def test_people_are_shown_by_full_name_or_else_by_user_name():
+    assert User(username="olga", full_name="Olga Operator").display_name == "Olga Operator"
+    assert User(username="olga").display_name == "olga"

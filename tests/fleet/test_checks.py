@@ -1,0 +1,26 @@
+"""The system checks tell what is missing and how to get it."""
+
+from fleet import checks
+
+
+def test_missing_npm_packages_are_named_with_the_command(settings, tmp_path):
+    there = tmp_path / "there"
+    there.mkdir()
+    settings.NPM_DISTRIBUTIONS = [("vendor/there", there), ("vendor/nipplejs", tmp_path / "nipplejs/dist")]
+    (warning,) = checks.npm_packages_installed()
+    assert "vendor/nipplejs" in warning.msg
+    assert "npm ci" in warning.hint
+
+
+def test_uncollected_static_files_are_noticed_in_production_only(settings, tmp_path):
+    settings.STATIC_ROOT = tmp_path
+    (warning,) = checks.static_files_collected()
+    assert "collectstatic" in warning.hint
+    settings.DEBUG = True
+    assert checks.static_files_collected() == []
+
+
+def test_collected_static_files_are_enough(settings, tmp_path):
+    settings.STATIC_ROOT = tmp_path
+    (tmp_path / "staticfiles.json").write_text("{}")
+    assert checks.static_files_collected() == []

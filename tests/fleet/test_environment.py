@@ -1,0 +1,104 @@
+"""Settings from the environment: what is missing or wrong stops the start, with the variable's name."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from django.core.exceptions import ImproperlyConfigured
+
+from fleet import environment
+from fleet.environment import Environment
+
+ROOT = Path(__file__).resolve().parents[2]
+KEY = "k" * 50
+SOUND = {"FLEET_SECRET_KEY": KEY, "FLEET_HOSTS": "fleet.example"}
+
+
+def _start(tmp_path, **variables):
+    """Import the real settings in a process of their own; None, or the last line of the trouble."""
+    result = subprocess.run(
+        [sys.executable, "-c", "import fleet.settings"],
+        env={"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path), **variables},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return result.stderr.strip().splitlines()[-1] if result.returncode else None
+
+
+def test_a_key_and_hosts_are_enough(tmp_path):
+    assert _start(tmp_path, **SOUND) is None
+    assert (tmp_path / "run").stat().st_mode & 0o777 == 0o700
+
+
+def test_debug_needs_neither(tmp_path):
+    assert _start(tmp_path, FLEET_DEBUG="1") is None
+
+
+@pytest.mark.parametrize("missing", sorted(SOUND))
+def test_production_does_not_start_without(missing, tmp_path):
+    trouble = _start(tmp_path, **{name: value for name, value in SOUND.items() if name != missing})
+    assert "ImproperlyConfigured" in trouble
+    assert missing in trouble
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [
+        ("FLEET_SECRET_KEY", "short"),
+        ("FLEET_HOSTS", "*"),
+        ("FLEET_HOSTS", "fleet.example,*.example"),
+        ("FLEET_DEBUG", "perhaps"),
+        ("FLEET_TLS", "2"),
+        ("FLEET_ORIGINS", "fleet.example"),
+        ("FLEET_ORIGINS", "https://fleet.example/path"),
+        ("FLEET_ORIGINS", "ftp://fleet.example"),
+        ("FLEET_VAR", "/dev/null/var"),
+        ("FLEET_RUN_DIR", "/dev/null/run"),
+        ("FLEET_DATABASE_URL", "mysql://root@localhost/fleet"),
+        ("FLEET_DATABASE_URL", "postgresql://localhost"),
+        ("FLEET_DATABASE_URL", "postgresql://localhost:many/fleet"),
+        ("FLEET_LINK_SECRET", "short"),
+        ("FLEET_LINK_CA", "/nowhere/ca.pem"),
+        ("FLEET_CONTROL_TERM_S", "long"),
+        ("FLEET_CONTROL_TERM_S", "nan"),
+        ("FLEET_CONTROL_TERM_S", "1"),
+    ],
+)
+def test_a_wrong_value_is_named(variable, value, tmp_path):
+    trouble = _start(tmp_path, **{**SOUND, variable: value})
+    assert "ImproperlyConfigured" in trouble
+    assert variable in trouble
+
+
+def test_a_tls_link_needs_its_secret():
+    with pytest.raises(ImproperlyConfigured, match="FLEET_LINK_SECRET"):
+        environment.link_secret(Environment({"FLEET_LINK_CA": "ca.pem"}))
+
+
+def test_certificate_and_key_go_together():
+    with pytest.raises(ImproperlyConfigured, match="FLEET_LINK_KEY"):
+        environment.link_secret(Environment({"FLEET_LINK_SECRET": KEY, "FLEET_LINK_CERT": "cert.pem"}))
+
+
+def test_a_postgresql_url_is_read_whole():
+    entry = environment.database("postgresql://fl%40eet:p%2Fw@db.example:5433/fleet?sslmode=require")
+    assert entry["ENGINE"] == "django.db.backends.postgresql"
+    assert [entry[part] for part in ("USER", "PASSWORD", "HOST", "PORT", "NAME")] == [
+        "fl@eet",
+        "p/w",
+        "db.example",
+        "5433",
+        "fleet",
+    ]
+    assert entry["OPTIONS"]["sslmode"] == "require"
+
+
+def test_a_sqlite_url_with_four_slashes_is_an_absolute_path():
+    entry = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
+    assert entry["NAME"] == "/var/lib/fleet/fleet.sqlite3"
+    assert "journal_mode=WAL" in entry["OPTIONS"]["init_command"]
+    assert entry["OPTIONS"]["transaction_mode"] == "IMMEDIATE"

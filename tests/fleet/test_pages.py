@@ -1,0 +1,74 @@
+"""What every page has in common: its headers, its door; and the page for monitors."""
+
+import pytest
+from django.db import DatabaseError, connection
+from django.test import Client
+
+from fleet import views
+
+pytestmark = pytest.mark.django_db
+
+POLICY = {
+    "default-src 'none'",
+    "script-src 'self'",
+    "style-src 'self'",
+    "img-src 'self'",
+    "font-src 'self'",
+    "connect-src 'self'",
+    "manifest-src 'self'",
+    "form-action 'self'",
+    "base-uri 'none'",
+    "frame-ancestors 'none'",
+}
+
+
+@pytest.mark.parametrize(
+    "page", ["/accounts/sign-in/", "/healthz", "/nowhere/", "/admin/", "/accounts/sessions/"]
+)
+@pytest.mark.parametrize("who", ["anonymous", "staff"])
+def test_every_page_carries_the_strict_policy(page, who, staff, signed_in):
+    client = Client() if who == "anonymous" else signed_in(staff)
+    headers = client.get(page).headers
+    assert set(headers["Content-Security-Policy"].split("; ")) == POLICY
+    assert headers["X-Frame-Options"] == "DENY"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Referrer-Policy"] == "same-origin"
+    assert "camera=()" in headers["Permissions-Policy"]
+
+
+@pytest.mark.parametrize("page", ["/accounts/sessions/", "/admin/", "/admin/accounts/user/"])
+def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
+    response = Client().get(page, follow=True)
+    assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
+
+
+def test_the_admin_is_for_staff(operator, signed_in):
+    assert signed_in(operator).get("/admin/", follow=True).status_code == 403
+
+
+def test_there_is_no_second_door_in_the_admin(staff, signed_in):
+    assert signed_in(staff).get("/admin/login/", follow=True).redirect_chain == [("/admin/", 302)]
+
+
+def test_health_is_public_and_good():
+    response = Client().get("/healthz")
+    assert (response.status_code, response.json()) == (200, {"ok": True, "text": "Ready."})
+
+
+def test_health_says_that_the_database_is_away(monkeypatch):
+    def away():
+        raise DatabaseError("connection refused")
+
+    monkeypatch.setattr(connection, "cursor", away)
+    with pytest.raises(DatabaseError):
+        connection.cursor()
+    response = Client().get("/healthz")
+    assert (response.status_code, response.json()["text"]) == (503, "The database does not answer.")
+
+
+def test_health_says_that_migrations_are_missing(monkeypatch):
+    views._check_migrations.cache_clear()
+    monkeypatch.setattr(views.MigrationExecutor, "migration_plan", lambda *_: ["one", "two"])
+    response = Client().get("/healthz")
+    assert response.status_code == 503
+    assert "manage.py migrate" in response.json()["text"]
