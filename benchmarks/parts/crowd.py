@@ -3,8 +3,8 @@
     python -m benchmarks.parts.crowd ADDRESS ORIGIN COUNT [--stall]
 
 reads a Cookie header from stdin, opens COUNT control pages and acknowledges every view. It prints "ready", then
-for every view and viewer a line: viewer's number, arrival (monotonic ns), checksum of the view. With --stall the last viewer
-says hello and then reads nothing at all.
+for every view and viewer a line: viewer's number, arrival (monotonic ns), checksum of the view. With --stall
+the last viewer says hello and then reads nothing at all.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ async def main() -> None:
     cookie = sys.stdin.readline().strip()
     pages = [await open_page(address, origin, cookie) for _ in range(int(count))]
     if "--stall" in rest:
-        pages.pop().transport.pause_reading()  # type: ignore[attr-defined]
+        pages.pop().transport.pause_reading()
     print("ready", flush=True)
     await asyncio.gather(flush(), *(look(number, page) for number, page in enumerate(pages)))
 

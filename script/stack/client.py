@@ -76,9 +76,11 @@ class Driver:
 
     async with Driver(stack, "tiago-1", cookie) as driver:
         await driver.take()
+
+    `port` leads there through somebody between, on this machine.
     """
 
-    def __init__(self, stack: Stack, slug: str, cookie: str) -> None:
+    def __init__(self, stack: Stack, slug: str, cookie: str, *, port: int | None = None) -> None:
         self.robot: wire.RobotFacts | None = None
         self.control: wire.Control | None = None
         self.view: wire.View | None = None
@@ -90,6 +92,7 @@ class Driver:
         self._stack = stack
         self._slug = slug
         self._cookie = cookie
+        self._port = port or stack.port
         self._news = asyncio.Condition()
 
     async def __aenter__(self) -> Driver:
@@ -102,6 +105,8 @@ class Driver:
             compression=None,
             ping_interval=None,
             ssl=trust(self._stack),
+            host=self._stack.hosts[0],
+            port=self._port,
         )
         self._reader = asyncio.create_task(self._read())
         self._renewer = asyncio.create_task(self._renew())
