@@ -12,9 +12,9 @@ import os
 import ssl
 from collections import deque
 from collections.abc import Collection
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from socket import gaierror
-from typing import Protocol
+from typing import Protocol, TypeVar
 from uuid import UUID
 
 import msgspec
@@ -28,6 +28,8 @@ from robots.bridge.config import LinkAddress
 from robots.wire import Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
+
+_Report = TypeVar("_Report", bound=Struct)
 
 _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
 _OPEN_TIMEOUT_S = 2.0
@@ -187,7 +189,7 @@ class BridgeLink:
         pause_s = _BACK_OFF_S[0]
         while True:
             try:
-                async with await _open(self.address) as socket:
+                async with _open(self.address) as socket:
                     pause_s = _BACK_OFF_S[0]
                     await self._talk(socket)
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
@@ -300,14 +302,24 @@ links = Links()
 
 def stop_once(address: LinkAddress, by: str, reason: str = "") -> Stopped:
     """Press the emergency stop over a connection of its own. Raises LinkRefused."""
+    return _ask_once(address, wire.LinkStop(by, reason), Stopped)
+
+
+def hello_once(address: LinkAddress) -> wire.BridgeHello:
+    """What the bridge says of the robot now, over a connection of its own. Raises LinkRefused."""
+    return _ask_once(address, None, wire.BridgeHello)
+
+
+def _ask_once(address: LinkAddress, question: Struct | None, answer: type[_Report]) -> _Report:
     try:
         with _open_sync(address) as socket:
             socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"command {os.getpid()}")), text=True)
-            socket.send(wire.encode(wire.LinkStop(by, reason)), text=True)
+            if question is not None:
+                socket.send(wire.encode(question), text=True)
             while True:
                 raw = socket.recv(timeout=_ANSWER_TIMEOUT_S)
                 report = wire.link_report(raw) if isinstance(raw, str) else None
-                if isinstance(report, Stopped):
+                if isinstance(report, answer):
                     return report
     except TimeoutError as error:
         raise LinkRefused(_SILENT) from error
@@ -315,12 +327,12 @@ def stop_once(address: LinkAddress, by: str, reason: str = "") -> Stopped:
         raise LinkRefused(_why_down(error)) from error
 
 
-async def _open(address: LinkAddress) -> ClientConnection:
+def _open(address: LinkAddress) -> connect:
     if address.unix_path:
-        return await unix_connect(
+        return unix_connect(
             address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
         )
-    return await connect(
+    return connect(
         _uri(address),
         ssl=_tls(address),
         additional_headers=_headers(address),
@@ -331,7 +343,7 @@ async def _open(address: LinkAddress) -> ClientConnection:
     )
 
 
-def _open_sync(address: LinkAddress) -> sync_client.ClientConnection:
+def _open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
     if address.unix_path:
         return sync_client.unix_connect(
             address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None

@@ -62,9 +62,9 @@ class Master:
 
     def call(self, method: str, *arguments: object) -> Any:
         """One call of the master (or slave) API; returns its value."""
-        proxy = xmlrpc.client.ServerProxy(self.uri, transport=_Transport(), allow_none=True)
         try:
-            code, text, value = getattr(proxy, method)(self._caller, *arguments)
+            with xmlrpc.client.ServerProxy(self.uri, transport=_Transport()) as proxy:
+                code, text, value = getattr(proxy, method)(self._caller, *arguments)
         except socket.gaierror as error:
             host = urlsplit(self.uri).hostname
             raise MasterError(

@@ -1,0 +1,201 @@
+"""A real bridge process and a hand on its link."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import unix_connect
+
+from robots import wire
+from robots.bridge.config import BridgeConfig, LinkAddress, ScanSource, SonarSource, Topic, Topics
+from robots.bridge.gate.values import GateProfile, Limits
+from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
+
+SONARS = {
+    "base_sonar_01_link": (-0.183, -0.183, -2.356),
+    "base_sonar_02_link": (-0.259, 0.0, 3.1416),
+    "base_sonar_03_link": (-0.183, 0.183, 2.356),
+}
+
+
+def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
+    """A TIAGo as the registry would describe it. The socket lies in a short folder: its path is limited."""
+    robot_id = uuid.uuid4().hex
+    sockets = Path(tempfile.gettempdir()) / f"fleet-test-{robot_id[:8]}"
+    config = BridgeConfig(
+        robot_id=robot_id,
+        slug="tiago-1",
+        name="Tiago 1",
+        master_uri=master.uri,
+        advertised_address="127.0.0.1",
+        host_aliases={},
+        topics=Topics(
+            drive=Topic("/key_vel", "geometry_msgs/Twist"),
+            odometry=Topic("/mobile_base_controller/odom", "nav_msgs/Odometry"),
+            scans=[ScanSource("/scan_raw", (0.202, 0.0, 0.0))],
+            sonars=[SonarSource("/sonar_base", name, pose, 0.5, 1.0) for name, pose in SONARS.items()],
+            battery=Topic("/power/battery_level", "std_msgs/Float32"),
+            cancel_on_stop=["/tts", "/play_motion"],
+        ),
+        gate=GateProfile(
+            limits=Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944),
+            radius_m=0.27,
+            outline=None,
+            scan_poses={"/scan_raw": (0.202, 0.0, 0.0)},
+            sonar_poses=dict(SONARS),
+            sonar_fov=dict.fromkeys(SONARS, 0.5),
+            has_depth=True,
+            blind_mps=0.3,
+        ),
+        reverse_steering="turn",
+        link=LinkAddress(unix_path=str(sockets / "b.sock")),
+        state_dir=str(folder / robot_id),
+    )
+    return msgspec.structs.replace(config, **changes)
+
+
+class BridgeProcess:
+    """One bridge, its standard input the life line that the supervisor would hold."""
+
+    def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
+        self.config = config
+        self.records = folder / f"{config.robot_id}.records"
+        self.log = folder / f"{config.robot_id}.log"
+        told = folder / f"{config.robot_id}.config"
+        told.write_bytes(msgspec.json.encode(config))
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.ros.bridge_process", str(told), str(self.records)],
+                cwd=REPOSITORY, env=master.environment(),
+                stdin=subprocess.PIPE, stdout=log, stderr=log,
+            )  # fmt: skip
+
+    def link(self) -> Hand:
+        """A link to it; waits until it listens."""
+        path = self.config.link.unix_path
+        assert path is not None
+        until(lambda: _listens(path) or self.process.poll() is not None, f"a listener on {path}")
+        return Hand(path)
+
+    def cut_life_line(self) -> int:
+        """As if the supervisor died; the exit code."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        return self.process.wait(PATIENCE_S)
+
+    def kill(self) -> None:
+        """As a crash."""
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self) -> None:
+        end(self.process)
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+
+
+def _listens(path: str) -> bool:
+    """A killed bridge leaves a socket file behind, so the file alone says nothing."""
+    with socket.socket(socket.AF_UNIX) as probe:
+        return probe.connect_ex(path) == 0
+
+
+class Hand:
+    """A web process of one: sends link messages and drives at 20 Hz from a thread."""
+
+    def __init__(self, path: str) -> None:
+        self._closing = ExitStack()
+        self._socket = self._closing.enter_context(unix_connect(path, compression=None))
+        self._reports: list[Any] = []
+        self._news = threading.Condition()
+        self._stick: tuple[float, float] | None = None
+        self._seq = 0
+        self.fence = 0
+        self.state: wire.State | None = None
+        threading.Thread(target=self._read, daemon=True).start()
+        threading.Thread(target=self._drive, daemon=True).start()
+        self.send(wire.LinkHello(wire.PROTOCOL, "test"))
+
+    def send(self, message: msgspec.Struct) -> None:
+        self._socket.send(wire.encode(message), text=True)
+
+    def until(self, condition: Callable[[Any], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
+        """The first report, old or new, for which `condition` holds."""
+        deadline = time.monotonic() + timeout_s
+        with self._news:
+            while True:
+                for report in self._reports:
+                    if condition(report):
+                        return report
+                remaining_s = deadline - time.monotonic()
+                if remaining_s <= 0:
+                    raise AssertionError(f"not within {timeout_s} s: {what}; last {self._reports[-1:]}")
+                self._reports.clear()
+                self._news.wait(remaining_s)
+
+    def state_until(self, condition: Callable[[wire.State], Any], what: str) -> wire.State:
+        """The first state for which `condition` holds."""
+        report = self.until(
+            lambda r: isinstance(r, wire.Status | wire.BridgeHello) and condition(r.state), what
+        )
+        state: wire.State = report.state
+        return state
+
+    def take_control(self, fence: int, seconds: float = 60.0) -> None:
+        self.send(wire.Grant(fence, seconds, f"session-{fence}", "Ann", "ann", 1.0))
+        self.until(lambda r: isinstance(r, wire.Granted) and r.fence == fence, "a grant")
+        self.fence = fence
+        self.stick(0.0, 0.0)
+
+    def stick(self, x: float, w: float = 0.0) -> None:
+        """Hold the stick there from now on."""
+        self._stick = (x, w)
+        self._send_stick()
+
+    def let_go(self) -> None:
+        """Send no commands any more."""
+        self._stick = None
+
+    def close(self) -> None:
+        self.let_go()
+        self._closing.close()
+
+    def _send_stick(self) -> None:
+        stick = self._stick
+        if stick is not None:
+            self._seq += 1
+            sent_ms = time.monotonic() * 1000
+            self.send(
+                wire.Drive(
+                    fence=self.fence, seq=self._seq, sent_ms=sent_ms, x=stick[0], w=stick[1], share=1.0
+                )
+            )
+
+    def _drive(self) -> None:
+        pace = threading.Event()
+        while not pace.wait(0.05):
+            try:
+                self._send_stick()
+            except ConnectionClosed:  # the test is over, or cut it
+                return
+
+    def _read(self) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                raw = self._socket.recv()
+                if isinstance(raw, str):
+                    with self._news:
+                        self._reports.append(wire.link_report(raw))
+                        self._news.notify_all()

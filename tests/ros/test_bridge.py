@@ -1,0 +1,268 @@
+"""The bridge against a real master and a simulated TIAGo: what it survives, and what it refuses."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import os
+import signal
+import stat
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from robots import wire
+from robots.bridge.config import Topic
+from robots.bridge.process import EXIT_ALREADY_RUNNING
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.support import Master, SimulatorProcess, until
+
+ODOMETRY = "/mobile_base_controller/odom"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(rosmaster, simulator) -> SimulatorProcess:
+    return simulator(pose="2,1.8,0", seed=1, drift=0)
+
+
+@pytest.fixture
+def bridges(tmp_path):
+    started: list[BridgeProcess] = []
+
+    def start(master: Master, config=None, **changes) -> BridgeProcess:
+        bridge = BridgeProcess(config or tiago_config(master, tmp_path, **changes), master, tmp_path)
+        started.append(bridge)
+        return bridge
+
+    yield start
+    for bridge in started:
+        bridge.stop()
+
+
+@pytest.fixture
+def bridge(bridges, rosmaster) -> BridgeProcess:
+    return bridges(rosmaster)
+
+
+@pytest.fixture
+def hand(bridge):
+    hand = bridge.link()
+    hand.state_until(drivable, "the robot to be online")
+    hand.take_control(1)
+    yield hand
+    hand.close()
+
+
+def drivable(state: wire.State) -> bool:
+    """Online, and every sensor has spoken: before, the gate holds and asks for a neutral stick."""
+    return state.phase == "online" and all(sensor.ok for sensor in state.sensors if sensor.kind != "depth")
+
+
+def moving(message: Odometry) -> bool:
+    return abs(message.twist.twist.angular.z) > 0.2
+
+
+def still(message: Odometry) -> bool:
+    return abs(message.twist.twist.linear.x) < 0.01 and abs(message.twist.twist.angular.z) < 0.02
+
+
+def is_zero(twist: Twist) -> bool:
+    return twist.linear.x == twist.linear.y == twist.angular.z == 0.0
+
+
+def test_the_stick_turns_the_robot_and_letting_go_stops_it(ros, hand):
+    with ros.listen(ODOMETRY, Odometry) as odometry:
+        hand.stick(0.0, 0.5)
+        odometry.until(moving)
+        hand.let_go()
+        odometry.until(still, timeout_s=2.0)
+    hand.state_until(lambda state: state.neutral_needed, "the bridge to ask for a neutral stick")
+
+
+def test_the_drive_is_on_record_from_start_to_end(ros, hand, bridge):
+    with ros.listen(ODOMETRY, Odometry) as odometry:
+        hand.stick(0.0, 0.5)
+        odometry.until(moving)
+        hand.stick(0.0, 0.0)
+        odometry.until(still)
+    until(lambda: "drive.end" in bridge.records.read_text(), "the end on record")
+    assert bridge.records.read_text().splitlines()[0] == "drive.start"
+
+
+def test_a_closed_link_stops_the_robot(ros, hand):
+    with ros.listen(ODOMETRY, Odometry) as odometry, ros.listen("/key_vel", Twist) as twists:
+        hand.stick(0.0, 0.5)
+        odometry.until(moving)
+        hand.close()
+        twists.until(is_zero, timeout_s=2.0)
+        odometry.until(still)
+
+
+def test_a_bridge_without_its_supervisor_stops_the_robot_and_goes(ros, hand, bridge):
+    with ros.listen(ODOMETRY, Odometry) as odometry, ros.listen("/key_vel", Twist) as twists:
+        hand.stick(0.0, 0.5)
+        odometry.until(moving)
+        assert bridge.cut_life_line() == 0
+        twists.until(is_zero, timeout_s=2.0)
+        odometry.until(still)
+    assert not Path(bridge.config.link.unix_path).exists()
+
+
+def test_a_killed_bridge_leaves_a_robot_that_stops_by_itself_and_remembers_a_stop(
+    ros, hand, bridge, bridges, rosmaster
+):
+    with ros.listen(ODOMETRY, Odometry) as odometry:
+        hand.stick(0.0, 0.5)
+        odometry.until(moving)
+        hand.send(wire.LinkStop("Bob"))
+        hand.until(lambda report: isinstance(report, wire.Stopped), "the stop's answer")
+        until(lambda: b'"latched":true' in state_file(bridge).read_bytes(), "the latch on disk")
+        bridge.kill()
+        odometry.until(still)
+    again = bridges(rosmaster, bridge.config).link()
+    state = again.state_until(lambda state: True, "a hello")
+    assert state.stop.state == "stopped"
+    assert state.stop.by == "Bob"
+
+
+def state_file(bridge: BridgeProcess) -> Path:
+    return Path(bridge.config.state_dir) / f"{bridge.config.robot_id}.json"
+
+
+def send_grant(hand, fence: int, session: str):
+    hand.send(wire.Grant(fence, 3.0, session, "Eve", "eve", 1.0))
+    return hand.until(lambda report: isinstance(report, wire.Granted | wire.Refused), "an answer")
+
+
+def test_an_old_number_is_refused_after_a_kill(hand, bridge, bridges, rosmaster):
+    hand.take_control(8)
+    bridge.kill()
+    again = bridges(rosmaster, bridge.config).link()
+    answer = send_grant(again, 7, "session-7")
+    assert isinstance(answer, wire.Refused)
+    assert answer.refusal.code == "old_fence"
+
+
+def test_a_lost_state_file_counts_as_a_pressed_stop(hand, bridge, bridges, rosmaster):
+    bridge.kill()
+    state_file(bridge).unlink()
+    again = bridges(rosmaster, msgspec.structs.replace(bridge.config, last_fence=1)).link()
+    state = again.state_until(lambda state: True, "a hello")
+    assert state.stop.state == "stopped"
+    assert "missing" in state.stop.reason
+
+
+def test_the_socket_opens_for_its_owner_only(hand, bridge):
+    assert stat.S_IMODE(os.stat(bridge.config.link.unix_path).st_mode) == 0o600
+
+
+def test_a_second_bridge_on_this_machine_goes_at_once(hand, bridge, bridges, rosmaster):
+    second = bridges(rosmaster, bridge.config)
+    assert second.process.wait(20) == EXIT_ALREADY_RUNNING
+
+
+def test_a_bridge_of_another_console_is_refused_and_told_where_the_first_one_runs(hand, bridges, rosmaster):
+    other = bridges(rosmaster).link()
+    state = other.state_until(lambda state: state.phase == "refused", "the refusal")
+    assert "127.0.0.1" in state.text
+    other.take_control(1)
+    other.stick(1.0)
+    refused = other.until(lambda report: isinstance(report, wire.Refused), "a refused command")
+    assert refused.refusal.code == "robot_offline"
+
+
+def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_path):
+    config = tiago_config(rosmaster, tmp_path)
+    topics = msgspec.structs.replace(
+        config.topics, odometry=Topic("/scan_raw", "nav_msgs/Odometry"), scans=[]
+    )
+    hand = bridges(rosmaster, msgspec.structs.replace(config, topics=topics)).link()
+    state = hand.state_until(lambda state: "/scan_raw" in state.text, "the problem in words")
+    assert state.phase == "connecting"
+    assert state.text == "/scan_raw is sensor_msgs/LaserScan on the robot, nav_msgs/Odometry in the registry."
+
+
+def test_another_publisher_on_the_drive_topic_is_shown(ros, hand):
+    with ros.speak("/key_vel", Twist):
+        state = hand.state_until(lambda state: state.foreign, "the foreign publisher")
+    assert len(state.foreign) == 1
+    assert state.foreign[0].startswith("/test")
+
+
+def test_rubbish_on_the_link_is_answered_and_the_link_stays(hand):
+    hand._socket.send("{not json")
+    refused = hand.until(lambda report: isinstance(report, wire.Refused), "an answer")
+    assert refused.refusal.code == "not_json"
+    hand.stick(0.0, 0.1)
+    hand.state_until(lambda state: state.verdict.asked[2] > 0, "driving goes on")
+
+
+class TestMasterGone:
+    """These break a master, so they have one of their own."""
+
+    @pytest.fixture
+    def master(self, tmp_path):
+        master = Master(tmp_path / "master")
+        yield master
+        master.stop()
+
+    def test_a_bridge_waits_for_its_master_and_finds_the_robot(self, master, bridges, tmp_path):
+        hand = bridges(master).link()
+        state = hand.state_until(lambda state: "No ROS master answers" in state.text, "waiting")
+        assert state.phase == "waiting"
+        master.start()
+        robot = SimulatorProcess(master, tmp_path / "robot.log", "late", pose="2,1.8,0").wait_ready()
+        hand.state_until(drivable, "the robot")
+        robot.stop()
+
+    def test_a_name_that_cannot_be_resolved_is_said_in_words(self, master, bridges):
+        hand = bridges(master, master_uri="http://tiago-nowhere.invalid:11311/").link()
+        state = hand.state_until(lambda state: "alias" in state.text, "the advice")
+        assert "tiago-nowhere.invalid" in state.text
+
+    def test_a_killed_master_stops_the_robot_and_its_successor_finds_the_bridge(
+        self, master, bridges, tmp_path
+    ):
+        master.start()
+        robot = SimulatorProcess(master, tmp_path / "robot.log", "r", pose="2,1.8,0").wait_ready()
+        hand = bridges(master).link()
+        hand.state_until(drivable, "the robot")
+        hand.take_control(1)
+        hand.stick(0.0, 0.5)
+        hand.state_until(lambda state: state.odometry and abs(state.odometry.w) > 0.2, "turning")
+        master.kill()
+        hand.state_until(
+            lambda state: state.phase == "waiting" and state.neutral_needed, "the loss to be noticed"
+        )
+        master.start()
+        back_s = time.monotonic()
+        hand.state_until(drivable, "the robot again")
+        assert time.monotonic() - back_s < 5.0
+        hand.stick(0.0, 0.0)
+        hand.stick(0.0, 0.5)
+        hand.state_until(lambda state: state.odometry and abs(state.odometry.w) > 0.2, "turning again")
+        robot.stop()
+
+    def test_a_silent_robot_is_not_driven(self, master, bridges, tmp_path):
+        master.start()
+        robot = SimulatorProcess(master, tmp_path / "robot.log", "r", pose="2,1.8,0").wait_ready()
+        hand = bridges(master).link()
+        hand.state_until(drivable, "the robot")
+        hand.take_control(1)
+        robot.process.send_signal(signal.SIGSTOP)
+        hand.stick(0.0, 0.5)
+        hand.until(
+            lambda r: (
+                isinstance(r, wire.Status)
+                and r.state.verdict.asked[2] > 0
+                and r.state.verdict.allowed == (0.0, 0.0, 0.0)
+            ),
+            "the gate to hold",
+        )
+        robot.process.send_signal(signal.SIGCONT)
+        robot.stop()
