@@ -73,10 +73,8 @@ def test_a_link_cannot_sign_anybody_out(operator, signed_in):
 
 def test_a_wrong_password_is_refused_and_goes_on_record(operator):
     response = _try("operator", "wrong")
-    assert (response.status_code, response.context["form"].non_field_errors().as_data()[0].code) == (
-        200,
-        "invalid_login",
-    )
+    (error,) = response.context["form"].non_field_errors().as_data()
+    assert (response.status_code, error.code) == (200, "invalid_login")
     (entry,) = _records("account.sign_in_failed")
     assert (entry.actor_id, entry.outcome, entry.parameters["username"]) == ("", "refused", "operator")
     assert "wrong" not in str(entry.parameters)

@@ -71,6 +71,7 @@ def test_insert_or_replace_is_refused():
         )
 
 
+@pytest.mark.django_db(transaction=True)
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite has no TRUNCATE")
 def test_truncate_is_refused():
     record("stop.press")

@@ -1,8 +1,10 @@
 """Who may open a WebSocket: signed-in people, from pages of ours."""
 
 import pytest
+from channels.db import database_sync_to_async
 from channels.routing import URLRouter
 from channels.testing import WebsocketCommunicator
+from django.contrib.sessions.models import Session
 from django.urls import path
 
 from fleet.asgi import application
@@ -102,8 +104,5 @@ async def test_an_anonymous_page_is_told_to_sign_in_and_closed(headers):
 
 
 async def test_a_cookie_whose_session_has_ended_is_anonymous(headers, operator):
-    from asgiref.sync import sync_to_async
-    from django.contrib.sessions.models import Session
-
-    await sync_to_async(Session.objects.all().delete)()
+    await database_sync_to_async(Session.objects.all().delete)()
     assert (await _answer(headers))["code"] == CloseCode.SIGNED_OUT
