@@ -31,6 +31,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="of every random number")
     parser.add_argument("--base", choices=sorted(BODIES), default="tiago", help="kind of robot")
     parser.add_argument("--drift", type=float, default=1.0, help="odometry drift, 1 as on a good day, 0 none")
+    parser.add_argument("--depth-encoding", choices=("32FC1", "16UC1"), default="32FC1")
     parser.add_argument("--exit-with-parent", action="store_true", help="exit when standard input ends")
     return parser.parse_args()
 
@@ -47,7 +48,7 @@ def main() -> None:
     # Imported here, so that --help and a wrong world need no ROS.
     from robots.simulator.ros.process import run
 
-    run(robot, asked.name, asked.exit_with_parent)
+    run(robot, asked.name, asked.depth_encoding, asked.exit_with_parent)
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ TIAGO = Body(
     parts=(
         _PMB2_BASE,
         Part("torso", (-0.06, 0.0), 0.30, 1.0, radius=0.19),
-        Part("folded arm", (0.09, 0.0), 0.55, 0.95, radius=0.18),
+        Part("folded_arm", (0.09, 0.0), 0.55, 0.95, radius=0.18),
         Part("head", (0.06, 0.0), 1.0, 1.15, radius=0.13),
     ),
     limits=TIAGO_LIMITS,

@@ -40,4 +40,6 @@ def parse_faults(text: str) -> Faults:
             wrong[name] = True if kinds[name] is bool else float(value)
         except ValueError:
             raise FaultError(f"{item!r}: {value!r} is no number") from None
+    if wrong.get("slip_share", 0.0) >= 1.0:
+        raise FaultError("slip_share must be less than 1")
     return Faults(**wrong)  # type: ignore[arg-type]  # each value has its field's type

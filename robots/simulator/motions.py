@@ -7,6 +7,7 @@ stops where it is.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from enum import Enum, IntEnum
 from pathlib import Path
@@ -99,6 +100,7 @@ class Run:
         begins = now + self._approach_s(from_here) - motion.points[0].time_from_start
         later = (Knot(max(begins + point.time_from_start, now), point.positions) for point in motion.points)
         self._knots = [Knot(now, from_here), *later]
+        self._times = [knot.at for knot in self._knots]
         self._fails_at = (now + self._knots[-1].at) / 2.0 if fails else None
 
     def _approach_s(self, start: list[float]) -> float:
@@ -113,8 +115,8 @@ class Run:
             self.phase = Phase.FAILED
         elif now >= self._knots[-1].at:
             self.phase = Phase.DONE
-        following = next((knot for knot in self._knots if knot.at > now), self._knots[-1])
-        before = self._knots[max(self._knots.index(following) - 1, 0)]
+        index = min(bisect_right(self._times, now), len(self._knots) - 1)
+        before, following = self._knots[index - 1], self._knots[index]
         span = following.at - before.at
         share = 1.0 if span <= 0.0 else min(max((now - before.at) / span, 0.0), 1.0)
         eased = share * share * (3.0 - 2.0 * share)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 from typing import NamedTuple
+
+# Only the camera draws, in a context of its own (see `camera`): MuJoCo need not look for a display.
+os.environ.setdefault("MUJOCO_GL", "disable")
 
 import mujoco
 import numpy as np
@@ -18,6 +22,9 @@ from robots.simulator.worlds import World
 _PUSH_N = 250.0
 _TWIST_NM = 80.0
 _SEEN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+_FARTHEST_M = 1000.0
+
+Vector = NDArray[np.float64]
 
 
 class Pose(NamedTuple):
@@ -34,6 +41,64 @@ class Contact(NamedTuple):
     part: str
     other: str
     force_n: float
+
+
+class Snapshot(NamedTuple):
+    """Where everything that can move is at one moment."""
+
+    qpos: Vector
+    mocap_pos: Vector
+    mocap_quat: Vector
+
+
+def cast_rays(
+    model: mujoco.MjModel, data: mujoco.MjData, robot_id: int, origin: Vector, directions: Vector
+) -> Vector:
+    """Distances along unit rays (N, 3) from one point, in the world's frame; -1 where nothing is hit."""
+    count = len(directions)
+    hit = np.empty((count, 1), dtype=np.int32)
+    distance = np.empty(count)
+    mujoco.mj_multiRay(
+        model,
+        data,
+        origin.reshape(3, 1),
+        directions.reshape(-1, 1),
+        _SEEN_GROUPS,
+        True,
+        robot_id,
+        hit,
+        distance.reshape(-1, 1),
+        None,
+        count,
+        _FARTHEST_M,
+    )
+    return distance
+
+
+class Onlooker:
+    """Looks at the world from a thread of its own, while the physics go on."""
+
+    def __init__(self, physics: Physics) -> None:
+        self.model = physics.model
+        self.data = mujoco.MjData(physics.model)
+        self._robot_id = physics.robot_id
+
+    def follow(self, snapshot: Snapshot) -> None:
+        """See the world as it was at `snapshot`."""
+        self.data.qpos[:] = snapshot.qpos
+        self.data.mocap_pos[:] = snapshot.mocap_pos
+        self.data.mocap_quat[:] = snapshot.mocap_quat
+        mujoco.mj_kinematics(self.model, self.data)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot was then."""
+        x, y, yaw = self.data.qpos[:3].tolist()
+        return Pose(x, y, yaw)
+
+    def cast(self, origin: Vector, directions: Vector) -> Vector:
+        """Distances along rays, as `cast_rays`."""
+        return cast_rays(self.model, self.data, self._robot_id, origin, directions)
 
 
 class Physics:
@@ -113,16 +178,14 @@ class Physics:
             default=reach_m,
         )
 
-    def cast(self, origin: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distances along rays (N, 3) from one point, both in the world's frame; -1 where nothing is hit."""
-        count = len(directions)
-        hit = np.empty(count, dtype=np.int32)
-        distance = np.empty(count)
-        mujoco.mj_multiRay(
-            self.model, self.data, origin.reshape(3, 1), directions.reshape(-1, 1), _SEEN_GROUPS, True,
-            self.robot_id, hit.reshape(-1, 1), distance.reshape(-1, 1), None, count, 1e9,
-        )  # fmt: skip
-        return distance
+    def cast(self, origin: Vector, directions: Vector) -> Vector:
+        """Distances along rays, as `cast_rays`."""
+        return cast_rays(self.model, self.data, self.robot_id, origin, directions)
+
+    def snapshot(self) -> Snapshot:
+        """Where everything is now, for an `Onlooker` of another thread."""
+        data = self.data
+        return Snapshot(data.qpos.copy(), data.mocap_pos.copy(), data.mocap_quat.copy())
 
     def place_person(self, name: str, x: float, y: float, yaw: float) -> None:
         """Put a person somewhere; shows from the next step on."""

@@ -37,6 +37,7 @@ class Robot:
         self.people = {person.name: Walker(person) for person in world.people}
         self.player = Player(load_motions() if body.upper_body else {})
         self.faults = Faults()
+        self.approach = Twist()  # how it moved before the last tick: with this it hit what it touches now
         self._late: deque[tuple[float, Twist]] = deque()
         self._steps = round(TICK_S / self.physics.timestep_s)
 
@@ -52,6 +53,7 @@ class Robot:
         while self._late and self._late[0][0] <= now:
             self.controller.command(self._late.popleft()[1], now)
         self._walk()
+        self.approach = self.physics.velocity
         self.controller.brake_share = self.faults.brake_share
         wheels = self.controller.step(now, TICK_S)
         kept = 1.0 - self.faults.slip_share

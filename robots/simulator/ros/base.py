@@ -19,9 +19,6 @@ from tf2_msgs.msg import TFMessage
 from robots.simulator import base, mux
 from robots.simulator.robot import Robot
 
-COMMAND_TOPIC = "/mobile_base_controller/cmd_vel"
-ODOMETRY_TOPIC = "/mobile_base_controller/odom"
-
 
 def yaw_quaternion(yaw: float) -> Quaternion:
     """The rotation by `yaw` about the vertical."""
@@ -33,58 +30,82 @@ class BaseTopics:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._mux = mux.TwistMux()
-        self._mux_lock = threading.Lock()  # rospy calls back on one thread per connection
-        self._through = rospy.Publisher(COMMAND_TOPIC, Twist, queue_size=1, tcp_nodelay=True)
-        self._odometry = rospy.Publisher(ODOMETRY_TOPIC, Odometry, queue_size=1, tcp_nodelay=True)
+        names = robot.body.names
+        self._odometry = rospy.Publisher(names.odometry, Odometry, queue_size=1, tcp_nodelay=True)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10, tcp_nodelay=True)
-        for name in mux.TIAGO_INPUTS:
-            rospy.Subscriber(f"/{name}", Twist, partial(self._heard, name), queue_size=1, tcp_nodelay=True)
-        for name in mux.TIAGO_LOCKS:
-            rospy.Subscriber(f"/{name}", Bool, partial(self._locked, name))
-        rospy.Subscriber(COMMAND_TOPIC, Twist, self._commanded, queue_size=1, tcp_nodelay=True)
+        self._frozen: Odometry | None = None
+        if names.mux:
+            self._mux = MuxTopics(names.command)
+        rospy.Subscriber(names.command, Twist, self._commanded, queue_size=1, tcp_nodelay=True)
 
     def publish(self, stamp: rospy.Time) -> None:
         """Tell odometry and the transform from odom to the base, as of `stamp`."""
-        told = self._robot.odometry
-        turned = yaw_quaternion(told.yaw)
+        if self._robot.faults.odom_dead:
+            return
         if self._odometry.get_num_connections():
-            message = Odometry()
-            message.header.stamp = stamp
-            message.header.frame_id = "odom"
-            message.child_frame_id = "base_footprint"
-            message.pose.pose.position.x = told.x
-            message.pose.pose.position.y = told.y
-            message.pose.pose.orientation = turned
-            message.twist.twist.linear.x = told.velocity.vx
-            message.twist.twist.linear.y = told.velocity.vy
-            message.twist.twist.angular.z = told.velocity.w
-            self._odometry.publish(message)
+            self._odometry.publish(self._told(stamp))
         if self._tf.get_num_connections():
-            transform = TransformStamped()
-            transform.header.stamp = stamp
-            transform.header.frame_id = "odom"
-            transform.child_frame_id = "base_footprint"
-            transform.transform.translation.x = told.x
-            transform.transform.translation.y = told.y
-            transform.transform.rotation = turned
-            self._tf.publish(TFMessage([transform]))
+            self._tf.publish(TFMessage([self._transform(stamp)]))
 
-    def _heard(self, name: str, message: Twist) -> None:
-        with self._mux_lock:
-            passes = self._mux.passes(name, time.monotonic())
-        if passes:
-            self._through.publish(message)
+    def _told(self, stamp: rospy.Time) -> Odometry:
+        if self._frozen is None or not self._robot.faults.odom_frozen:
+            self._frozen = self._message(stamp)
+        return self._frozen
 
-    def _locked(self, name: str, message: Bool) -> None:
-        with self._mux_lock:
-            self._mux.lock(name, message.data)
+    def _message(self, stamp: rospy.Time) -> Odometry:
+        told = self._robot.odometry
+        message = Odometry()
+        message.header.stamp = stamp
+        message.header.frame_id = "odom"
+        message.child_frame_id = self._robot.body.names.base_frame
+        message.pose.pose.position.x = told.x
+        message.pose.pose.position.y = told.y
+        message.pose.pose.orientation = yaw_quaternion(told.yaw)
+        message.twist.twist.linear.x = told.velocity.vx
+        message.twist.twist.linear.y = told.velocity.vy
+        message.twist.twist.angular.z = told.velocity.w
+        return message
+
+    def _transform(self, stamp: rospy.Time) -> TransformStamped:
+        told = self._robot.odometry
+        transform = TransformStamped()
+        transform.header.stamp = stamp
+        transform.header.frame_id = "odom"
+        transform.child_frame_id = self._robot.body.names.base_frame
+        transform.transform.translation.x = told.x
+        transform.transform.translation.y = told.y
+        transform.transform.rotation = yaw_quaternion(told.yaw)
+        return transform
 
     def _commanded(self, message: Twist) -> None:
         twist = base.Twist(message.linear.x, message.linear.y, message.angular.z)
         if not all(map(math.isfinite, twist)):
-            rospy.logwarn_throttle(
-                5.0, "not a number in a velocity command: ignored, as diff_drive_controller does"
-            )
+            # As diff_drive_controller does.
+            rospy.logwarn_throttle(5.0, "ignored a velocity command that is not a number")
             return
         self._robot.command(twist, time.monotonic())
+
+
+class MuxTopics:
+    """twist_mux: the velocity inputs and locks before the controller's command topic."""
+
+    def __init__(self, command_topic: str) -> None:
+        self._mux = mux.TwistMux()
+        self._guard = threading.Lock()  # rospy calls back on one thread per connection
+        self._through = rospy.Publisher(command_topic, Twist, queue_size=1, tcp_nodelay=True)
+        for name in mux.TIAGO_INPUTS:
+            rospy.Subscriber(
+                f"/{name}", Twist, partial(self._heard, name=name), queue_size=1, tcp_nodelay=True
+            )
+        for name in mux.TIAGO_LOCKS:
+            rospy.Subscriber(f"/{name}", Bool, partial(self._locked, name=name))
+
+    def _heard(self, message: Twist, name: str) -> None:
+        with self._guard:
+            passes = self._mux.passes(name, time.monotonic())
+        if passes:
+            self._through.publish(message)
+
+    def _locked(self, message: Bool, name: str) -> None:
+        with self._guard:
+            self._mux.lock(name, message.data)

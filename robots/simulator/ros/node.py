@@ -2,46 +2,87 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
 from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
 
 # isort: split
 import rospy
 
-from robots.simulator.robot import TICK_S, Robot
+from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
-from robots.simulator.ros.sensors import LaserTopics
+from robots.simulator.ros.eyes import Eyes
+from robots.simulator.ros.joints import JointTopics
+from robots.simulator.ros.motions import MotionServer
+from robots.simulator.ros.power import PowerTopics
+from robots.simulator.ros.sensors import LaserTopics, SonarTopic
+from robots.simulator.ros.speech import SpeechServer
+from robots.simulator.ros.truth import GroundTruth
 
-log = logging.getLogger(__name__)
+_LONGEST_LAG_S = 0.2
 
-_SCAN_EVERY = 5  # ticks: 10 Hz
+
+class Duty(NamedTuple):
+    """Something told every `every` ticks; `phase` spreads what is costly over the ticks."""
+
+    every: int
+    phase: int
+    tell: Callable[[rospy.Time], None]
 
 
 class SimulatorNode:
     """Runs one robot until told to stop."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, name: str, depth_encoding: str = "32FC1") -> None:
         self._robot = robot
-        self._base = BaseTopics(robot)
-        self._laser = LaserTopics(robot)
         self._tick = 0
+        self._truth = GroundTruth(robot)
+        self._duties = [
+            Duty(1, 0, BaseTopics(robot).publish),
+            Duty(1, 0, JointTopics(robot, name).publish),
+            Duty(TICK_HZ, 7, PowerTopics(robot).publish),
+            Duty(1, 0, self._truth.publish_contacts),
+            Duty(1, 0, self._truth.publish_pose),
+            Duty(TICK_HZ // 25, 1, self._truth.publish_clearance),
+        ]
+        sonars = SonarTopic(robot)
+        for index, sonar in enumerate(robot.sonars):
+            self._duties.append(Duty(TICK_HZ // 5, 3 * index + 1, partial(sonars.publish, sonar)))
+        self._servers: list[Callable[[float], None]] = []
+        self._eyes: Eyes | None = None
+        if robot.body.upper_body:
+            self._servers = [SpeechServer().step, MotionServer(robot).step]
+            self._eyes = Eyes(robot, depth_encoding)
+            self._duties.append(Duty(TICK_HZ // 10, 2, self._eyes.publish_depth))
+            self._duties.append(Duty(TICK_HZ // 5, 4, self._eyes.publish_rgb))
+        # Last, so that whoever sees a scan can count on everything else.
+        self._duties.append(Duty(TICK_HZ // 10, 0, LaserTopics(robot).publish))
 
     def run(self, stop: threading.Event) -> None:
         """Tick at a fixed rate of the monotonic clock until `stop` is set."""
         due = time.monotonic()
         while not stop.wait(max(0.0, due - time.monotonic())):
-            self.tick()
-            # After a stall (a suspended machine) carry on from now: the past is not replayed.
-            due = max(due + TICK_S, time.monotonic() - TICK_S)
+            self.tick(time.monotonic())
+            # After a long stall (a suspended machine) carry on from now: the past is not replayed.
+            due = max(due + TICK_S, time.monotonic() - _LONGEST_LAG_S)
 
-    def tick(self) -> None:
+    def tick(self, now: float) -> None:
         """One step of the robot's life, and what it tells about it."""
-        self._robot.tick(time.monotonic())
+        self._truth.step()
+        self._robot.tick(now)
+        for step in self._servers:
+            step(now)
         stamp = rospy.Time.now()
-        self._base.publish(stamp)
-        if self._tick % _SCAN_EVERY == 0:
-            self._laser.publish(stamp)
+        for duty in self._duties:
+            if self._tick % duty.every == duty.phase % duty.every:
+                duty.tell(stamp)
         self._tick += 1
+
+    def close(self) -> None:
+        """End what has a thread of its own."""
+        if self._eyes is not None:
+            self._eyes.close()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import signal
 import sys
 import threading
+from pathlib import Path
 
 from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
 
@@ -22,8 +24,8 @@ log = logging.getLogger(__name__)
 _MASTER_RETRY_S = 0.2
 
 
-def run(robot: Robot, name: str, exit_with_parent: bool) -> None:
-    """Run `robot` as ROS node /`name`'s simulator until SIGTERM, SIGINT or, if asked, the end of standard input."""
+def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) -> None:
+    """Run `robot` as one ROS node until SIGTERM, SIGINT or, if asked, the end of standard input."""
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
@@ -31,13 +33,14 @@ def run(robot: Robot, name: str, exit_with_parent: bool) -> None:
         threading.Thread(target=_watch_parent, args=(stop,), daemon=True).start()
     if not _wait_for_master(stop):
         return
-    # rospy.init_node would install its own signal handlers and its own root logging.
-    rospy.init_node(_node_name(name), disable_signals=True, disable_rosout=False)
+    os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))
+    rospy.init_node(_node_name(name), disable_signals=True)
+    node = SimulatorNode(robot, name, depth_encoding)
     try:
-        node = SimulatorNode(robot)
         log.info("%s is up at %s", name, rosgraph.get_master_uri())
         node.run(stop)
     finally:
+        node.close()
         rospy.signal_shutdown("the simulator was told to stop")
 
 

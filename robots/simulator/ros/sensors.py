@@ -8,26 +8,38 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 import numpy as np
 import rospy
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, Range
 
 from robots.simulator.robot import Robot
+from robots.simulator.sonar import Sonar
 
 
 class LaserTopics:
-    """/scan_raw, and /scan as PAL filters it."""
+    """The raw scan, and the scan as PAL filters it."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._raw = rospy.Publisher("/scan_raw", LaserScan, queue_size=1, tcp_nodelay=True)
-        self._filtered = rospy.Publisher("/scan", LaserScan, queue_size=1, tcp_nodelay=True)
+        names = robot.body.names
+        self._raw = rospy.Publisher(names.scan, LaserScan, queue_size=1, tcp_nodelay=True)
+        self._filtered = None
+        if names.filtered_scan:
+            self._filtered = rospy.Publisher(names.filtered_scan, LaserScan, queue_size=1, tcp_nodelay=True)
+        self._last: tuple[rospy.Time, NDArray[np.float32]] | None = None
 
     def publish(self, stamp: rospy.Time) -> None:
         """Scan once and tell both topics."""
+        faults = self._robot.faults
+        if faults.laser_dead:
+            return
         laser = self._robot.laser
-        ranges = laser.scan(self._robot.physics)
+        if self._last is None or not faults.laser_frozen:
+            self._last = stamp, laser.scan(self._robot.physics)
+        stamp, ranges = self._last
+        if faults.laser_nan:
+            ranges = np.full_like(ranges, np.nan)
         if self._raw.get_num_connections():
             self._raw.publish(self._message(stamp, ranges))
-        if self._filtered.get_num_connections():
+        if self._filtered is not None and self._filtered.get_num_connections():
             self._filtered.publish(self._message(stamp, laser.blanked(ranges)))
 
     def _message(self, stamp: rospy.Time, ranges: NDArray[np.float32]) -> LaserScan:
@@ -44,3 +56,27 @@ class LaserTopics:
         message.header.stamp = stamp
         message.header.frame_id = laser.mount.frame
         return message
+
+
+class SonarTopic:
+    """All sonars on one topic, told apart by their frames."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._ranges = rospy.Publisher("/sonar_base", Range, queue_size=5, tcp_nodelay=True)
+
+    def publish(self, sonar: Sonar, stamp: rospy.Time) -> None:
+        """Measure with one sonar and tell it."""
+        if self._robot.faults.sonar_dead or not self._ranges.get_num_connections():
+            return
+        mount = sonar.mount
+        message = Range(
+            radiation_type=Range.ULTRASOUND,
+            field_of_view=mount.fov,
+            min_range=mount.shortest_m,
+            max_range=mount.longest_m,
+            range=sonar.range_m(self._robot.physics),
+        )
+        message.header.stamp = stamp
+        message.header.frame_id = mount.frame
+        self._ranges.publish(message)

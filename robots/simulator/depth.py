@@ -1,0 +1,60 @@
+"""The head's depth camera by ray casting, with a structured-light camera's faults."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.joints import CameraPose
+from robots.simulator.laser import in_world
+from robots.simulator.physics import Onlooker
+
+WIDTH = 640
+HEIGHT = 480
+FOCAL_PX = WIDTH / 2.0 / math.tan(math.radians(63.0) / 2.0)
+NEAREST_M = 0.3
+FARTHEST_M = 8.0
+
+# One ray for each square of this many pixels: a full image would cost sixteen times as much.
+_COARSE_PX = 4
+_NOISE_PER_M = 0.0015  # sigma grows with the square of the distance
+_DROPOUT_SHARE = 0.01
+
+
+class DepthCamera:
+    """Takes pictures of distances."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self._random = random
+        across = (np.arange(_COARSE_PX / 2, WIDTH, _COARSE_PX) - WIDTH / 2.0) / FOCAL_PX
+        down = (np.arange(_COARSE_PX / 2, HEIGHT, _COARSE_PX) - HEIGHT / 2.0) / FOCAL_PX
+        left, up = np.meshgrid(-across, -down)
+        rays = np.stack((np.ones_like(left), left, up), axis=-1)
+        length = np.linalg.norm(rays, axis=-1)
+        self._shape = left.shape
+        self._rays = (rays / length[..., None]).reshape(-1, 3)  # forward, left, up
+        self._ahead = (1.0 / length).ravel()  # part of a ray's length that lies along the optical axis
+
+    def image(self, onlooker: Onlooker, camera: CameraPose) -> NDArray[np.float32]:
+        """Distances along the optical axis in metres (480, 640); nan where the camera sees none."""
+        robot = onlooker.pose
+        cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
+        to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        origin = np.array([*in_world(robot, camera.origin[0], camera.origin[1]), camera.origin[2]])
+        distance = onlooker.cast(origin, self._rays @ (to_world @ camera.axes).T)
+        depth = self._as_measured(distance * self._ahead).reshape(self._shape)
+        return depth.repeat(_COARSE_PX, axis=0).repeat(_COARSE_PX, axis=1)
+
+    def _as_measured(self, depth: NDArray[np.float64]) -> NDArray[np.float32]:
+        measured = depth + self._random.standard_normal(depth.shape) * _NOISE_PER_M * depth**2
+        lost = self._random.random(depth.shape) < _DROPOUT_SHARE
+        measured[lost | (measured < NEAREST_M) | (measured > FARTHEST_M)] = np.nan
+        return measured.astype(np.float32)
+
+
+def as_millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """As real robots often send it (16UC1): millimetres, 0 where nothing is seen."""
+    millimetres: NDArray[np.uint16] = np.nan_to_num(depth * 1000.0, nan=0.0).astype(np.uint16)
+    return millimetres

@@ -1,0 +1,55 @@
+"""Joint states, the frames that hang on them, and the robot description."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import rospy
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from robots.simulator.frames import Frame, frames, moved, urdf
+from robots.simulator.robot import Robot
+
+
+class JointTopics:
+    """/joint_states, /tf of what moves, /tf_static of what does not, and /robot_description."""
+
+    def __init__(self, robot: Robot, name: str) -> None:
+        self._robot = robot
+        table = frames(robot.body)
+        self._movable = [frame for frame in table if frame.joint]
+        self._states = rospy.Publisher("/joint_states", JointState, queue_size=1, tcp_nodelay=True)
+        self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10, tcp_nodelay=True)
+        self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        now = rospy.Time.now()
+        self._fixed.publish(TFMessage([_transform(frame, 0.0, now) for frame in table if not frame.joint]))
+        rospy.set_param("/robot_description", urdf(robot.body, name))
+
+    def publish(self, stamp: rospy.Time) -> None:
+        """Tell where the joints are."""
+        if not self._robot.body.upper_body:
+            return
+        positions = self._robot.player.positions
+        if self._states.get_num_connections():
+            message = JointState(name=list(positions), position=list(positions.values()))
+            message.velocity = message.effort = [0.0] * len(positions)
+            message.header.stamp = stamp
+            self._states.publish(message)
+        if self._tf.get_num_connections():
+            self._tf.publish(
+                TFMessage([_transform(frame, positions[str(frame.joint)], stamp) for frame in self._movable])
+            )
+
+
+def _transform(frame: Frame, position: float, stamp: rospy.Time) -> TransformStamped:
+    translation, rotation = moved(frame, position)
+    transform = TransformStamped()
+    transform.header.stamp = stamp
+    transform.header.frame_id = frame.parent
+    transform.child_frame_id = frame.child
+    transform.transform.translation = Vector3(*translation)
+    transform.transform.rotation = Quaternion(*rotation)
+    return transform

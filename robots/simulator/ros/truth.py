@@ -1,0 +1,129 @@
+"""Ground truth and the strings behind the scene, on a name space of their own that the console never reads.
+
+Told: /ground_truth/{pose,clearance,contacts,faults}. Obeyed: /ground_truth/{fault,person,teleport,battery}.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import queue
+from collections.abc import Callable
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import rospy
+from geometry_msgs.msg import Pose2D
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Float32, String
+
+from robots.simulator.faults import FaultError, parse_faults
+from robots.simulator.physics import Pose
+from robots.simulator.robot import Robot
+from robots.simulator.ros.base import yaw_quaternion
+
+
+class GroundTruth:
+    """Tells where the robot truly is and what it touches; makes things go wrong."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._touching = False
+        # Messages arrive on rospy's threads; the world changes only between two ticks.
+        self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._pose = rospy.Publisher("/ground_truth/pose", Odometry, queue_size=1, tcp_nodelay=True)
+        self._clearance = rospy.Publisher("/ground_truth/clearance", Float32, queue_size=1, tcp_nodelay=True)
+        self._contacts = rospy.Publisher("/ground_truth/contacts", String, queue_size=50, latch=True)
+        self._faults = rospy.Publisher("/ground_truth/faults", String, queue_size=5, latch=True)
+        self._faults.publish("none")
+        self._obey("fault", String, self._fault)
+        self._obey("person", String, self._person)
+        self._obey("teleport", Pose2D, self._teleport)
+        self._obey("battery", Float32, self._battery)
+
+    def step(self) -> None:
+        """Do what was asked since the last tick."""
+        while not self._asked.empty():
+            self._asked.get()()
+
+    def publish_pose(self, stamp: rospy.Time) -> None:
+        """The true pose and velocity."""
+        if not self._pose.get_num_connections():
+            return
+        pose, velocity = self._robot.physics.pose, self._robot.physics.velocity
+        message = Odometry()
+        message.header.stamp = stamp
+        message.header.frame_id = "world"
+        message.child_frame_id = self._robot.body.names.base_frame
+        message.pose.pose.position.x = pose.x
+        message.pose.pose.position.y = pose.y
+        message.pose.pose.orientation = yaw_quaternion(pose.yaw)
+        message.twist.twist.linear.x = velocity.vx
+        message.twist.twist.linear.y = velocity.vy
+        message.twist.twist.angular.z = velocity.w
+        self._pose.publish(message)
+
+    def publish_clearance(self, _stamp: rospy.Time) -> None:
+        """The gap between the hull and the nearest thing, metres."""
+        if self._clearance.get_num_connections():
+            self._clearance.publish(Float32(self._robot.physics.clearance_m()))
+
+    def publish_contacts(self, stamp: rospy.Time) -> None:
+        """What the robot touches, in every tick that it does, and once when it no longer does.
+
+        JSON: stamp_s; speed_mps with which the robot came into this tick; contacts: part, with, force_n.
+        """
+        contacts = self._robot.physics.contacts()
+        if not contacts and not self._touching:
+            return
+        self._touching = bool(contacts)
+        approach = self._robot.approach
+        told = {
+            "stamp_s": stamp.to_sec(),
+            "speed_mps": math.hypot(approach.vx, approach.vy),
+            "contacts": [
+                {"part": contact.part, "with": contact.other, "force_n": round(contact.force_n, 1)}
+                for contact in contacts
+            ],
+        }
+        self._contacts.publish(json.dumps(told))
+
+    def _obey(self, name: str, kind: type, act: Callable[[object], None]) -> None:
+        rospy.Subscriber(f"/ground_truth/{name}", kind, lambda message: self._asked.put(lambda: act(message)))
+
+    def _fault(self, message: String) -> None:
+        """Names as `parse_faults` reads them; told back on /ground_truth/faults when in force."""
+        try:
+            self._robot.faults = parse_faults(message.data)
+        except FaultError as error:
+            rospy.logwarn("%s", error)
+            return
+        self._faults.publish(message.data)
+
+    def _person(self, message: String) -> None:
+        """``NAME walk``, ``NAME stand`` or ``NAME X Y``."""
+        name, _, what = message.data.partition(" ")
+        walker = self._robot.people.get(name)
+        if walker is None:
+            rospy.logwarn("nobody is called %r here", name)
+        elif what == "walk":
+            walker.walk()
+        elif what == "stand":
+            walker.stand()
+        else:
+            try:
+                x, y = (float(part) for part in what.split())
+            except ValueError:
+                rospy.logwarn("a person can walk, stand, or be at X Y; not %r", what)
+                return
+            walker.place(x, y)
+
+    def _teleport(self, message: Pose2D) -> None:
+        self._robot.physics.place_robot(Pose(message.x, message.y, message.theta))
+
+    def _battery(self, message: Float32) -> None:
+        """Set the charge in percent; negative: put it on the charger."""
+        self._robot.battery.charging = message.data < 0.0
+        if message.data >= 0.0:
+            self._robot.battery.percent = min(message.data, 100.0)
