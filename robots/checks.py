@@ -30,10 +30,10 @@ QUIET = ("battery", "charging", "speech", "motions")  # may say nothing for long
 
 
 class Check(Struct, frozen=True):
-    """One answer. `result` is ok, warn or fail; `advice` says what to do, "" where nothing is."""
+    """One answer. `level` is ok, warn or fail; `advice` says what to do, "" where nothing is."""
 
     name: str
-    result: str
+    level: str
     text: str
     advice: str = ""
 

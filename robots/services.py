@@ -9,6 +9,7 @@ from django.db import models, transaction
 from django.utils import timezone
 
 from fleet.audit import record
+from robots import shipped
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 
 if TYPE_CHECKING:
@@ -39,6 +40,25 @@ def profile_save(*, profile: RobotProfile, actor: User | None) -> RobotProfile:
     elif changes := _save_changes(profile, RobotProfile.objects.select_for_update().get(pk=profile.pk)):
         record("profile.change", actor=actor, parameters={"profile": profile.slug, "changes": changes})
     return profile
+
+
+@transaction.atomic
+def profile_delete(*, profile: RobotProfile, actor: User | None) -> None:
+    """Delete a profile that no robot has; `ProtectedError` if one does."""
+    record("profile.delete", actor=actor, parameters=_entered(profile))
+    profile.delete()
+
+
+@transaction.atomic
+def profile_take_shipped(*, profile: RobotProfile, actor: User | None) -> bool:
+    """Give up what was edited here for what the console ships; False: nothing is shipped for this profile."""
+    file = shipped.file_of(profile)
+    if file is None:
+        return False
+    shipped.fill(profile, file)
+    profile_save(profile=profile, actor=actor)
+    profile.save(update_fields=["shipped_digest"])
+    return True
 
 
 class _Named(TypedDict):

@@ -78,16 +78,21 @@ def load_profiles(*, using: str = "default", directory: Path = DIRECTORY) -> Non
             continue
         elif not differs(profile, file):
             continue
-        take(profile, file, using=using)
+        fill(profile, file)
+        profile.full_clean(validate_unique=False)
+        profile.save(using=using)
 
 
-def take(profile: RobotProfile, file: ProfileFile, *, using: str = "default") -> None:
-    """Make `profile` what `file` says."""
+def fill(profile: RobotProfile, file: ProfileFile) -> None:
+    """Make `profile`, not saved yet, what `file` says."""
     for name, value in file.columns().items():
         setattr(profile, name, value)
     profile.shipped_digest = _digest(file.columns())
-    profile.full_clean(validate_unique=False)
-    profile.save(using=using)
+
+
+def file_of(profile: RobotProfile) -> ProfileFile | None:
+    """The data file of a shipped profile."""
+    return next((file for file in profile_files() if file.slug == profile.slug), None)
 
 
 def is_edited(profile: RobotProfile, file: ProfileFile) -> bool:

@@ -33,11 +33,11 @@ class Command(BaseCommand):
         else:
             for check in checks:
                 self._print(check)
-        if any(check.result == FAIL for check in checks):
+        if any(check.level == FAIL for check in checks):
             sys.exit(1)
 
     def _print(self, check: Check) -> None:
-        style = {OK: self.style.SUCCESS, FAIL: self.style.ERROR}.get(check.result, self.style.WARNING)
-        self.stdout.write(f"{style(f'{check.result:4}')}  {check.name}: {check.text}")
+        style = {OK: self.style.SUCCESS, FAIL: self.style.ERROR}.get(check.level, self.style.WARNING)
+        self.stdout.write(f"{style(f'{check.level:4}')}  {check.name}: {check.text}")
         if check.advice:
             self.stdout.write(f"      {check.advice}")

@@ -1,0 +1,225 @@
+"""The registry in the admin. Everything is saved by `robots.services`, which checks and records it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from django import forms
+from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied
+from django.db import models
+from django.db.models import QuerySet
+from django.forms import ModelForm
+from django.http import HttpRequest
+from django.urls import reverse
+from django.utils.html import format_html
+
+from fleet.accounts.models import User
+from robots import services, shipped
+from robots.models import Robot, RobotProfile, RobotRole, Role
+
+
+class ReadableJSON(json.JSONEncoder):
+    """JSON as people like to edit it."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{**options, "indent": 2})
+
+
+READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
+    models.JSONField: {
+        "encoder": ReadableJSON,
+        "widget": forms.Textarea(
+            attrs={"rows": 14, "cols": 100, "class": "vLargeTextField", "spellcheck": "false"}
+        ),
+    }
+}
+
+
+def _actor(request: HttpRequest) -> User:
+    if not isinstance(request.user, User):
+        raise PermissionDenied
+    return request.user
+
+
+class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Who may do what with this robot."""
+
+    model = RobotRole
+    extra = 0
+    autocomplete_fields = ["user"]
+    verbose_name_plural = "people (staff may do everything without an entry)"
+
+
+@admin.register(Robot)
+class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Robots. None is deleted, for control sessions and records speak of them: clear "enabled" instead."""
+
+    list_display = [
+        "name",
+        "slug",
+        "profile",
+        "enabled",
+        "practice",
+        "master_uri",
+        "bridge_state",
+        "check_link",
+    ]
+    list_filter = ["enabled", "practice", "profile"]
+    list_select_related = ["profile", "bridge"]
+    search_fields = ["name", "slug", "master_uri"]
+    prepopulated_fields = {"slug": ["name"]}
+    readonly_fields = ["bridge_state", "check_link", "updated_at"]
+    formfield_overrides = READABLE
+    inlines = [RoleInline]
+    fieldsets = [
+        (None, {"fields": ["name", "slug", "profile", "enabled", "practice", "bridge_state", "check_link"]}),
+        (
+            "Network",
+            {
+                "fields": ["master_uri", "advertised_address", "host_aliases", "bridge_address"],
+                "description": "ROS nodes call each other back by name, so names must resolve both ways: most "
+                "of what goes wrong in a lab goes wrong here. Save, then open the check.",
+            },
+        ),
+        (
+            "Driving",
+            {
+                "fields": ["drive_topic", "default_share", "max_share", "overrides"],
+                "description": "What differs from the profile. A change takes effect within 3 s; the robot "
+                "stops for it, other robots do not.",
+            },
+        ),
+    ]
+
+    @admin.display(description="bridge")
+    def bridge_state(self, robot: Robot) -> str:
+        """How the bridge process fares."""
+        status = getattr(robot, "bridge", None)
+        if status is None:
+            return "not seen by a supervisor yet"
+        since = f"{status.get_state_display()} since {status.since:%Y-%m-%d %H:%M:%S} UTC"
+        return f"{since}: {status.detail}" if status.detail else since
+
+    @admin.display(description="check")
+    def check_link(self, robot: Robot) -> str:
+        """A link to the check page."""
+        if robot._state.adding:
+            return "after saving"
+        return format_html('<a href="{}">Check this robot</a>', reverse("robot-check", args=[robot.slug]))
+
+    def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
+        """Save by the service."""
+        services.robot_save(robot=obj, actor=_actor(request))
+
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
+        """Give and take roles by the service."""
+        for entry in formset.save(commit=False):
+            _give(entry, _actor(request))
+        for entry in formset.deleted_objects:
+            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=_actor(request))
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """Robots are disabled, not deleted."""
+        return False
+
+
+def _give(entry: RobotRole, actor: User) -> None:
+    """A role as entered; if the row was another person's, that person's role ends."""
+    before = RobotRole.objects.select_related("user", "robot").filter(pk=entry.pk).first()
+    if before is not None and (before.user_id, before.robot_id) != (entry.user_id, entry.robot_id):
+        services.role_set(robot=before.robot, user=before.user, role=None, actor=actor)
+    services.role_set(robot=entry.robot, user=entry.user, role=Role(entry.role), actor=actor)
+
+
+@admin.register(RobotRole)
+class RobotRoleAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Every role of every person."""
+
+    list_display = ["user", "robot", "role"]
+    list_filter = ["role", "robot"]
+    list_select_related = ["user", "robot"]
+    search_fields = ["user__username", "user__full_name", "robot__name"]
+    autocomplete_fields = ["user", "robot"]
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotRole, form: ModelForm[RobotRole], change: bool
+    ) -> None:
+        """Save by the service."""
+        _give(obj, _actor(request))
+
+    def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
+        """Take the role away by the service."""
+        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=_actor(request))
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
+        """Each of them by the service."""
+        for entry in queryset.select_related("robot", "user"):
+            self.delete_model(request, entry)
+
+
+@admin.register(RobotProfile)
+class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Kinds of robots."""
+
+    list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
+    readonly_fields = ["source", "updated_at"]
+    formfield_overrides = READABLE
+    actions = ["take_shipped"]
+    save_as = True
+    fieldsets = [
+        (None, {"fields": ["name", "slug", "holonomic", "source"]}),
+        (
+            "Limits",
+            {
+                "fields": [
+                    *("forward_mps", "reverse_mps", "lateral_mps", "turn_radps"),
+                    *("linear_mps2", "angular_radps2", "blind_mps"),
+                ],
+                "description": "What the safety gate believes of the base. A number above what the base can "
+                "do makes the gate brake too late.",
+            },
+        ),
+        ("Driving", {"fields": ["default_share", "reverse_steering", "drive_topic", "drive_type"]}),
+        ("Body and ROS interface", {"fields": ["footprint", "topics", "gate"]}),
+    ]
+
+    @admin.display(description="source")
+    def source(self, profile: RobotProfile) -> str:
+        """Whether the profile is as shipped."""
+        file = shipped.file_of(profile)
+        if file is None:
+            return "made here"
+        return "edited here; the shipped one differs" if shipped.differs(profile, file) else "as shipped"
+
+    @admin.action(description="Give up local edits, take the shipped version")
+    def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
+        """Back to the data file."""
+        for profile in queryset:
+            taken = services.profile_take_shipped(profile=profile, actor=_actor(request))
+            text = "is as shipped now" if taken else "was made here; nothing is shipped for it"
+            self.message_user(
+                request, f"{profile.name} {text}.", messages.SUCCESS if taken else messages.WARNING
+            )
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
+    ) -> None:
+        """Save by the service, and say it where a limit of the gate was loosened."""
+        services.profile_save(profile=obj, actor=_actor(request))
+        if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
+            self.message_user(
+                request,
+                f"The blind speed of every {obj.name} is {obj.blind_mps:g} m/s now, it was "
+                f"{form.initial['blind_mps']:g}: where no sensor watches, only the operator's eyes do.",
+                messages.WARNING,
+            )
+
+    def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
+        """Delete by the service."""
+        services.profile_delete(profile=obj, actor=_actor(request))
+
+    def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
+        """A profile that is in use, or would come back with the next migration, stays."""
+        return obj is not None and shipped.file_of(obj) is None and not obj.robots.exists()
