@@ -1,7 +1,5 @@
 """Every address of the console."""
 
-from importlib.util import find_spec
-
 from django.contrib import admin
 from django.urls import include, path
 
@@ -14,9 +12,7 @@ urlpatterns = [
     path("admin/login/", views.admin_login),
     path("admin/", admin.site.urls),
     path("healthz", views.healthz, name="healthz"),
-    *(
-        path(prefix, include(module))
-        for prefix, module in (("", "teleop.urls"), ("", "robots.urls"), ("api/", "teleop.api_urls"))
-        if find_spec(module)
-    ),
+    path("api/", include("teleop.api_urls")),
+    path("", include("teleop.urls")),
+    path("", include("robots.urls")),
 ]

@@ -1,17 +1,32 @@
-"""Keeps the list of sign-ins up to date."""
+"""What every request passes: the door for signed-in people, and the note of when they were last seen."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from typing import Any
 
+from django.contrib.auth.middleware import LoginRequiredMiddleware
 from django.db import OperationalError
-from django.http import HttpRequest, HttpResponseBase
+from django.http import HttpRequest, HttpResponseBase, JsonResponse
 
 from fleet.accounts import services
 from fleet.accounts.models import User
 
 logger = logging.getLogger(__name__)
+
+
+class SignInRequired(LoginRequiredMiddleware):
+    """Every page needs a signed-in person unless it says otherwise."""
+
+    def handle_no_permission(  # type: ignore[override]  # the stubs allow redirects only
+        self, request: HttpRequest, view_func: Callable[..., Any]
+    ) -> HttpResponseBase:
+        """Lead people to the sign-in page; tell a script so, lest it takes that page for success."""
+        if request.get_preferred_type(["text/html", "application/json"]) == "application/json":
+            text = "Not done: you are signed out. Sign in again."
+            return JsonResponse({"code": "signed_out", "text": text, "rule": "account"}, status=401)
+        return super().handle_no_permission(request, view_func)
 
 
 def sign_in_seen(

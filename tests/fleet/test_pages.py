@@ -42,6 +42,11 @@ def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
     assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
 
 
+def test_a_script_is_told_that_nobody_is_signed_in():
+    response = Client().post("/stop-all/", headers={"accept": "application/json"})
+    assert (response.status_code, response.json()["code"]) == (401, "signed_out")
+
+
 def test_the_admin_is_for_staff(operator, signed_in):
     assert signed_in(operator).get("/admin/", follow=True).status_code == 403
 
