@@ -1,0 +1,249 @@
+"""Both ends of the link, joined: over a Unix socket, and over TCP with TLS and a shared secret."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime
+import ipaddress
+import socket
+import ssl
+import uuid
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus, WebSocketException
+
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.bridge.link import LinkServer
+from robots.link import BridgeLink, LinkRefused, stop_once
+from tests.bridge.support import Bench
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+class Bridge:
+    """A link server over a core on the bench; answers as the process does."""
+
+    def __init__(self, address: LinkAddress) -> None:
+        self.bench = Bench().online()
+        self.drives: list[wire.Drive] = []
+        self.server = LinkServer(address, self.opened, self.received, self.closed)
+        self.lost = asyncio.Event()
+        self.silent = False
+
+    def opened(self, link):
+        link.report(self.bench.core.hello(self.bench.now_s))
+
+    def closed(self, link):
+        self.lost.set()
+
+    async def received(self, link, raw):
+        message = wire.link_request(raw)
+        if self.silent:
+            return
+        match message:
+            case wire.Grant(fence=1):
+                link.report(wire.Refused("grant", wire.Refusal("old_fence", "Too old.", "lease"), fence=1))
+            case wire.Grant():
+                link.report(wire.Granted(message.fence))
+            case wire.Drive():
+                self.drives.append(message)
+            case wire.LinkStop():
+                self.bench.core.stop(message.by, message.reason, self.bench.now_s)
+                link.report(wire.Stopped(self.bench.core.stop_state))
+            case wire.Watch():
+                link.watchers = message.watchers
+
+
+class Follower:
+    """Keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.views: list[str] = []
+        self.news: asyncio.Queue[tuple[str, object]] = asyncio.Queue()
+
+    def on_view(self, raw):
+        self.views.append(raw)
+        self.news.put_nowait(("view", raw))
+
+    def on_status(self, state):
+        self.news.put_nowait(("status", state))
+
+    def on_ended(self, ended):
+        self.news.put_nowait(("ended", ended))
+
+    def on_refused(self, refused):
+        self.news.put_nowait(("refused", refused))
+
+    def on_link(self, up, refusal):
+        self.news.put_nowait(("up" if up else "down", refusal))
+
+    async def until(self, kind):
+        while True:
+            found, what = await asyncio.wait_for(self.news.get(), 10)
+            if found == kind:
+                return what
+
+
+@pytest.fixture
+def certificate(tmp_path):
+    """A self-signed certificate for 127.0.0.1: (certificate, key) as paths."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "bridge")])
+    now = datetime.datetime.now(datetime.timezone.utc)
+    cert = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - datetime.timedelta(hours=1))
+        .not_valid_after(now + datetime.timedelta(hours=1))
+        .add_extension(
+            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), False
+        )
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), True)
+        .sign(key, hashes.SHA256())
+    )
+    paths = tmp_path / "cert.pem", tmp_path / "key.pem"
+    paths[0].write_bytes(cert.public_bytes(serialization.Encoding.PEM))
+    paths[1].write_bytes(
+        key.private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        )
+    )
+    return str(paths[0]), str(paths[1])
+
+
+@pytest.fixture(params=["unix", "tls"])
+def address(request, tmp_path_factory, certificate):
+    if request.param == "unix":
+        return LinkAddress(unix_path=str(tmp_path_factory.mktemp("s") / "b.sock"))
+    cert, key = certificate
+    return LinkAddress(
+        host="127.0.0.1", port=free_port(), certificate=cert, private_key=key, secret="s3cret", authority=cert
+    )
+
+
+@pytest.fixture
+async def bridge(address):
+    bridge = Bridge(address)
+    await bridge.server.start()
+    yield bridge
+    await bridge.server.close()
+    bridge.bench.drives.close(0.0)
+
+
+@pytest.fixture
+async def link(bridge, address):
+    link = BridgeLink(uuid.uuid4(), address)
+    link.follower = Follower()
+    link.subscribe(link.follower)
+    await link.follower.until("up")
+    yield link
+    await link.close()
+
+
+def grant(fence: int) -> wire.Grant:
+    return wire.Grant(fence, 3.0, "session", "Ann", "ann", 1.0)
+
+
+async def test_control_is_granted_and_refused_by_the_bridges_answer(link):
+    await link.grant(grant(2))
+    with pytest.raises(LinkRefused, match=r"Too old\."):
+        await link.grant(grant(1))
+
+
+async def test_a_drive_message_arrives_as_it_was_sent(link, bridge):
+    raw = '{"t":"drive","fence":2,"seq":1,"sent_ms":5.25,"x":0.5,"w":-0.25,"share":1}'
+    assert await link.forward(raw)
+    await link.stop(wire.LinkStop("Ann"))  # answered after everything before it
+    assert bridge.drives == [wire.Drive(fence=2, seq=1, sent_ms=5.25, x=0.5, w=-0.25, share=1.0)]
+
+
+async def test_a_bridge_that_goes_is_noticed_and_found_again(link, bridge, address):
+    await bridge.server.close()
+    refusal = await link.follower.until("down")
+    assert refusal.code == "bridge_down"
+    assert not await link.forward("{}")
+    with pytest.raises(LinkRefused):
+        await link.grant(grant(2))
+    await bridge.server.start()
+    await link.follower.until("up")
+    await link.grant(grant(2))
+
+
+async def test_a_bridge_that_does_not_answer_is_said_to_be_silent(link, bridge):
+    bridge.silent = True
+    with pytest.raises(LinkRefused) as refused:
+        await link.grant(grant(2), timeout_s=0.05)
+    assert refused.value.refusal.code == "bridge_silent"
+
+
+async def test_the_bridge_notices_at_once_that_a_web_process_is_gone(link, bridge):
+    await link.close()
+    await asyncio.wait_for(bridge.lost.wait(), 2)
+
+
+async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
+    [remote] = bridge.server.links
+    link.watch(link.follower, ["Ann"])
+    await link.stop(wire.LinkStop("Ann"))
+    assert remote.watchers == ["Ann"]
+    remote.show(b'{"t":"view"}')
+    assert await link.follower.until("view") == '{"t":"view"}'
+    link.watch(link.follower, [])
+    await link.stop(wire.LinkStop("Ann"))
+    assert remote.watchers == []
+
+
+async def test_the_stop_command_needs_no_event_loop(bridge, address):
+    stopped = await asyncio.to_thread(stop_once, address, "the command line")
+    assert stopped.stop.by == "the command line"
+    assert bridge.bench.core.stop_state.state == "stopping"
+
+
+async def test_a_stop_command_without_a_bridge_says_so(tmp_path):
+    address = LinkAddress(unix_path=str(tmp_path / "nobody.sock"))
+    with pytest.raises(LinkRefused, match="not running"):
+        await asyncio.to_thread(stop_once, address, "the command line")
+
+
+class TestTcp:
+    @pytest.fixture
+    def address(self, certificate):
+        cert, key = certificate
+        return LinkAddress(
+            host="127.0.0.1",
+            port=free_port(),
+            certificate=cert,
+            private_key=key,
+            secret="s3cret",
+            authority=cert,
+        )
+
+    @pytest.mark.parametrize("header", [{}, {"Authorization": "Bearer wrong"}, {"Authorization": "Bearer "}])
+    async def test_a_link_without_the_shared_secret_is_refused(self, bridge, address, header):
+        trust = ssl.create_default_context(cafile=address.authority)
+        with pytest.raises(InvalidStatus, match="401"):
+            async with connect(f"wss://127.0.0.1:{address.port}/", ssl=trust, additional_headers=header):
+                pass
+
+    async def test_a_link_without_tls_does_not_open(self, bridge, address):
+        with pytest.raises((OSError, WebSocketException)):
+            async with connect(f"ws://127.0.0.1:{address.port}/", open_timeout=2):
+                pass
+
+    async def test_a_tcp_link_without_certificate_or_secret_is_never_opened(self):
+        server = LinkServer(LinkAddress(host="127.0.0.1", port=free_port()), print, print, print)
+        with pytest.raises(ValueError, match="certificate, a private key and a shared secret"):
+            await server.start()
