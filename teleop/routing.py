@@ -7,7 +7,13 @@ from typing import Any
 from django.urls import path
 
 from teleop.consumers import RobotConsumer
+from teleop.fleet_consumer import FleetConsumer
 
-robot_page: Any = RobotConsumer.as_asgi()  # Any: `path` is typed for HTTP views
+# Any: `path` is typed for HTTP views.
+fleet_page: Any = FleetConsumer.as_asgi()
+robot_page: Any = RobotConsumer.as_asgi()
 
-websocket_urlpatterns = [path("ws/robots/<slug:slug>/", robot_page)]
+websocket_urlpatterns = [
+    path("ws/fleet/", fleet_page),
+    path("ws/robots/<slug:slug>/", robot_page),
+]

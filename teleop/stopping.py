@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from uuid import UUID
 
 from django.utils import timezone
@@ -11,8 +13,9 @@ from django.utils import timezone
 from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.bridge.config import LinkAddress
 from robots.link import BridgeLink, LinkRefused, stop_once
+from robots.models import Robot
+from robots.selectors import link_address
 from robots.wire import LinkClear, LinkStop, Refusal, Stopped
 from teleop.database import in_database
 from teleop.rules import Tab
@@ -47,14 +50,20 @@ async def clear(link: BridgeLink, *, user: User, tab: Tab | None) -> None:
     await in_database(record_outcome, cleared, user, result)
 
 
-def press_once(robot_id: UUID, address: LinkAddress, *, user: User, through: str) -> Stopped | Refusal:
-    """Stop a robot from where there is no event loop, over a connection of its own."""
+def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Stopped | Refusal]:
+    """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
+    with ThreadPoolExecutor(max(len(robots), 1)) as threads:
+        results = list(threads.map(lambda robot: _send_once(robot, user.display_name), robots))
+    for robot, result in zip(robots, results, strict=True):
+        record_outcome(record_press(robot.id, user, through), user, result)
+    return results
+
+
+def _send_once(robot: Robot, by: str) -> Stopped | Refusal:
     try:
-        result: Stopped | Refusal = stop_once(address, user.display_name)
+        return stop_once(link_address(robot), by)
     except LinkRefused as refused:
-        result = refused.refusal
-    record_outcome(record_press(robot_id, user, through), user, result)
-    return result
+        return refused.refusal
 
 
 def record_press(robot_id: UUID, user: User, through: str) -> Record | None:

@@ -1,0 +1,14 @@
+"""Addresses of the REST interface, under /api/."""
+
+from __future__ import annotations
+
+from django.urls import path
+
+from teleop import api
+
+urlpatterns = [
+    path("robots/", api.RobotList.as_view(), name="api-robots"),
+    path("robots/<slug:slug>/", api.RobotDetail.as_view(), name="api-robot"),
+    path("robots/<slug:slug>/stop/", api.RobotStop.as_view(), name="api-stop"),
+    path("stop/", api.Stop.as_view(), name="api-stop-all"),
+]

@@ -1,0 +1,204 @@
+"""The live fleet page: a card for each robot that its person may see."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Coroutine, Iterable
+from contextlib import suppress
+from typing import Any
+from uuid import UUID
+
+from django.db import DatabaseError
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.accounts.selectors import session_alive
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.link import BridgeLink, links
+from robots.selectors import link_address, robots_visible_to
+from robots.wire import Ended, FleetCard, Refusal, Refused, State, fleet_message
+from teleop import stopping
+from teleop.database import in_database
+from teleop.selectors import SignIn
+from teleop.socket import CloseCode, MessageSocket
+
+log = logging.getLogger(__name__)
+
+RIGHTS_S = 2.0
+CALM_S = 1.0  # between two pictures when nothing of note changed
+BUSY_S = 0.1  # and when it did
+
+_DISABLED = Refusal("robot_disabled", "Switched off in the registry.", "robot")
+_UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
+
+
+class Visible(Struct, frozen=True):
+    """A robot that the person may see."""
+
+    id: UUID
+    slug: str
+    enabled: bool
+    link: LinkAddress
+
+
+class FleetConsumer(MessageSocket):
+    """One fleet page. It is sent the newest picture when it has drawn the last, never a queue."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._robots: dict[str, Visible] = {}
+        self._links: dict[str, BridgeLink] = {}
+        self._drawn = True
+        self._news = asyncio.Event()
+        self._noted: list[object] = []
+        self._pressing: set[str] = set()
+        self._beside: set[asyncio.Task[None]] = set()
+
+    # --- opening and closing -----------------------------------------------------------------------
+
+    async def opened(self) -> None:
+        """Show what there is, and keep looking."""
+        self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
+        self.user = await in_database(_person, self.person)
+        await self._look()
+        self._do_beside(self._keep_looking())
+        self._do_beside(self._keep_showing())
+
+    async def closed(self) -> None:
+        """Follow no robot any more."""
+        for task in list(self._beside):
+            task.cancel()
+        for link in self._links.values():
+            link.unsubscribe(self)
+
+    # --- what the page says ------------------------------------------------------------------------
+
+    async def heard(self, raw: str) -> None:
+        """One message. A stop waits for nothing."""
+        match fleet_message(raw):
+            case wire.StopAll():
+                for robot in self._robots.values():
+                    if robot.enabled:
+                        self._press_stop(robot.slug)
+            case wire.StopRobot(slug=slug):
+                if slug in self._robots:
+                    self._press_stop(slug)
+                else:
+                    await self.refuse("stop", _UNKNOWN)
+            case wire.Ack():
+                self._drawn = True
+                self._note()
+            case wire.Ping(sent_ms=sent_ms):
+                if await self.within_budget("ping"):
+                    await self.tell(wire.Pong(sent_ms))
+
+    def _press_stop(self, slug: str) -> None:
+        if slug in self._pressing:  # pressed again and again: sent each time, recorded once
+            self._links[slug].send(wire.LinkStop(self.user.display_name))
+            return
+        self._pressing.add(slug)
+        self._do_beside(self._stop(slug))
+
+    async def _stop(self, slug: str) -> None:
+        try:
+            result = await stopping.press(self._links[slug], user=self.user, through="fleet page")
+        finally:
+            self._pressing.discard(slug)
+        if isinstance(result, Refusal):
+            await self.tell(Refused("stop", result))
+
+    # --- what the page is shown --------------------------------------------------------------------
+
+    async def _keep_showing(self) -> None:
+        while True:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._news.wait(), CALM_S)
+            self._news.clear()
+            if self._drawn:
+                self._drawn = False
+                self._noted = self._of_note()
+                await self.tell(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
+            await asyncio.sleep(BUSY_S)
+
+    def _card(self, slug: str) -> FleetCard:
+        link = self._links[slug]
+        if link.up:
+            return FleetCard(link.state)
+        return FleetCard(None, link.refusal if self._robots[slug].enabled else _DISABLED)
+
+    def _note(self) -> None:
+        if self._drawn and self._of_note() != self._noted:
+            self._news.set()
+
+    def _of_note(self) -> list[object]:
+        """What people want to see at once when it changes."""
+        return [
+            (link.up, state and (state.phase, state.holder, state.stop, state.verdict.code))
+            for link in self._links.values()
+            for state in (link.state,)
+        ]
+
+    # --- what it is made of ------------------------------------------------------------------------
+
+    async def _keep_looking(self) -> None:
+        while True:
+            await asyncio.sleep(RIGHTS_S)
+            try:
+                await self._look()
+            except DatabaseError as error:
+                log.warning("the robots of a fleet page were not looked up: %s", error)
+
+    async def _look(self) -> None:
+        """Follow the robots that this person may see now."""
+        visible = await in_database(_visible_to, self.person)
+        if visible is None:
+            await self.close(CloseCode.SIGNED_OUT, "You are signed out: sign in again.")
+            return
+        self._robots = {robot.slug: robot for robot in visible}
+        wanted = {robot.slug: links.get(robot.id, robot.link) for robot in visible}
+        for slug, link in self._links.items():
+            if wanted.get(slug) is not link:
+                link.unsubscribe(self)
+        fresh = [link for slug, link in wanted.items() if self._links.get(slug) is not link]
+        self._links = wanted
+        for link in fresh:
+            link.subscribe(self)
+
+    # --- what the links say (robots.link.Listener) ---------------------------------------------------
+
+    def on_view(self, raw: str) -> None:
+        """Not asked for: cards show the state."""
+
+    def on_status(self, state: State) -> None:
+        """Show it soon if it is of note."""
+        self._note()
+
+    def on_link(self, up: bool, refusal: Refusal | None) -> None:
+        """Show it soon."""
+        self._note()
+
+    def on_ended(self, ended: Ended) -> None:
+        """The state tells."""
+
+    def on_refused(self, refused: Refused) -> None:
+        """Not for this page."""
+
+    def _do_beside(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._beside.add(task)
+        task.add_done_callback(self._beside.discard)
+
+
+def _person(person: SignIn) -> User:
+    return User.objects.get(pk=person[0])
+
+
+def _visible_to(person: SignIn) -> Iterable[Visible] | None:
+    """The robots that this sign-in may see; None if it ended."""
+    user_id, session_key = person
+    if not session_alive(session_key, user_id):
+        return None
+    robots = robots_visible_to(User.objects.get(pk=user_id))
+    return [Visible(robot.id, robot.slug, robot.enabled, link_address(robot)) for robot in robots]
