@@ -1,0 +1,49 @@
+"""Shipped profiles follow their files until somebody edits them."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+import yaml
+
+from robots.models import RobotProfile
+from robots.shipped import DIRECTORY, load_profiles
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def update(tmp_path: Path) -> Path:
+    """The files of a later version of the console: TIAGo turns more slowly."""
+    for file in DIRECTORY.glob("*.yaml"):
+        content = yaml.safe_load(file.read_text())
+        if content["slug"] == "tiago":
+            content["limits"]["turn_radps"] = 1.5
+        (tmp_path / file.name).write_text(yaml.safe_dump(content))
+    return tmp_path
+
+
+def test_an_update_reaches_a_profile_that_nobody_edited(tiago: RobotProfile, update: Path) -> None:
+    load_profiles(directory=update)
+    tiago.refresh_from_db()
+    assert tiago.turn_radps == 1.5
+
+
+def test_an_update_leaves_an_edited_profile_alone_and_says_so(
+    tiago: RobotProfile, update: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    tiago.blind_mps = 0.1
+    tiago.save()
+    with caplog.at_level(logging.WARNING, "robots.shipped"):
+        load_profiles(directory=update)
+    tiago.refresh_from_db()
+    assert (tiago.turn_radps, tiago.blind_mps) == (2.0944, 0.1)
+    assert "tiago was edited here" in caplog.text
+
+
+def test_a_deleted_shipped_profile_comes_back(tiago: RobotProfile) -> None:
+    tiago.delete()
+    load_profiles()
+    assert RobotProfile.objects.filter(slug="tiago").exists()

@@ -1,0 +1,83 @@
+"""A robot may differ from its profile in its ROS interface; in limits only towards the careful side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from django.core.exceptions import ValidationError
+
+from robots.models import Robot
+from robots.selectors import bridge_config, robot_facts
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        ({"limits": {"forward_mps": 1.2}}, "limits.forward_mps: 1.2 is above the profile's 1"),
+        ({"limits": {"blind_mps": 0.5}}, "limits.blind_mps: 0.5 is above the profile's 0.3"),
+        ({"limits": {"linear_mps2": 2.0}}, "limits.linear_mps2: 2 is above the profile's 1"),
+        ({"limits": {"turn_radps": 0.0}}, "limits.turn_radps: must be above 0"),
+        ({"limits": {"reverse_mps": -0.1}}, "limits.reverse_mps: must not be negative"),
+        ({"gate": {"front_margin_m": 0.05}}, "gate.front_margin_m: 0.05 is below the profile's 0.08"),
+        ({"gate": {"deceleration_share": 0.9}}, "gate.deceleration_share: 0.9 is above the profile's 0.8"),
+        ({"gate": {"latency_s": 5.0}}, "gate.latency_s: must be between 0.1 and 1, not 5"),
+        ({"topics": {"scans": [{"topic": "scan", "pose": [0, 0, 0]}]}}, "topics.scans[0].topic: 'scan' is not"),
+        ({"topics": {"lidar": "/scan"}}, "topics.lidar: there is no such field"),
+        ({"speed": 2}, "speed: there is no such field (there are: gate, limits, topics)"),
+    ],
+)
+def test_what_loosens_or_does_not_fit_is_refused_by_name(robot: Robot, overrides: Any, said: str) -> None:
+    robot.overrides = overrides
+    with pytest.raises(ValidationError) as caught:
+        robot.full_clean()
+    assert said in " ".join(caught.value.message_dict["overrides"])
+
+
+def test_what_tightens_reaches_gate_and_page(robot: Robot) -> None:
+    robot.overrides = {
+        "limits": {"forward_mps": 0.5, "reverse_mps": 0.0, "blind_mps": 0.2},
+        "gate": {"front_margin_m": 0.2, "deceleration_share": 0.5},
+    }
+    robot.full_clean()
+    gate = bridge_config(robot).gate
+    assert (gate.limits.forward_mps, gate.limits.reverse_mps, gate.blind_mps) == (0.5, 0.0, 0.2)
+    assert (gate.parameters.front_margin_m, gate.parameters.deceleration_share) == (0.2, 0.5)
+    assert gate.limits.turn_radps == robot.profile.turn_radps
+    assert robot_facts(robot).limits.forward_mps == 0.5
+
+
+def test_a_profile_lowered_later_reaches_a_robot_with_limits_of_its_own(robot: Robot) -> None:
+    robot.overrides = {"limits": {"forward_mps": 0.5}}
+    robot.profile.forward_mps = 0.3
+    assert bridge_config(robot).gate.limits.forward_mps == 0.3
+
+
+def test_a_robot_without_a_sensor_of_its_profile_says_so_with_null(robot: Robot) -> None:
+    robot.overrides = {"topics": {"depth": None, "sonars": []}}
+    robot.full_clean()
+    config = bridge_config(robot)
+    assert config.topics.depth is None and config.topics.sonars == []
+    assert not config.gate.has_depth and config.gate.sonar_poses == {}
+
+
+def test_the_drive_topic_is_the_robots_own_choice(robot: Robot) -> None:
+    assert bridge_config(robot).topics.drive.name == "/key_vel"
+    robot.drive_topic = "/phone_vel"
+    assert bridge_config(robot).topics.drive.name == "/phone_vel"
+    assert robot_facts(robot).drive_topic == "/phone_vel"
+
+
+def test_the_default_share_never_exceeds_the_largest(robot: Robot) -> None:
+    robot.max_share = 0.2
+    assert robot_facts(robot).default_share == 0.2
+
+
+def test_the_digest_notices_edits_and_not_fencing_numbers(robot: Robot) -> None:
+    before = bridge_config(robot).digest()
+    robot.fence = 99
+    assert bridge_config(robot).digest() == before
+    robot.profile.blind_mps = 0.25
+    assert bridge_config(robot).digest() != before

@@ -1,0 +1,173 @@
+"""What is wrong with a robot or a profile is said in words, at the field, with the path inside it."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import pytest
+from django.core.exceptions import ValidationError
+
+from robots import effective
+from robots.models import Robot, RobotProfile
+from robots.shipped import profile_files
+
+pytestmark = pytest.mark.django_db
+
+
+def complaint(entry: Robot | RobotProfile, field: str) -> str:
+    with pytest.raises(ValidationError) as caught:
+        entry.full_clean(validate_unique=False)
+    assert list(caught.value.message_dict) == [field]
+    return " ".join(caught.value.message_dict[field])
+
+
+def test_every_shipped_profile_is_valid() -> None:
+    assert {file.slug for file in profile_files()} == {"tiago", "pmb2", "generic-differential", "generic-holonomic"}
+    for profile in RobotProfile.objects.all():
+        profile.full_clean()
+
+
+def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
+    robot.full_clean()
+
+
+@pytest.mark.parametrize(
+    ("uri", "said"),
+    [
+        ("tiago-42c:11311", "does not begin with http://"),
+        ("https://tiago-42c:11311", "does not begin with http://"),
+        ("http://tiago-42c", "names no port"),
+        ("http://:11311", "names no host"),
+        ("http://tiago-42c:99999", "no valid port"),
+        ("http://tiago-42c:11311/rpc", "something after the port"),
+        ("http://tiago 42c:11311", "neither an IP address"),
+        ("http://10.68.0.300:11311", "neither an IP address"),
+    ],
+)
+def test_a_master_that_is_no_master_uri_is_refused_with_the_right_form(robot: Robot, uri: str, said: str) -> None:
+    robot.master_uri = uri
+    text = complaint(robot, "master_uri")
+    assert said in text
+    assert "http://host:port" in text
+
+
+@pytest.mark.parametrize("address", ["10.68.0", "http://console", "console lab", "-console"])
+def test_an_advertised_address_is_an_address_or_a_name(robot: Robot, address: str) -> None:
+    robot.advertised_address = address
+    assert "neither an IP address" in complaint(robot, "advertised_address")
+
+
+@pytest.mark.parametrize(
+    ("aliases", "said"),
+    [
+        (["tiago-42c"], "object of names and addresses"),
+        ({"tiago-42c": "tiago"}, "tiago-42c: 'tiago' is not an IP address"),
+        ({"tiago-42c": 5}, "tiago-42c: 5 is not an IP address"),
+        ({"10.68.0.1": "10.68.0.1"}, "'10.68.0.1' is not a host name"),
+        ({"tiago 42c": "10.68.0.1"}, "'tiago 42c' is not a host name"),
+    ],
+)
+def test_aliases_map_host_names_to_addresses(robot: Robot, aliases: Any, said: str) -> None:
+    robot.host_aliases = aliases
+    assert said in complaint(robot, "host_aliases")
+
+
+def test_a_bridge_elsewhere_is_reached_by_tls_only(robot: Robot) -> None:
+    robot.bridge_address = "ws://bridges.lab:7443"
+    assert "does not begin with wss://" in complaint(robot, "bridge_address")
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        (("odometry",), None, "odometry: Expected an object, got null"),
+        (("odometry", "name"), "odom", "odometry.name: 'odom' is not a full ROS name"),
+        (("odometry", "type"), "nav_msgs/Path", "odometry.type: 'nav_msgs/Path' is not understood here"),
+        (("battery", "type"), "std_msgs/Int8", "only std_msgs/Float32 or sensor_msgs/BatteryState"),
+        (("scans", 0, "pose"), [0.2, 0.0], "scans[0].pose: Expected a list of length 3"),
+        (("scans", 0, "pose"), [0.2, "0", 0.0], "scans[0].pose[1]: Expected a number, got text"),
+        (("scans", 0, "pose"), [0.2, float("nan"), 0.0], "scans[0].pose[1]: must be a finite number, not nan"),
+        (("scans", 0, "pose"), [202.0, 0.0, 0.0], "poses are in metres"),
+        (("scans", 0, "pose"), [0.2, 0.0, 90.0], "angles are in radians"),
+        (("scans", 0, "topics"), "/scan", "scans[0].topics: there is no such field (there are: pose, topic)"),
+        (("sonars", 1, "fov"), 30.0, "sonars[1].fov: must be between 0 and 3.14 rad, not 30"),
+        (("sonars", 1, "frame_id"), "base_sonar_01_link", "'base_sonar_01_link' is there twice"),
+        (("laser",), "/scan", "laser: there is no such field"),
+        (("drive",), {"name": "/cmd_vel"}, 'drive: belongs into the field "drive topic"'),
+        (("cancel_on_stop", 0), "tts", "cancel_on_stop[0]: 'tts' is not a full ROS name"),
+    ],
+)
+def test_a_wrong_field_of_the_ros_interface_is_named_by_its_path(
+    tiago: RobotProfile, place: tuple[Any, ...], value: Any, said: str
+) -> None:
+    tiago.topics = deepcopy(tiago.topics)
+    inside = tiago.topics
+    for step in place[:-1]:
+        inside = inside[step]
+    inside[place[-1]] = value
+    assert said in complaint(tiago, "topics")
+
+
+@pytest.mark.parametrize(
+    ("footprint", "said"),
+    [
+        ({}, 'either "radius_m"'),
+        ({"radius_m": 0.27, "outline": [[1, 1], [-1, 1], [0, -1]]}, 'either "radius_m"'),
+        ({"radius_m": 27.0}, "between 0.05 and 2 m"),
+        ({"outline": [[0.3, 0.3], [-0.3, -0.3]]}, "at least 3 corners"),
+        ({"outline": [[0.3, 0.3], [-0.3, 0.3], [0.0, 0.0], [-0.3, -0.3], [0.3, -0.3]]}, "convex"),
+        ({"outline": [[0.0, 0.3], [0.2, -0.3], [-0.3, 0.1], [0.3, 0.1], [-0.2, -0.3]]}, "once around"),
+        ({"outline": [[0.3, 0.3], [-0.3, 0.3], [-0.3, 0.3], [0.3, -0.3]]}, "convex"),
+        ({"outline": [[0.9, 0.3], [0.5, 0.3], [0.5, -0.3], [0.9, -0.3]]}, "must lie inside"),
+        ({"outline": [[30, 30], [-30, 30], [-30, -30], [30, -30]]}, "in metres"),
+    ],
+)
+def test_a_footprint_is_a_disc_or_a_convex_outline_around_the_origin(
+    tiago: RobotProfile, footprint: Any, said: str
+) -> None:
+    tiago.footprint = footprint
+    assert said in complaint(tiago, "footprint")
+
+
+def test_an_outline_written_clockwise_goes_counter_clockwise(tiago: RobotProfile) -> None:
+    tiago.footprint = {"outline": [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]}
+    tiago.full_clean()
+    assert effective.footprint(tiago).outline == [(-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.3, 0.2)]
+
+
+@pytest.mark.parametrize(
+    ("gate", "said"),
+    [
+        ({"front_margin_m": 0.0}, "front_margin_m: must be between 0.03 and 1, not 0"),
+        ({"deceleration_share": 1.5}, "deceleration_share: must be between 0.1 and 0.9, not 1.5"),
+        ({"off": True}, "off: there is no such field"),
+        ({"latency_s": "long"}, "latency_s: Expected a number, got text"),
+    ],
+)
+def test_no_parameter_turns_the_gate_off(tiago: RobotProfile, gate: Any, said: str) -> None:
+    tiago.gate = gate
+    assert said in complaint(tiago, "gate")
+
+
+@pytest.mark.parametrize("share", [0.0, -0.4, 1.1])
+def test_a_largest_share_is_above_0_and_at_most_1(robot: Robot, share: float) -> None:
+    robot.max_share = share
+    assert complaint(robot, "max_share")
+
+
+def test_nobody_begins_faster_than_a_beginner(robot: Robot) -> None:
+    robot.default_share = 0.6
+    assert "0.6 of 1 m/s is 0.6 m/s; nobody begins faster than 0.4 m/s, so at most 0.4" in complaint(
+        robot, "default_share"
+    )
+
+
+def test_a_robot_that_is_slower_may_begin_with_a_larger_share(robot: Robot) -> None:
+    robot.default_share, robot.overrides = 0.8, {"limits": {"forward_mps": 0.5}}
+    robot.full_clean()
+
+
+def test_a_differential_base_does_not_move_sideways(tiago: RobotProfile) -> None:
+    tiago.lateral_mps = 0.2
+    assert "cannot move sideways" in complaint(tiago, "lateral_mps")
