@@ -18,7 +18,7 @@ from robots.bridge.gate.values import Velocity
 
 Times = NDArray[np.float64]
 
-STRAIGHT_PER_M = 0.001  # |w| < 0.001 |v| counts as straight: a turning circle of more than a kilometre
+STRAIGHT_PER_M = 0.001  # |w| <= 0.001 |v| counts as straight: a turning circle of more than a kilometre
 _TINY_M = 1e-12
 
 
@@ -29,7 +29,7 @@ def speed(twist: Velocity) -> float:
 
 def is_straight(twist: Velocity) -> bool:
     """Whether the turning is too little to tell the arc from a line."""
-    return abs(twist.w) < STRAIGHT_PER_M * speed(twist)
+    return abs(twist.w) <= STRAIGHT_PER_M * speed(twist)
 
 
 def centre(twist: Velocity) -> tuple[float, float]:

@@ -16,7 +16,12 @@ Metres = NDArray[np.float64]
 
 
 class Footprint(Protocol):
-    """What the gate asks of a hull. Points are (N, 2) in the base frame."""
+    """What the gate asks of a hull. Points are (N, 2) in the base frame.
+
+    `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
+    """
+
+    demanded_share: float
 
     def reach(self, growth_m: float) -> float:
         """Radius about the base origin that holds the hull grown by `growth_m`."""
@@ -36,6 +41,8 @@ class Footprint(Protocol):
 
 class Disc:
     """A disc about the base origin."""
+
+    demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
 
     def __init__(self, radius_m: float) -> None:
         if not (math.isfinite(radius_m) and radius_m > 0.0):
@@ -70,6 +77,8 @@ class Disc:
 
 class Polygon:
     """A convex outline, counter-clockwise."""
+
+    demanded_share = 0.5  # a corner that turns out of a wall may come a little nearer to it first
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
         self.edges = arc.Edges(outline)

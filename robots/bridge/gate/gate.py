@@ -161,12 +161,13 @@ class Gate:
         limits = self._standing_limits(now_s)
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
-        if is_still(asked):
+        possible = clamped(asked, self.profile)
+        if is_still(possible):
             return Verdict(STILL, asked, "idle", "", limits=limits)
         if fault := self._fault(now_s):
             text = f"stopped: {fault.text}"
             return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
-        wanted, code, text = self._held(asked, now_s)
+        wanted, code, text = self._held(asked, possible, now_s)
         obstacles = self.obstacles(now_s)
         turn_rates = (self._velocity.w, sent.w) if is_finite(sent) else (self._velocity.w,)
         found = restrain(wanted, turn_rates, obstacles.points, obstacles.source, self.footprint, self.profile)
@@ -192,9 +193,9 @@ class Gate:
                 return Fault("scan_unpaired", text, laser.name)
         return None
 
-    def _held(self, asked: Velocity, now_s: float) -> tuple[Velocity, str, str]:
-        """The asked twist within all limits but obstacles, with code and words of the last that bit."""
-        wanted, code, text = clamped(asked, self.profile), "free", ""
+    def _held(self, asked: Velocity, wanted: Velocity, now_s: float) -> tuple[Velocity, str, str]:
+        """The possible twist within all limits but obstacles, with code and words of the last that bit."""
+        code, text = "free", ""
         if wanted != asked:
             code, text = "robot_limit", "held to what the robot can do"
         speed = arc.speed(wanted)

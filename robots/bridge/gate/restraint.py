@@ -20,6 +20,7 @@ WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less
 STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
 TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends the arc by 2 cm in 1 m at most
 TURN_SHARES = (1.0, 0.75, 0.5, 0.25)  # tried in this order when rotation is given back
+NOTHING = 1e-6  # m/s or rad/s
 _WHOLE = 0.999
 
 OBSTACLE = "obstacle"
@@ -72,7 +73,7 @@ def restrain(
         return Restraint(wanted)
     points = points.T[:, near].T
     gaps = footprint.gaps(points)
-    growth = way_out(gaps, profile.parameters.lateral_margin_m)
+    growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
     surroundings = (points, gaps, growth, footprint, profile)
     limit = min((safe_share(each, *surroundings) for each in arcs), key=lambda share: share.share)
     if limit is FREE:
@@ -83,13 +84,13 @@ def restrain(
     return Restraint(_give_rotation_back(wanted, limit.share, *surroundings), cause)
 
 
-def way_out(gaps: Metres, lateral_margin_m: float) -> Metres:
+def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Metres:
     """How far the hull is grown for each point: by the lateral margin, but never demand more clearance than there is.
 
     Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
     does not shrink below the hull itself, except for points that are inside already.
     """
-    spare = gaps - WAY_OUT_M
+    spare = np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M
     common = min(max(float(spare.min(initial=lateral_margin_m)), 0.0), lateral_margin_m)
     return np.minimum(spare, common)
 
@@ -204,13 +205,14 @@ def is_still(twist: Velocity) -> bool:
 
 
 def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
-    """The twist within what the robot can do, axis by axis."""
+    """The twist within what the robot can do, axis by axis; what is next to nothing becomes zero."""
     limits = profile.limits
-    return Velocity(
+    within = (
         min(max(asked.vx, -limits.reverse_mps), limits.forward_mps),
         min(max(asked.vy, -limits.lateral_mps), limits.lateral_mps),
         min(max(asked.w, -limits.turn_radps), limits.turn_radps),
     )
+    return Velocity(*(axis if abs(axis) > NOTHING else 0.0 for axis in within))
 
 
 def is_finite(twist: Velocity) -> bool:

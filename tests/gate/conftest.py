@@ -1,0 +1,102 @@
+"""The standing cast: a TIAGo, and a box on wheels that is no disc."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import GateProfile, Limits, Pose, Velocity
+
+LASER = "/scan_raw"
+SONARS = {
+    "base_sonar_01_link": (-0.183, -0.183, math.radians(225)),
+    "base_sonar_02_link": (-0.259, 0.0, math.radians(180)),
+    "base_sonar_03_link": (-0.183, 0.183, math.radians(135)),
+}
+
+
+def tiago_profile(**changes) -> GateProfile:
+    """TIAGo as INTERFACE.md has it. Its depth camera is left out unless a test asks for it."""
+    facts = {
+        "limits": Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944),
+        "radius_m": 0.27,
+        "outline": None,
+        "scan_poses": {LASER: (0.202, 0.0, 0.0)},
+        "sonar_poses": SONARS,
+        "sonar_fov": dict.fromkeys(SONARS, 0.5),
+        "has_depth": False,
+        "blind_mps": 0.3,
+    }
+    return GateProfile(**(facts | changes))
+
+
+def box_profile(**changes) -> GateProfile:
+    """A rectangle of 0.8 m x 0.5 m with a laser that sees all round."""
+    facts = {
+        "limits": Limits(1.0, 1.0, 0.0, 2.0, 1.0, 2.0),
+        "radius_m": None,
+        "outline": ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25)),
+        "scan_poses": {LASER: (0.0, 0.0, 0.0)},
+        "sonar_poses": {},
+        "sonar_fov": {},
+        "has_depth": False,
+        "blind_mps": 0.3,
+    }
+    return GateProfile(**(facts | changes))
+
+
+class Feeder:
+    """Feeds one gate with an unchanging world, moment by moment."""
+
+    def __init__(self, profile: GateProfile, ranges=None, clock_offset_s: float = 0.0) -> None:
+        self.gate = Gate(profile)
+        self.now_s = 100.0
+        self.clock_offset_s = clock_offset_s
+        self.ranges = np.full(571, math.inf) if ranges is None else np.asarray(ranges)
+        self.sonar_m = math.inf
+        self.velocity = Velocity(0.0, 0.0, 0.0)
+
+    @property
+    def stamp_s(self) -> float:
+        return self.now_s + self.clock_offset_s
+
+    def odometry(self) -> None:
+        self.gate.observe_odometry(self.stamp_s, self.now_s, Pose(0.0, 0.0, 0.0), self.velocity)
+
+    def scan(self, **changes) -> None:
+        facts = {
+            "ranges": self.ranges,
+            "angle_min": -math.radians(95),
+            "angle_increment": math.radians(190) / 570,
+            "range_min_m": 0.05,
+            "range_max_m": 25.0,
+        }
+        self.gate.observe_scan(LASER, self.stamp_s, self.now_s, **(facts | changes))
+
+    def sonars(self) -> None:
+        for name in SONARS:
+            self.gate.observe_range(name, self.stamp_s, self.now_s, self.sonar_m, 1.0)
+
+    def all(self) -> None:
+        self.odometry()
+        self.scan()
+        self.sonars()
+
+    def ahead_at(self, distance_m: float, half_width_beams: int = 12) -> None:
+        """Put something in front of the laser, this far from it."""
+        self.ranges = np.full(571, math.inf)
+        self.ranges[285 - half_width_beams : 286 + half_width_beams] = distance_m
+
+    def decide(self, vx: float = 0.0, vy: float = 0.0, w: float = 0.0):
+        return self.gate.decide(Velocity(vx, vy, w), self.velocity, self.now_s)
+
+
+@pytest.fixture
+def tiago() -> Feeder:
+    """A TIAGo in an empty hall, everything fresh."""
+    feeder = Feeder(tiago_profile())
+    feeder.all()
+    return feeder

@@ -1,0 +1,156 @@
+"""The arc formulas against brute force: play the motion in small steps and look."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from robots.bridge.gate import arc
+from robots.bridge.gate.footprint import Disc, Polygon
+from robots.bridge.gate.values import Velocity
+
+SPAN_S = 6.0
+STEP_S = 0.002
+RADIUS = 0.3
+
+
+def no_dust(axis):
+    """The gate flushes what is next to nothing before it comes to arcs."""
+    return axis if abs(axis) > 1e-6 else 0.0
+
+
+twists = st.builds(
+    Velocity,
+    st.floats(-1.0, 1.0).map(no_dust),
+    st.sampled_from([0.0, 0.0, 0.5, -0.3, 0.8]),
+    st.one_of(st.just(0.0), st.floats(-2.0, 2.0), st.floats(-1e-3, 1e-3)).map(no_dust),
+)
+quick_turns = st.builds(
+    Velocity,
+    st.floats(-1.0, 1.0).map(no_dust),
+    st.sampled_from([0.0, 0.5]),
+    st.sampled_from([1.2, 2.0, -1.5]),
+)
+points = st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5)).map(np.array)
+outlines = st.sampled_from(
+    [
+        ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25)),
+        ((0.5, 0.0), (-0.3, 0.35), (-0.3, -0.35)),
+        ((0.35, -0.1), (0.35, 0.1), (0.1, 0.3), (-0.5, 0.3), (-0.5, -0.3), (0.1, -0.3)),
+    ]
+)
+
+
+def path_in_base_frame(point, twist):
+    """Where a standing point is in the base frame of a robot that follows `twist`, step by step (S, 2)."""
+    time = np.arange(0.0, SPAN_S, STEP_S)
+    yaw = twist.w * time
+    sin_over = np.where(np.abs(yaw) < 1e-9, time, np.sin(yaw) / np.where(twist.w == 0, 1, twist.w))
+    versed = np.where(
+        np.abs(yaw) < 1e-9, yaw * time / 2.0, (1.0 - np.cos(yaw)) / np.where(twist.w == 0, 1, twist.w)
+    )
+    x = twist.vx * sin_over - twist.vy * versed
+    y = twist.vx * versed + twist.vy * sin_over
+    dx, dy = point[0] - x, point[1] - y
+    return time, np.stack((np.cos(yaw) * dx + np.sin(yaw) * dy, -np.sin(yaw) * dx + np.cos(yaw) * dy), axis=1)
+
+
+def check_against(gaps_at, time, contact_s, tolerance_m):
+    """`contact_s` is when the gap first closes: nothing before, touch at it."""
+    before = time < contact_s - STEP_S
+    assert gaps_at[before].min(initial=np.inf) > -tolerance_m, "touched before the contact time"
+    if contact_s < SPAN_S - STEP_S:
+        at = round(contact_s / STEP_S)
+        assert abs(gaps_at[at]) < tolerance_m, "no touch at the contact time"
+
+
+@given(twists, points)
+@example(Velocity(1.0, 0.0, 0.0), np.array([1.0, 0.299]))
+@example(Velocity(0.3, 0.0, 1.0), np.array([0.0, 0.5]))
+@settings(max_examples=400, deadline=None)
+def test_disc_contact_is_when_brute_force_says(twist, point):
+    assume(math.hypot(*point) > RADIUS + 1e-6)
+    time, path = path_in_base_frame(point, twist)
+    gaps = np.hypot(*path.T) - RADIUS
+    contact = float(arc.disc_contact_times(point[None], twist, RADIUS)[0])
+    check_against(gaps, time, contact, tolerance_m=0.008)
+
+
+@given(twists, points, outlines, st.sampled_from([0.0, 0.05]))
+@settings(max_examples=600, deadline=None)
+def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth):
+    edges = arc.Edges(outline)
+    assume(edges.gaps(point[None])[0] > growth + 1e-6)
+    time, path = path_in_base_frame(point, twist)
+    gaps = edges.gaps(path) - growth
+    contact = float(arc.polygon_contact_times(point[None], twist, edges, growth)[0])
+    check_against(gaps, time, contact, tolerance_m=0.012)
+
+
+@given(twists, st.lists(points, min_size=1, max_size=20), outlines)
+@settings(max_examples=100, deadline=None)
+def test_many_points_at_once_give_what_each_gives_alone(twist, several, outline):
+    edges = arc.Edges(outline)
+    together = np.array(several)
+    for contact in (
+        lambda some: arc.disc_contact_times(some, twist, RADIUS),
+        lambda some: arc.polygon_contact_times(some, twist, edges, 0.02),
+    ):
+        alone = [contact(point[None])[0] for point in several]
+        np.testing.assert_allclose(contact(together), alone)
+
+
+def test_a_disc_that_turns_on_the_spot_touches_nothing():
+    near = np.array([[0.3001, 0.0], [0.0, -0.3001], [5.0, 5.0]])
+    assert np.isinf(arc.disc_contact_times(near, Velocity(0.0, 0.0, 2.0), RADIUS)).all()
+
+
+@pytest.mark.parametrize("w", [0.0, 0.4, -0.4])
+def test_a_point_inside_is_touched_now_when_approached_and_later_when_left(w):
+    inside, deep = np.array([[0.2, 0.0]]), np.array([[0.35, 0.0]])
+    edges = arc.Edges(((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25)))
+    assert arc.disc_contact_times(inside, Velocity(0.5, 0.0, w), RADIUS)[0] == 0.0
+    assert arc.polygon_contact_times(deep, Velocity(0.5, 0.0, w), edges, 0.0)[0] == 0.0
+    assert arc.disc_contact_times(inside, Velocity(-0.5, 0.0, w), RADIUS)[0] > 5.0
+    assert arc.polygon_contact_times(deep, Velocity(-0.5, 0.0, w), edges, 0.0)[0] > 5.0
+
+
+def test_nearly_straight_and_barely_turning_agree():
+    ahead = np.array([[2.0, 0.1], [1.0, -0.25], [3.0, 0.5]])
+    straight = arc.disc_contact_times(ahead, Velocity(1.0, 0.0, 0.00099), RADIUS)
+    turning = arc.disc_contact_times(ahead, Velocity(1.0, 0.0, 0.00101), RADIUS)
+    np.testing.assert_allclose(straight, turning, atol=0.01)
+
+
+@given(quick_turns, points, outlines)
+@settings(max_examples=300, deadline=None)
+def test_clearance_is_the_smallest_gap_of_a_whole_turn(twist, point, outline):
+    _, path = path_in_base_frame(point, twist)  # 6 s at 1.2 rad/s is more than a whole turn
+    disc = Disc(RADIUS)
+    assert abs(disc.clearances(point[None], twist)[0] - disc.gaps(path).min()) < 0.01
+    hull = Polygon(outline)
+    clearance, gap = hull.clearances(point[None], twist)[0], hull.gaps(path).min()
+    if clearance < -0.01:
+        assert gap < 0.01, "swept, so it comes inside at some time"
+    else:
+        assert gap - 0.01 <= clearance, "the gap counts by edges, which is never more than the distance"
+        assert clearance < 0.01 or gap > -0.01
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        ((0.4, -0.25), (-0.4, -0.25), (-0.4, 0.25), (0.4, 0.25)),  # clockwise
+        ((0.4, -0.25), (0.4, 0.25), (0.0, 0.0), (-0.4, 0.25), (-0.4, -0.25)),  # a dent
+        ((0.0, 0.0), (1.0, 0.0)),
+        ((0.0, 0.0), (0.0, 0.0), (1.0, 1.0)),
+        ((0.0, 0.0), (1.0, math.nan), (0.0, 1.0)),
+    ],
+)
+def test_an_outline_that_is_not_convex_and_counter_clockwise_is_refused(outline):
+    with pytest.raises(ValueError, match=r"outline"):
+        Polygon(outline)

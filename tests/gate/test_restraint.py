@@ -1,0 +1,190 @@
+"""The rules together, on points that are known exactly: nothing is hit, nothing is trapped, rotation comes back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from robots.bridge.gate import braking
+from robots.bridge.gate.footprint import footprint_of
+from robots.bridge.gate.restraint import restrain, safe_share, way_out
+from robots.bridge.gate.values import Velocity
+from tests.gate.conftest import box_profile, tiago_profile
+
+PROFILES = {"disc": tiago_profile(), "box": box_profile()}
+kinds = st.sampled_from(sorted(PROFILES))
+coordinates = st.floats(-1.2, 1.2)
+clouds = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12).map(np.array)
+twists = st.builds(
+    Velocity,
+    st.floats(-1.0, 1.0).map(lambda v: round(v, 3)),
+    st.just(0.0),
+    st.floats(-2.0, 2.0).map(lambda w: round(w, 3)),
+).filter(any)
+
+
+def decide(kind, twist, points, turn_rates=()):
+    profile = PROFILES[kind]
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    nobody = np.zeros(len(points), dtype=np.intp)
+    return restrain(twist, turn_rates, points, nobody, footprint_of(profile), profile)
+
+
+def braked_path(twist, profile, step_s=0.005):
+    """Poses (x, y, yaw) while the twist takes effect for the latency and then brakes along its arc."""
+    latency, brake = profile.parameters.latency_s, braking.braking_time(twist, profile)
+    time = np.arange(0.0, latency + brake, step_s)
+    share = np.clip(1.0 - (time - latency) / max(brake, 1e-9), 0.0, 1.0)
+    yaw = np.cumsum(share * twist.w * step_s)
+    x = np.cumsum(share * step_s * (twist.vx * np.cos(yaw) - twist.vy * np.sin(yaw)))
+    y = np.cumsum(share * step_s * (twist.vx * np.sin(yaw) + twist.vy * np.cos(yaw)))
+    return np.stack((x, y, yaw), axis=1)
+
+
+@given(kinds, twists, clouds)
+@settings(max_examples=400, deadline=None)
+def test_what_is_allowed_brakes_before_every_point(kind, twist, points):
+    profile = PROFILES[kind]
+    hull = footprint_of(profile)
+    points = points[hull.gaps(points) > 0.001]
+    assume(len(points))
+    allowed = decide(kind, twist, points).velocity
+    for x, y, yaw in braked_path(allowed, profile):
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        local = (points - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
+        assert hull.gaps(local).min() > -0.004  # the play's own steps
+
+
+@given(kinds, twists, clouds)
+@settings(max_examples=300, deadline=None)
+def test_what_is_allowed_is_a_part_of_what_was_asked(kind, twist, points):
+    allowed = decide(kind, twist, points).velocity
+    for part, whole in zip(allowed, twist, strict=True):
+        assert part * whole >= 0.0 and abs(part) <= abs(whole) + 1e-12
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.2))
+@settings(deadline=None)
+def test_a_disc_may_always_turn_and_always_retreat(bearing, gap):
+    near = [((0.27 + gap) * math.cos(bearing), (0.27 + gap) * math.sin(bearing))]
+    turning = Velocity(0.0, 0.0, 1.5)
+    assert decide("disc", turning, near).velocity == turning
+    away = Velocity(math.copysign(0.2, -math.cos(bearing)), 0.0, 0.0)
+    assume(abs(math.cos(bearing)) > 0.05)
+    assert decide("disc", away, near).velocity.vx != 0.0
+
+
+@st.composite
+def touching_a_box(draw):
+    """A point within 3 cm of the box's edge, inside or outside."""
+    along, beyond = draw(st.floats(0.0, 1.0)), draw(st.floats(-0.03, 0.03))
+    corners = PROFILES["box"].outline
+    first = draw(st.integers(0, 3))
+    (x0, y0), (x1, y1) = corners[first], corners[(first + 1) % 4]
+    length = math.hypot(x1 - x0, y1 - y0)
+    return (
+        x0 + along * (x1 - x0) + beyond * (y1 - y0) / length,
+        y0 + along * (y1 - y0) - beyond * (x1 - x0) / length,
+    )
+
+
+@given(touching_a_box())
+@settings(max_examples=300, deadline=None)
+def test_a_box_may_always_do_something_that_leads_away(point):
+    """Wherever one point touches it, in the hull or out, some stick moves the box, and away from the point."""
+    sticks = [Velocity(v, 0.0, w) for v in (0.3, 0.0, -0.3) for w in (0.8, 0.0, -0.8) if v or w]
+    assert any(decide("box", stick, [point]).velocity == stick for stick in sticks)
+
+
+@pytest.mark.parametrize("gap", [-0.02, 0.0, 0.005, 0.02])
+def test_a_box_backs_off_from_a_wall_that_it_touches(gap):
+    wall = [(0.4 + gap, y) for y in np.linspace(-1, 1, 60)]
+    back = Velocity(-0.3, 0.0, 0.0)
+    assert decide("box", back, wall).velocity == back
+    assert decide("box", Velocity(0.3, 0.0, 0.0), wall).velocity.vx == 0.0
+
+
+@pytest.mark.parametrize("w", [0.8, -0.8])
+def test_a_box_turns_its_corner_out_of_a_wall_but_not_into_it(w):
+    """The wall stands obliquely before the front left corner: one way of turning frees it, the other drives it in."""
+    wall = [(0.41 - t, 0.25 + t) for t in np.linspace(-0.05, 0.3, 60)]
+    free = decide("box", Velocity(0.0, 0.0, w), wall).velocity.w != 0.0
+    assert free == (w < 0.0)
+
+
+def test_the_way_out_never_demands_more_than_there_is_nor_less_than_the_hull_elsewhere():
+    gaps = np.array([0.5, 0.01, 0.2])
+    np.testing.assert_allclose(way_out(gaps, 0.03, 1.0), [0.0099, 0.0099, 0.0099])
+    inside = np.array([0.5, -0.02, 0.2])
+    np.testing.assert_allclose(way_out(inside, 0.03, 1.0), [0.0, -0.0201, 0.0])
+    np.testing.assert_allclose(way_out(np.array([0.5, 0.2]), 0.03, 1.0), [0.03, 0.03])
+    np.testing.assert_allclose(way_out(np.array([0.5, 0.02]), 0.03, 0.5), [0.0099, 0.0099])
+
+
+def test_nose_at_the_wall_the_whole_turn_is_given_back():
+    wall = [(0.31, y) for y in np.linspace(-1, 1, 80)]
+    found = decide("disc", Velocity(0.5, 0.0, 1.0), wall)
+    assert found.velocity == Velocity(0.0, 0.0, 1.0)
+    assert found.cause.rule == "obstacle"
+
+
+@given(st.floats(0.45, 1.2), st.floats(-0.28, 0.28))
+@settings(deadline=None)
+def test_given_back_rotation_is_safe_itself(x, y):
+    profile, stick = PROFILES["disc"], Velocity(0.8, 0.0, 1.2)
+    points = np.array([(x, y)])
+    allowed = decide("disc", stick, points).velocity
+    hull = footprint_of(profile)
+    gaps = hull.gaps(points)
+    share = safe_share(allowed, points, gaps, way_out(gaps, 0.03, 1.0), hull, profile)
+    assert allowed.vx == 0.0 or share.share > 0.99
+
+
+def test_the_arc_that_the_base_still_follows_must_be_clear_too():
+    ahead = [(1.0, y) for y in np.linspace(-0.3, 0.3, 30)]
+    evading = Velocity(1.0, 0.0, 2.0)
+    assert decide("disc", evading, ahead, turn_rates=(2.0,)).velocity.vx == pytest.approx(1.0)
+    held = decide("disc", evading, ahead, turn_rates=(0.0,)).velocity
+    assert held.vx < 0.85
+    assert held.w == pytest.approx(2.0), "it is kept from going on, not from turning"
+
+
+@pytest.mark.parametrize(("clearance", "fastest"), [(0.03, 0.10), (0.05, 0.35), (0.08, 0.725), (0.13, 1.0)])
+def test_passing_close_by_is_slow(clearance, fastest):
+    posts = [(0.02, 0.27 + clearance), (0.02, -0.27 - clearance)]
+    found = decide("disc", Velocity(1.0, 0.0, 0.0), posts)
+    assert found.velocity.vx == pytest.approx(fastest, abs=0.03)
+    assert (found.cause is None) == (fastest == 1.0)
+
+
+def test_a_wall_ahead_is_approached_at_braking_speed_not_at_creeping_speed():
+    """Its flanks are near misses, but only when the robot gets there."""
+    wall = [(1.0, y) for y in np.linspace(-1, 1, 400)]
+    assert decide("disc", Velocity(1.0, 0.0, 0.0), wall).velocity.vx > 0.8
+
+
+def test_points_behind_do_not_hold_back():
+    behind = [(-0.3, y) for y in np.linspace(-0.2, 0.2, 20)]
+    forward = Velocity(1.0, 0.0, 0.0)
+    assert decide("disc", forward, behind).velocity == forward
+
+
+def test_no_points_at_all_leave_everything():
+    forward = Velocity(1.0, 0.0, 1.0)
+    assert decide("disc", forward, []).velocity == forward
+    assert decide("box", forward, []).velocity == forward
+
+
+def test_a_holonomic_base_is_held_off_sideways():
+    profile = box_profile(limits=box_profile().limits.__class__(1.0, 1.0, 1.0, 2.0, 1.0, 2.0))
+    wall = np.array([(x, 0.6) for x in np.linspace(-1, 1, 80)])
+    nobody = np.zeros(len(wall), dtype=np.intp)
+    hull = footprint_of(profile)
+    left = restrain(Velocity(0.0, 0.8, 0.0), (), wall, nobody, hull, profile)
+    assert 0.0 < left.velocity.vy < 0.6
+    right = restrain(Velocity(0.0, -0.8, 0.0), (), wall, nobody, hull, profile)
+    assert right.velocity.vy == -0.8

@@ -1,0 +1,159 @@
+"""A small kinematic world to judge the gate in: line segments, a laser, sonars, a base with delay and limits.
+
+It shares nothing with the gate but the robot's facts: contact is judged by the distance of the true hull to the
+true segments. The time from a tick to the base's obedience is `delay_s`; 10 Hz scans and 20 Hz ticks add to it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
+from tests.gate.conftest import LASER
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+STEP_S = 0.01
+TICK_STEPS = 5
+SCAN_STEPS = 10
+ODOMETRY_STEPS = 2
+SONAR_STEPS = 20
+
+
+def wall(x0, y0, x1, y1):
+    return [(x0, y0, x1, y1)]
+
+
+def leg(x, y, width=0.04):
+    """A square table leg."""
+    h = width / 2.0
+    corners = [(x - h, y - h), (x + h, y - h), (x + h, y + h), (x - h, y + h)]
+    return [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+
+
+def doorway(x, width, thickness=0.1, y=0.0):
+    """Two wall ends with a hole of `width` about (x, y), to be driven through along x."""
+    segments = []
+    for sign in (1, -1):
+        edge, far = y + sign * width / 2, y + sign * 3.0
+        segments += wall(x, edge, x, far) + wall(x + thickness, edge, x + thickness, far)
+        segments += wall(x, edge, x + thickness, edge)
+    return segments
+
+
+@dataclass
+class World:
+    """One robot among segments. `step` plays 10 ms."""
+
+    profile: GateProfile
+    segments: list
+    seed: int = 0
+    pose: Pose = ORIGIN
+    half_view: float = math.radians(95)
+    beams: int = 572
+    delay_s: float = 0.1
+    noise_m: float = 0.01
+    velocity: Velocity = STILL
+    steps: int = 0
+    least_gap_m: float = math.inf
+
+    def __post_init__(self):
+        self.gate = Gate(self.profile)
+        self.random = np.random.default_rng(self.seed)
+        self.queue = deque([STILL] * round(self.delay_s / STEP_S))
+        self.sent = STILL
+        self.ends = np.array(self.segments, dtype=float).reshape(-1, 2, 2)
+
+    @property
+    def now_s(self):
+        return 50.0 + self.steps * STEP_S
+
+    def drive(self, asked, seconds):
+        """Hold the stick; `asked` is a velocity or a function of the world. Returns the last verdict."""
+        verdict = None
+        for _ in range(round(seconds / STEP_S)):
+            self._sense()
+            if self.steps % TICK_STEPS == 0:
+                stick = asked(self) if callable(asked) else asked
+                verdict = self.gate.decide(stick, self.sent, self.now_s)
+                self.sent = verdict.velocity
+            self._move()
+        return verdict
+
+    def _sense(self):
+        stamp_s = self.now_s + 1.7e9
+        if self.steps % ODOMETRY_STEPS == 0:
+            self.gate.observe_odometry(stamp_s, self.now_s, self.pose, self.velocity)
+        if self.steps % SCAN_STEPS == 0:
+            self._scan(stamp_s)
+        if self.steps % SONAR_STEPS == 0:
+            for name, mount in self.profile.sonar_poses.items():
+                cone = np.linspace(-0.25, 0.25, 21)
+                nearest = float(self._rays(mount, cone).min())
+                self.gate.observe_range(name, stamp_s, self.now_s, nearest, 1.0)
+
+    def _scan(self, stamp_s):
+        increment = 2 * self.half_view / (self.beams - 1)
+        angles = -self.half_view + increment * np.arange(self.beams)
+        ranges = self._rays(self.profile.scan_poses[LASER], angles)
+        ranges += self.random.normal(0.0, self.noise_m, len(ranges))
+        ranges[self.random.random(len(ranges)) < 0.01] = math.nan
+        self.gate.observe_scan(LASER, stamp_s, self.now_s, ranges, -self.half_view, increment, 0.05, 25.0)
+
+    def _rays(self, mount, angles):
+        """Distance to the nearest segment along each ray from a sensor on the robot."""
+        mx, my, myaw = mount
+        cos, sin = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
+        origin = np.array([self.pose.x + cos * mx - sin * my, self.pose.y + sin * mx + cos * my])
+        heading = self.pose.yaw + myaw + angles
+        rays = np.stack((np.cos(heading), np.sin(heading)), axis=1)[:, None]
+        start, along = self.ends[:, 0] - origin, self.ends[:, 1] - self.ends[:, 0]
+        cross = rays[..., 0] * along[:, 1] - rays[..., 1] * along[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
+            at = (start[:, 0] * rays[..., 1] - start[:, 1] * rays[..., 0]) / cross
+        hit = (far > 0) & (at >= 0) & (at <= 1)
+        return np.where(hit, far, math.inf).min(axis=1)
+
+    def _move(self):
+        self.queue.append(self.sent)
+        wanted, limits = self.queue.popleft(), self.profile.limits
+        linear, angular = limits.linear_mps2 * STEP_S, limits.angular_radps2 * STEP_S
+        v = Velocity(
+            self.velocity.vx + float(np.clip(wanted.vx - self.velocity.vx, -linear, linear)),
+            self.velocity.vy + float(np.clip(wanted.vy - self.velocity.vy, -linear, linear)),
+            self.velocity.w + float(np.clip(wanted.w - self.velocity.w, -angular, angular)),
+        )
+        heading = self.pose.yaw + v.w * STEP_S / 2
+        cos, sin = math.cos(heading), math.sin(heading)
+        self.pose = Pose(
+            self.pose.x + STEP_S * (cos * v.vx - sin * v.vy),
+            self.pose.y + STEP_S * (sin * v.vx + cos * v.vy),
+            self.pose.yaw + STEP_S * v.w,
+        )
+        self.velocity = v
+        self.steps += 1
+        self.least_gap_m = min(self.least_gap_m, self.true_gap())
+
+    def true_gap(self):
+        """Distance of the hull to the nearest segment; zero or less is contact."""
+        cos, sin = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
+        shifted = self.ends - (self.pose.x, self.pose.y)
+        local = np.stack(
+            (cos * shifted[..., 0] + sin * shifted[..., 1], -sin * shifted[..., 0] + cos * shifted[..., 1]),
+            -1,
+        )
+        start, along = local[:, 0], local[:, 1] - local[:, 0]
+        if self.profile.outline is None:
+            share = np.clip(-(start * along).sum(1) / (along**2).sum(1), 0, 1)[:, None]
+            return float(np.hypot(*(start + share * along).T).min()) - self.profile.radius_m
+        samples = start[:, None] + np.linspace(0, 1, 60)[None, :, None] * along[:, None]
+        corners = np.array(self.profile.outline)
+        sides = np.roll(corners, -1, 0) - corners
+        normals = np.stack((sides[:, 1], -sides[:, 0]), 1) / np.hypot(*sides.T)[:, None]
+        beyond = samples.reshape(-1, 2) @ normals.T - (normals * corners).sum(1)
+        return float(beyond.max(axis=1).min())
