@@ -34,7 +34,6 @@ STILL_MPS = 0.01
 STILL_RADPS = 0.02
 ODOMETRY_FRESH_S = 0.2  # GATE.md 9
 ODOMETRY_ONLINE_S = 1.0
-SONAR_FRESH_S = 0.5
 CLOCK_SKEW_S = 0.5  # below, nobody need know
 VIEW_RADIUS_M = 8.0
 
@@ -96,7 +95,7 @@ class Core:
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._odometry: tuple[float, Pose, Velocity] | None = None
-        self._ranges: dict[str, tuple[float, float]] = {}  # sonar -> (arrival, metres)
+        self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
         self._battery_percent: float | None = None
         self._charging: bool | None = None
         self._skew_s: float | None = None
@@ -212,8 +211,8 @@ class Core:
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
         """One sonar reading."""
-        self._ranges[source] = (arrival_s, range_m)
-        self._gate.observe_range(source, stamp_s, arrival_s, range_m)
+        max_range_m = self._sonar_reach_m.get(source, math.inf)
+        self._gate.observe_range(source, stamp_s, arrival_s, range_m, max_range_m)
 
     def battery(self, percent: float) -> None:
         """Charge in percent."""
@@ -378,10 +377,8 @@ class Core:
         return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
 
     def _range_cm(self, sonar: SonarSource, now_s: float) -> int | None:
-        arrival_s, range_m = self._ranges.get(sonar.frame_id, (float("-inf"), 0.0))
-        if now_s - arrival_s > SONAR_FRESH_S or not 0.0 <= range_m < sonar.max_range_m:
-            return None
-        return round(range_m * 100)
+        range_m = self._gate.sonar_range(sonar.frame_id, now_s)
+        return None if range_m is None else round(range_m * 100)
 
 
 def _verdict_view(verdict: Verdict) -> wire.Verdict:
