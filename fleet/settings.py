@@ -4,6 +4,7 @@ Without FLEET_DEBUG everything is as strict as in production, and what is missin
 with the variable's name.
 """
 
+import hashlib
 import os
 from pathlib import Path
 from typing import Any
@@ -129,8 +130,10 @@ LOGOUT_REDIRECT_URL = "sign-in"
 
 SESSION_COOKIE_AGE = 12 * 60 * 60  # seconds without a page opened: a working day
 SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = FLEET_TLS
-SESSION_COOKIE_NAME = "fleet_session"
-CSRF_COOKIE_NAME = "fleet_csrf"
+# Cookies know hosts, not ports: two consoles on one host would sign each other's people out.
+_console = hashlib.sha256(SECRET_KEY.encode()).hexdigest()[:8]
+SESSION_COOKIE_NAME = f"fleet_session_{_console}"
+CSRF_COOKIE_NAME = f"fleet_csrf_{_console}"
 SESSION_COOKIE_SAMESITE = CSRF_COOKIE_SAMESITE = "Lax"
 SESSION_COOKIE_HTTPONLY = True
 

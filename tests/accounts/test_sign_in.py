@@ -40,8 +40,8 @@ def test_a_foreign_address_is_not_followed_after_sign_in(operator):
     assert Client().post(PAGE, form).headers["Location"] == "/"
 
 
-def test_the_session_cookie_is_out_of_reach_of_scripts_and_other_sites(operator):
-    morsel = _try("operator", PASSWORD).cookies["fleet_session"]
+def test_the_session_cookie_is_out_of_reach_of_scripts_and_other_sites(operator, settings):
+    morsel = _try("operator", PASSWORD).cookies[settings.SESSION_COOKIE_NAME]
     assert morsel["httponly"]
     assert morsel["samesite"] == "Lax"
 

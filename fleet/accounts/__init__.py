@@ -1,0 +1,1 @@
+"""People: accounts, signing in and out, where somebody is signed in."""
