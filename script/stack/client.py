@@ -130,11 +130,11 @@ class Driver:
         await self.socket.send(wire.encode(message), text=True)
 
     async def take(self) -> int:
-        """Take control of a free robot; returns the fencing number."""
+        """Take control of a free robot, the stick in the middle; returns the fencing number."""
         await self.send(wire.Take())
         await self.until(lambda: self.fence is not None)
-        assert self.fence is not None  # noqa: S101 - what we waited for
-        return self.fence
+        await self.drive(0.0, 0.0)
+        return self.fence or 0
 
     async def drive(self, x: float, w: float, share: float = 0.4) -> wire.Drive:
         """Send the stick, once."""
@@ -148,10 +148,12 @@ class Driver:
         self, x: float, w: float, until: Callable[[], Any], *, share: float = 0.4, timeout_s: float = 20.0
     ) -> None:
         """Hold the stick there, sending as a page does, until `until()` is true."""
-        async with asyncio.timeout(timeout_s):
-            while not until():
-                await self.drive(x, w, share)
-                await asyncio.sleep(DRIVE_PERIOD_S)
+        end_s = time.monotonic() + timeout_s
+        while not until():
+            if time.monotonic() > end_s:
+                raise TimeoutError(f"{timeout_s:g} s of driving were not enough; {self.said_last()}")
+            await self.drive(x, w, share)
+            await asyncio.sleep(DRIVE_PERIOD_S)
 
     async def stop(self) -> None:
         """Press the emergency stop."""
@@ -161,6 +163,7 @@ class Driver:
         """Clear the latch."""
         await self.send(wire.Clear())
         await self.until(lambda: self.state and self.state.stop.state == "clear")
+        await self.drive(0.0, 0.0)
 
     # --- what we hear ----------------------------------------------------------------------------
 
@@ -185,8 +188,19 @@ class Driver:
             async with asyncio.timeout(timeout_s), self._news:
                 await self._news.wait_for(condition)
         except TimeoutError:
-            last = self.refused[-1].refusal.text if self.refused else "nothing was refused"
-            raise TimeoutError(f"Waited {timeout_s:g} s in vain; {last}.") from None
+            raise TimeoutError(f"Waited {timeout_s:g} s in vain; {self.said_last()}") from None
+
+    def said_last(self) -> str:
+        """The console's last word, for error messages."""
+        if self.gone:
+            return f"no bridge: {self.gone.refusal.text}"
+        verdict = (
+            f"gate: {self.state.verdict.code} {self.state.verdict.text}"
+            if self.state
+            else "nothing was shown"
+        )
+        refused = f"last refusal: {self.refused[-1].refusal.text}" if self.refused else "nothing was refused"
+        return f"{verdict}; {refused}"
 
     async def _read(self) -> None:
         with suppress(ConnectionClosed):

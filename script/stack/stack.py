@@ -49,11 +49,16 @@ class StartError(RuntimeError):
 
 @dataclass(frozen=True)
 class PracticeRobot:
-    """A simulated robot: its name in the registry and where it stands (metres, degrees)."""
+    """A simulated robot: its name in the registry and where it stands (metres, degrees).
+
+    The addresses are what robot and console call themselves to each other.
+    """
 
     slug: str
     name: str
     pose: tuple[float, float, float]
+    address: str = "127.0.0.1"
+    console_address: str = "127.0.0.1"
 
 
 @dataclass(frozen=True)
@@ -102,7 +107,7 @@ class SimulatedRobot:
         return {
             **self._stack.environment,
             "ROS_MASTER_URI": self.master_uri,
-            "ROS_IP": "127.0.0.1",
+            "ROS_IP": self.plan.address,
             "ROS_LOG_DIR": str(self._stack.logs / self.plan.slug),
         }
 
@@ -169,13 +174,21 @@ class Stack:
 
     def start(self, timeout_s: float = 60.0) -> None:
         """Start everything; returns when people can sign in and every robot is online."""
+        self.launch()
+        try:
+            self.wait_ready(timeout_s)
+        except BaseException:
+            self.end()
+            raise
+
+    def launch(self) -> None:
+        """Start everything, without waiting for the robots."""
         try:
             self._prepare()
             self._start_robots()
             self._make_database()
             self.start_supervisor()
             self.start_web()
-            self.wait_ready(timeout_s)
         except BaseException:
             self.end()
             raise
@@ -261,7 +274,12 @@ class Stack:
         plan = self.directory / "seed.json"
         plan.unlink(missing_ok=True)
         robots = [
-            {"slug": robot.plan.slug, "name": robot.plan.name, "master_uri": robot.master_uri}
+            {
+                "slug": robot.plan.slug,
+                "name": robot.plan.name,
+                "master_uri": robot.master_uri,
+                "advertised_address": robot.plan.console_address,
+            }
             for robot in self.robots.values()
         ]
         accounts = [

@@ -1,8 +1,8 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
-FILE is JSON: {"robots": [{"slug", "name", "master_uri"}], "accounts": [{"username", "role", "password"}]}.
-Run again it brings the robots' masters up to date and leaves the rest as people made it. Prints
-{slug: path of the bridge's socket}.
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address"}],
+"accounts": [{"username", "role", "password"}]}. Run again it brings the robots' masters up to date and leaves the
+rest as people made it. Prints {slug: path of the bridge's socket}.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from robots.selectors import link_address
 from robots.services import robot_save, role_set
 
 PROFILE = "tiago"
-ADDRESS = "127.0.0.1"
 
 
 class PracticeRobot(Struct, frozen=True):
@@ -31,6 +30,7 @@ class PracticeRobot(Struct, frozen=True):
     slug: str
     name: str
     master_uri: str
+    advertised_address: str
 
 
 class Account(Struct, frozen=True):
@@ -73,7 +73,11 @@ def seed_robot(planned: PracticeRobot) -> Robot:
     if robot is None:
         profile = RobotProfile.objects.get(slug=PROFILE)
         robot = Robot(
-            slug=planned.slug, name=planned.name, profile=profile, practice=True, advertised_address=ADDRESS
+            slug=planned.slug,
+            name=planned.name,
+            profile=profile,
+            practice=True,
+            advertised_address=planned.advertised_address,
         )
     robot.master_uri = planned.master_uri
     return robot_save(robot=robot, actor=None)
