@@ -1,0 +1,88 @@
+"""Limits that hold whatever is in the way: the robot's own, and those of what nobody watches."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robots.bridge.gate.values import STILL, Limits, Velocity
+from tests.gate.conftest import Feeder, tiago_profile
+
+
+def fed(profile) -> Feeder:
+    feeder = Feeder(profile)
+    feeder.all()
+    return feeder
+
+
+def test_more_than_the_robot_can_do_is_cut_axis_by_axis(tiago):
+    verdict = tiago.decide(3.0, 1.0, -9.0)
+    assert verdict.velocity == Velocity(1.0, 0.0, -2.0944)
+    assert verdict.code == "robot_limit"
+    assert tiago.decide(-1.0).velocity.vx == -0.2
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_what_is_not_a_number_stops(tiago, bad):
+    for stick in (Velocity(bad, 0, 0), Velocity(0.1, bad, 0), Velocity(0.1, 0, bad)):
+        verdict = tiago.gate.decide(stick, STILL, tiago.now_s)
+        assert (verdict.velocity, verdict.code) == (STILL, "invalid")
+    assert tiago.gate.decide(Velocity(0.4, 0, 0), Velocity(bad, bad, bad), tiago.now_s).velocity.vx == 0.4
+
+
+@pytest.mark.parametrize("dust", [5e-324, 1e-9, -1e-7])
+def test_next_to_nothing_is_nothing(tiago, dust):
+    assert tiago.decide(dust, dust, dust).code == "idle"
+
+
+def test_a_robot_with_a_depth_camera_is_held_to_its_blind_speed_and_says_why():
+    feeder = fed(tiago_profile(has_depth=True))
+    verdict = feeder.decide(0.9, w=0.6)
+    assert verdict.velocity == Velocity(pytest.approx(0.3), 0.0, pytest.approx(0.2)), "the arc is kept"
+    assert verdict.code == "depth_missing"
+    assert verdict.text == "held to 0.3 m/s: the depth camera is not used yet, table tops are not seen"
+    assert verdict.limits == (verdict.text,)
+    assert feeder.decide().limits == verdict.limits, "said while idle, too"
+    assert feeder.decide(w=2.0).velocity.w == 2.0, "turning on the spot is no blind travel"
+    assert feeder.decide(0.25).code == "free"
+
+
+def test_a_direction_that_nobody_watches_is_held_to_blind_speed():
+    blind_behind = tiago_profile(
+        sonar_poses={}, sonar_fov={}, limits=Limits(1.0, 1.0, 0.0, 2.0, 1.0, 2.0), blind_mps=0.15
+    )
+    feeder = fed(blind_behind)
+    verdict = feeder.decide(-0.8)
+    assert verdict.velocity.vx == pytest.approx(-0.15)
+    assert verdict.code == "blind_direction"
+    assert verdict.text == "held to 0.1 m/s in reverse: no sensor looks there"
+    assert verdict.limits == (verdict.text,)
+    assert feeder.decide(0.8).code == "free"
+
+
+def test_a_robot_without_any_sensor_crawls_everywhere():
+    bare = tiago_profile(
+        scan_poses={},
+        sonar_poses={},
+        sonar_fov={},
+        limits=Limits(1.0, 1.0, 1.0, 2.0, 1.0, 2.0),
+        blind_mps=0.2,
+    )
+    feeder = fed(bare)
+    assert len(feeder.decide().limits) == 4
+    for stick in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.7, 0.7)):
+        velocity = feeder.decide(*stick).velocity
+        assert math.hypot(velocity.vx, velocity.vy) == pytest.approx(0.2)
+
+
+def test_tiago_reverses_at_its_own_limit_while_its_sonars_watch(tiago):
+    assert tiago.decide(-0.2).code == "free"
+
+
+def test_an_obstacle_outweighs_a_standing_limit_in_the_words():
+    feeder = Feeder(tiago_profile(has_depth=True))
+    feeder.ahead_at(0.25)
+    feeder.all()
+    verdict = feeder.decide(0.9)
+    assert verdict.code == "obstacle" and verdict.limits

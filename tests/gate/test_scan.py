@@ -1,0 +1,226 @@
+"""From measurements to points: noise, bad data, pairing by stamps, sonar cones and their memory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.bridge.gate.footprint import Disc
+from robots.bridge.gate.planar import placed, seen_from
+from robots.bridge.gate.scan import Sweep, cone_points, has_neighbour, outside_hull
+from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.values import STILL, Pose, Velocity
+from tests.gate.conftest import LASER, Feeder, tiago_profile
+
+NAN, INF = math.nan, math.inf
+
+
+def test_a_beam_without_a_neighbour_is_noise_and_the_thinnest_leg_is_not():
+    alone = np.array([NAN, NAN, NAN, 1.0, NAN, NAN, NAN, NAN])
+    assert not has_neighbour(alone).any()
+    two = np.array([NAN, NAN, 1.0, NAN, 1.05, NAN, NAN, NAN])
+    assert list(np.flatnonzero(has_neighbour(two))) == [2, 4]
+    too_far_apart = np.array([NAN, NAN, 1.0, 1.2, NAN, NAN, NAN, NAN])
+    assert not has_neighbour(too_far_apart).any()
+    three_beams_away = np.array([NAN, NAN, 1.0, NAN, NAN, 1.0, NAN, NAN])
+    assert not has_neighbour(three_beams_away).any()
+
+
+def test_free_unknown_and_too_near_are_three_things():
+    ranges = [INF, INF, NAN, NAN, 0.04, 0.04, 30.0, 30.0, -INF, -INF, 2.0, 2.0, INF, NAN]
+    points = Sweep(ranges, 0.0, 0.1, 0.05, 25.0).points()
+    np.testing.assert_allclose(np.hypot(*points.T), [0.05, 0.05, 2.0, 2.0])
+
+
+def test_the_robot_itself_is_not_an_obstacle_but_what_grazes_the_hull_is():
+    points = np.array([[0.1, 0.0], [0.239, 0.0], [0.241, 0.0], [0.3, 0.0]])
+    np.testing.assert_allclose(outside_hull(points, Disc(0.27)), points[2:])
+
+
+MALFORMED = {
+    "no beams": {"ranges": []},
+    "one beam": {"ranges": [1.0]},
+    "not a list": {"ranges": None},
+    "words": {"ranges": ["near", "far"]},
+    "two dimensions": {"ranges": [[1.0, 2.0], [1.0, 2.0]]},
+    "ragged": {"ranges": [[1.0], [1.0, 2.0]]},
+    "all unknown": {"ranges": [NAN] * 571},
+    "angle not a number": {"angle_min": NAN},
+    "angle infinite": {"angle_min": INF},
+    "angle a word": {"angle_min": "left"},
+    "angle None": {"angle_min": None},
+    "no increment": {"angle_increment": 0.0},
+    "increment not a number": {"angle_increment": NAN},
+    "increment absurd": {"angle_increment": 40.0},
+    "round and round": {"angle_increment": 0.1},
+    "range limits swapped": {"range_min_m": 5.0, "range_max_m": 1.0},
+    "range limit not a number": {"range_max_m": NAN},
+    "range limit negative": {"range_min_m": -1.0},
+}
+
+
+@pytest.mark.parametrize("what", MALFORMED)
+def test_a_malformed_scan_is_no_scan_and_says_what_is_wrong(what):
+    feeder = Feeder(tiago_profile())
+    feeder.odometry()
+    feeder.sonars()
+    feeder.scan(**MALFORMED[what])
+    assert feeder.decide(0.5).code == "scan_missing"
+    [laser] = [sensor for sensor in feeder.gate.sensor_health(feeder.now_s) if sensor.kind == "scan"]
+    assert not laser.ok and laser.text not in {"", "nothing has come yet"}
+
+
+@pytest.mark.parametrize("stamp_s", [NAN, INF])
+def test_stamps_that_are_no_numbers_are_no_data(stamp_s, tiago):
+    tiago.now_s += 0.6
+    gate, now_s = tiago.gate, tiago.now_s
+    gate.observe_odometry(stamp_s, now_s, Pose(0, 0, 0), STILL)
+    gate.observe_scan(LASER, stamp_s, now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+    gate.observe_range("base_sonar_01_link", stamp_s, now_s, 0.5, 1.0)
+    assert not any(sensor.ok for sensor in gate.sensor_health(now_s))
+
+
+@pytest.mark.parametrize("pose", [Pose(NAN, 0, 0), Pose(0, INF, 0)])
+def test_odometry_of_no_numbers_is_no_odometry(pose):
+    feeder = Feeder(tiago_profile())
+    feeder.scan()
+    feeder.gate.observe_odometry(1.0, feeder.now_s, pose, STILL)
+    feeder.gate.observe_odometry(2.0, feeder.now_s, Pose(0, 0, 0), Velocity(NAN, 0, 0))
+    assert feeder.decide(0.5).code == "odometry_missing"
+
+
+@given(
+    st.lists(st.floats(width=32), max_size=40),
+    *(st.floats(width=32) for _ in range(4)),
+)
+@settings(max_examples=300, deadline=None)
+def test_no_scan_whatever_raises(ranges, angle_min, increment, range_min, range_max):
+    feeder = Feeder(tiago_profile())
+    feeder.odometry()
+    feeder.gate.observe_scan(LASER, 1.0, feeder.now_s, ranges, angle_min, increment, range_min, range_max)
+    feeder.decide(0.5, w=0.5)
+
+
+@given(st.floats(), st.floats())
+@settings(max_examples=200, deadline=None)
+def test_no_range_whatever_raises(range_m, max_range_m):
+    feeder = Feeder(tiago_profile())
+    feeder.odometry()
+    feeder.scan()
+    feeder.gate.observe_range("base_sonar_02_link", 1.0, feeder.now_s, range_m, max_range_m)
+    assert np.isfinite(feeder.gate.obstacles(feeder.now_s).points).all()
+    feeder.decide(-0.2)
+
+
+def test_unknown_sources_are_ignored(tiago):
+    tiago.gate.observe_range("somebody_else", 1.0, tiago.now_s, 0.1, 1.0)
+    tiago.gate.observe_scan("/other", 1.0, tiago.now_s, [0.1, 0.1], 0.0, 0.1, 0.05, 25.0)
+    assert not len(tiago.gate.obstacles(tiago.now_s).points)
+    assert tiago.gate.sonar_range("somebody_else", tiago.now_s) is None
+
+
+def test_a_scan_stands_where_it_was_taken_however_late_it_arrives():
+    """Paired by stamps: the robot was at x = 1 when the beam came back, and is at x = 1.5 now."""
+    feeder = Feeder(tiago_profile())
+    for step in range(51):
+        moment = 100.0 + 0.02 * step
+        feeder.gate.observe_odometry(moment, moment, Pose(0.5 + 0.02 * step, 0, 0), Velocity(1, 0, 0))
+    feeder.ahead_at(2.0, half_width_beams=2)
+    feeder.now_s = 101.0
+    feeder.gate.observe_scan(
+        LASER, 100.5, 101.0, feeder.ranges, -math.radians(95), math.radians(190) / 570, 0.05, 25.0
+    )
+    points = feeder.gate.obstacles(101.0).points
+    np.testing.assert_allclose(points[:, 0], 0.202 + 2.0 - 0.5, atol=0.01)
+
+
+def test_points_move_with_odometry_and_are_computed_only_when_something_came(tiago):
+    tiago.ahead_at(1.0, half_width_beams=2)
+    tiago.now_s += 0.1
+    tiago.all()
+    first = tiago.gate.obstacles(tiago.now_s)
+    assert tiago.gate.obstacles(tiago.now_s) is first
+    tiago.now_s += 0.02
+    tiago.gate.observe_odometry(tiago.stamp_s, tiago.now_s, Pose(0.0, 0.0, 0.3), STILL)
+    turned = tiago.gate.obstacles(tiago.now_s)
+    expected = placed(first.points, Pose(0.0, 0.0, -0.3))
+    np.testing.assert_allclose(turned.points, expected, atol=1e-9)
+    assert [turned.names[index] for index in turned.source] == [LASER] * len(turned.points)
+
+
+def test_a_sonar_echo_is_an_arc_across_its_cone():
+    points = cone_points(0.5, 1.0, Pose(-0.259, 0.0, math.pi), 0.5)
+    np.testing.assert_allclose(np.hypot(points[:, 0] + 0.259, points[:, 1]), 0.5)
+    angles = np.arctan2(points[:, 1], -(points[:, 0] + 0.259))
+    assert angles.min() == pytest.approx(-0.25) and angles.max() == pytest.approx(0.25)
+    assert len(cone_points(1.0, 1.0, Pose(0, 0, 0), 0.5)) == 0, "at its range limit it saw nothing"
+    assert len(cone_points(INF, INF, Pose(0, 0, 0), 0.5)) == 0
+    assert len(cone_points(-INF, 1.0, Pose(0, 0, 0), 0.5)) > 0, "closer than it can measure is there"
+
+
+def test_a_sonar_echo_is_remembered_for_half_a_second(tiago):
+    def count(after_s):
+        tiago.now_s += after_s
+        return len(tiago.gate.obstacles(tiago.now_s).points)
+
+    tiago.now_s += 0.02
+    tiago.gate.observe_range("base_sonar_02_link", tiago.stamp_s, tiago.now_s, 0.4, 1.0)
+    tiago.odometry()
+    assert tiago.gate.sonar_range("base_sonar_02_link", tiago.now_s) == 0.4
+    assert count(0.1) > 0
+    tiago.gate.observe_range("base_sonar_02_link", tiago.stamp_s, tiago.now_s, 1.0, 1.0)
+    assert tiago.gate.sonar_range("base_sonar_02_link", tiago.now_s) is None
+    assert count(0.3) > 0
+    assert count(0.2) == 0
+
+
+class TestTrail:
+    def trail(self):
+        trail = Trail(1.0, 2.0)
+        for step in range(10):
+            trail.add(5.0 + 0.02 * step, Pose(0.02 * step, 0.0, 0.0), Velocity(1.0, 0.0, 0.0))
+        return trail
+
+    def test_it_interpolates_between_poses_and_turns_the_short_way(self):
+        assert self.trail().pose_at(5.05).x == pytest.approx(0.05)
+        trail = Trail(1.0, 2.0)
+        trail.add(1.0, Pose(0, 0, math.pi - 0.02), STILL)
+        trail.add(1.1, Pose(0, 0, -math.pi + 0.02), STILL)
+        assert abs(trail.pose_at(1.05).yaw) == pytest.approx(math.pi)
+
+    def test_it_foretells_a_little_and_no_more(self):
+        assert self.trail().pose_at(5.28).x == pytest.approx(0.28)
+        assert self.trail().pose_at(5.5) is None
+        assert self.trail().pose_at(4.9) is None
+
+    def test_a_jump_or_a_clock_set_back_begins_anew(self):
+        jumped = self.trail()
+        jumped.add(5.2, Pose(4.0, 0.0, 0.0), STILL)
+        assert jumped.pose_at(5.1) is None and jumped.pose_at(5.2).x == 4.0
+        set_back = self.trail()
+        set_back.add(2.0, Pose(0.2, 0.0, 0.0), STILL)
+        assert set_back.pose_at(5.1) is None and set_back.pose_at(2.0).x == 0.2
+
+    def test_a_hole_in_the_odometry_is_not_bridged(self):
+        trail = self.trail()
+        trail.add(6.0, Pose(1.0, 0.0, 0.0), STILL)
+        assert trail.pose_at(5.6) is None
+
+    def test_it_does_not_grow_for_ever(self):
+        trail = Trail(1.0, 2.0)
+        for step in range(5000):
+            trail.add(0.02 * step, Pose(0, 0, 0), STILL)
+        assert len(trail._stamps) <= 400
+        assert trail.pose_at(99.0) is not None
+
+
+@given(*(st.floats(-3, 3) for _ in range(6)))
+def test_a_pose_seen_from_another_places_points_alike(x, y, yaw, vx, vy, vyaw):
+    pose, viewer = Pose(x, y, yaw), Pose(vx, vy, vyaw)
+    points = np.array([[1.0, 2.0], [-0.5, 0.1]])
+    there_and_back = placed(placed(points, seen_from(pose, viewer)), viewer)
+    np.testing.assert_allclose(there_and_back, placed(points, pose), atol=1e-9)

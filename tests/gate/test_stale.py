@@ -1,0 +1,179 @@
+"""Old or missing data: slower, then stop, then neutral; and a clock that is wrong is not old data."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robots.bridge.gate.health import late_share
+from robots.bridge.gate.values import STILL, Pose, Velocity
+from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
+
+
+def test_with_everything_fresh_nothing_is_taken_away(tiago):
+    verdict = tiago.decide(0.8, w=0.5)
+    assert (verdict.code, verdict.velocity) == ("free", Velocity(0.8, 0.0, 0.5))
+    assert not verdict.neutral and verdict.text == "" and verdict.limits == ()
+
+
+@pytest.mark.parametrize("left_out", ["odometry", "scan"])
+def test_what_never_came_stops_the_robot_and_asks_for_neutral(left_out):
+    feeder = Feeder(tiago_profile())
+    feeder.sonars()
+    feeder.scan() if left_out == "odometry" else feeder.odometry()
+    verdict = feeder.decide(0.5, w=0.5)
+    assert (verdict.velocity, verdict.code) == (STILL, f"{left_out}_missing")
+    assert verdict.neutral
+    assert "has come yet" in verdict.text
+
+
+def test_a_laser_older_than_a_quarter_second_slows_and_older_than_half_a_second_stops(tiago):
+    speeds = []
+    for _ in range(60):
+        tiago.now_s += 0.01
+        tiago.odometry()
+        speeds.append(tiago.decide(1.0).velocity.vx)
+    assert speeds[24] == pytest.approx(1.0), "0.25 s is young enough"
+    assert 0.0 < speeds[45] < speeds[35] < 1.0
+    assert speeds[50] == speeds[59] == 0.0
+    verdict = tiago.decide(1.0)
+    assert (verdict.code, verdict.sensor, verdict.neutral) == ("scan_stale", LASER, True)
+    assert verdict.text == "stopped: laser is 0.6 s old"
+
+
+def test_while_it_slows_for_a_late_laser_the_words_say_so(tiago):
+    tiago.now_s += 0.35
+    tiago.odometry()
+    verdict = tiago.decide(1.0)
+    assert (verdict.code, verdict.neutral) == ("scan_late", False)
+    assert verdict.text == "slowed to 0.6 m/s: laser is 0.3 s old"
+
+
+def test_late_share_falls_from_all_to_nothing():
+    assert [late_share(age) for age in (0.0, 0.25, 0.375, 0.5, 9.0)] == [1.0, 1.0, 0.5, 0.0, 0.0]
+
+
+def test_odometry_older_than_a_fifth_of_a_second_stops(tiago):
+    tiago.now_s += 0.19
+    tiago.scan()
+    assert tiago.decide(0.5).code == "free"
+    tiago.now_s += 0.02
+    verdict = tiago.decide(0.5)
+    assert (verdict.velocity, verdict.code, verdict.neutral) == (STILL, "odometry_stale", True)
+    assert verdict.text == "stopped: odometry is 0.2 s old"
+
+
+def test_silent_sonars_hold_reverse_to_a_tenth_and_leave_forward_alone(tiago):
+    tiago.now_s += 0.6
+    tiago.odometry()
+    tiago.scan()
+    verdict = tiago.decide(-0.2)
+    assert verdict.velocity.vx == pytest.approx(-0.1)
+    assert verdict.code == "sonar_stale"
+    assert "in reverse" in verdict.text and "base_sonar_01_link" in verdict.text
+    assert verdict.limits == (verdict.text,)
+    assert tiago.decide(0.9).velocity.vx == 0.9
+
+
+def test_one_silent_sonar_of_three_is_enough_to_hold_reverse(tiago):
+    tiago.now_s += 0.6
+    tiago.odometry()
+    tiago.scan()
+    for name in list(SONARS)[:2]:
+        tiago.gate.observe_range(name, tiago.stamp_s, tiago.now_s, math.inf, 1.0)
+    verdict = tiago.decide(-0.2)
+    assert verdict.velocity.vx == pytest.approx(-0.1)
+    assert "base_sonar_03_link" in verdict.text and "base_sonar_01_link" not in verdict.text
+
+
+@pytest.mark.parametrize(
+    ("dead", "code", "wait_s"), [("odometry", "odometry_stale", 0.3), ("scan", "scan_stale", 0.6)]
+)
+def test_a_frozen_stamp_is_stale_however_often_it_arrives(tiago, dead, code, wait_s):
+    frozen_s = tiago.stamp_s
+    for _ in range(round(wait_s / 0.02)):
+        tiago.now_s += 0.02
+        if dead == "odometry":
+            tiago.gate.observe_odometry(frozen_s, tiago.now_s, Pose(0, 0, 0), STILL)
+            tiago.scan()
+        else:
+            tiago.gate.observe_scan(LASER, frozen_s, tiago.now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+            tiago.odometry()
+    assert tiago.decide(0.5).code == code
+
+
+def test_a_sonar_with_a_frozen_stamp_is_silent(tiago):
+    frozen_s = tiago.stamp_s
+    for _ in range(8):
+        tiago.now_s += 0.1
+        tiago.odometry()
+        tiago.scan()
+        for name in SONARS:
+            tiago.gate.observe_range(name, frozen_s, tiago.now_s, math.inf, 1.0)
+    assert tiago.decide(-0.2).code == "sonar_stale"
+
+
+@pytest.mark.parametrize("hours", [-1, 1, 24 * 365])
+def test_a_robot_whose_clock_is_hours_off_is_not_stale(hours):
+    feeder = Feeder(tiago_profile(), clock_offset_s=3600.0 * hours)
+    for _ in range(20):
+        feeder.now_s += 0.1
+        feeder.all()
+    assert feeder.decide(0.9).code == "free"
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, -2.0, 3600.0])
+def test_a_robot_clock_that_is_set_anew_costs_one_scan_not_an_hour(tiago, step_s):
+    tiago.clock_offset_s = step_s
+    for _ in range(2):
+        tiago.now_s += 0.05
+        tiago.all()
+    assert tiago.decide(0.9).code == "free"
+
+
+def test_a_late_message_of_before_is_not_news(tiago):
+    tiago.now_s += 0.1
+    tiago.all()
+    tiago.gate.observe_odometry(tiago.stamp_s - 0.08, tiago.now_s, Pose(9.0, 9.0, 0.0), STILL)
+    tiago.ahead_at(0.5)
+    tiago.gate.observe_scan(LASER, tiago.stamp_s - 0.08, tiago.now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+    assert tiago.decide(0.9).code == "free"
+
+
+def test_a_scan_whose_stamps_do_not_match_the_odometry_stops(tiago):
+    tiago.now_s += 0.1
+    tiago.odometry()
+    tiago.gate.observe_scan(LASER, tiago.stamp_s + 5.0, tiago.now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+    verdict = tiago.decide(0.5)
+    assert (verdict.code, verdict.neutral) == ("scan_unpaired", True)
+    [laser] = [sensor for sensor in tiago.gate.sensor_health(tiago.now_s) if sensor.kind == "scan"]
+    assert not laser.ok and "stamps" in laser.text
+
+
+def test_an_idle_robot_needs_no_neutral_however_old_everything_is(tiago):
+    tiago.now_s += 60.0
+    verdict = tiago.decide()
+    assert (verdict.code, verdict.velocity, verdict.neutral) == ("idle", STILL, False)
+
+
+def test_health_names_each_sensor_its_age_and_what_is_wrong(tiago):
+    assert all(sensor.ok and not sensor.text for sensor in tiago.gate.sensor_health(tiago.now_s))
+    tiago.now_s += 0.7
+    tiago.odometry()
+    health = {sensor.name: sensor for sensor in tiago.gate.sensor_health(tiago.now_s)}
+    assert set(health) == {"odometry", LASER, *SONARS}
+    assert health["odometry"].ok and health["odometry"].age_s == 0.0
+    assert not health[LASER].ok and health[LASER].text == "nothing new for 0.7 s"
+    assert {health[name].kind for name in SONARS} == {"sonar"}
+    fresh = {sensor.name: sensor for sensor in Feeder(tiago_profile()).gate.sensor_health(5.0)}
+    assert fresh[LASER].age_s is None and fresh[LASER].text == "nothing has come yet"
+
+
+def test_standstill_needs_fresh_odometry_that_says_so(tiago):
+    assert tiago.gate.standstill(tiago.now_s)
+    assert not tiago.gate.standstill(tiago.now_s + 0.3)
+    tiago.velocity = Velocity(0.0, 0.0, 0.1)
+    tiago.now_s += 0.02
+    tiago.odometry()
+    assert not tiago.gate.standstill(tiago.now_s)
