@@ -49,6 +49,7 @@ class Observer:
             *("/usr/bin/setpriv", "--pdeathsig", "TERM"),
             *(SYSTEM_PYTHON, str(ROS_SIDE), "observe", *self._also),
             env=self._robot.environment,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
@@ -63,6 +64,12 @@ class Observer:
             self._process.terminate()
         await self._process.wait()
         await self._reader
+
+    async def cause(self, fault: str) -> None:
+        """Make something go wrong with the simulated robot, "none" to mend it."""
+        assert self._process.stdin is not None  # noqa: S101 - we asked for a pipe
+        self._process.stdin.write(f"{fault}\n".encode())
+        await self._process.stdin.drain()
 
     def forget(self) -> None:
         """Drop what was collected so far."""

@@ -2,7 +2,8 @@
 
 Run by the distribution's Python, on the master in ROS_MASTER_URI:
 
-    ros_side.py observe [odometry]   a line for each message: kind, arrival (monotonic ns), values
+    ros_side.py observe [odometry]   a line for each message: kind, arrival (monotonic ns), values; lines of its stdin
+                                     are faults that it tells the simulated robot to have
     ros_side.py publish              Twists at 50 Hz to /bench_bare, each carrying its own time of sending
     ros_side.py map                  a map of 1000 x 1000 cells to /map, once a second
     ros_side.py watch_map            reads that map's bytes, as any display does
@@ -12,12 +13,14 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 import time
 
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import String
 
 DRIVE_TOPIC = "/key_vel"
 BARE_TOPIC = "/bench_bare"
@@ -54,8 +57,16 @@ def observe(*also: str) -> None:
         rospy.Subscriber("/mobile_base_controller/odom", Odometry, on_odometry, tcp_nodelay=True)
     if "scan" in also:
         rospy.Subscriber("/scan_raw", LaserScan, on_scan, tcp_nodelay=True)
+    threading.Thread(target=pass_on_faults, daemon=True).start()
     say("ready")
     rospy.spin()
+
+
+def pass_on_faults() -> None:
+    """From stdin to the robot."""
+    publisher = rospy.Publisher("/ground_truth/fault", String, queue_size=5, tcp_nodelay=True)
+    for line in sys.stdin:
+        publisher.publish(String(line.strip()))
 
 
 def publish() -> None:

@@ -168,6 +168,11 @@ class Driver:
     # --- what we hear ----------------------------------------------------------------------------
 
     @property
+    def closed(self) -> bool:
+        """The connection is gone."""
+        return self._reader.done()
+
+    @property
     def fence(self) -> int | None:
         """Our fencing number, if control is ours."""
         return self.control.fence if self.control and self.control.state == "yours" else None

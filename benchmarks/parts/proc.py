@@ -1,0 +1,57 @@
+"""What the kernel says of a process."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+_TICKS_S = 1.0 / os.sysconf("SC_CLK_TCK")
+_LISTENING = "0A"
+
+
+def children(pid: int) -> list[int]:
+    """Its child processes."""
+    with suppress(OSError):
+        return [
+            int(child)
+            for task in Path(f"/proc/{pid}/task").iterdir()
+            for child in (task / "children").read_text().split()
+        ]
+    return []
+
+
+def arguments(pid: int) -> list[str]:
+    """Its command line."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text().rstrip("\0").split("\0")
+    return []
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time it has used, all threads."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) * _TICKS_S
+
+
+def resident_mb(pid: int) -> float:
+    """Memory that it occupies (RSS), in megabytes."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) * 1024 / 1e6
+    raise ProcessLookupError(pid)
+
+
+def listening_ports(pid: int) -> set[int]:
+    """TCP ports (IPv4) where it listens."""
+    sockets = set()
+    with suppress(OSError):
+        for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+            with suppress(OSError):
+                sockets.add(str(descriptor.readlink()))
+    ports = set()
+    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
+        fields = line.split()
+        if fields[3] == _LISTENING and f"socket:[{fields[9]}]" in sockets:
+            ports.add(int(fields[1].partition(":")[2], 16))
+    return ports

@@ -1,0 +1,404 @@
+"""From a press or a fault to zero velocity and to standstill, as an outside rospy process sees it; worst of 20."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import tempfile
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from websockets.exceptions import ConnectionClosed
+
+from benchmarks.harness import Figure, progress
+from benchmarks.parts import proc
+from benchmarks.parts.cable import Cable
+from benchmarks.parts.observer import Observer
+from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
+from script.stack.stack import PRACTICE_ROBOTS, Stack
+
+ROBOT = "tiago-1"
+REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "20"))
+TURN = 0.6  # of the stick: turning on the spot never meets anything, so only the fault ends it
+SHARE = 0.4
+MOVING_RADPS = 0.4
+STILL_RADPS = 0.01
+BRAKING = 0.9  # of the speed before
+OBSERVED_S = 3.0
+AT_ONCE_S = 0.1
+DEAD_MAN_S = 0.35
+ROBOT_ADDRESS = "127.0.0.8"
+CONSOLE_ADDRESS = "127.0.0.9"
+OBSERVERS_NAME = b"/bench_observe"
+
+
+class Timing(NamedTuple):
+    """Seconds from the fault; infinite if it was not seen."""
+
+    zero_s: float  # first zero command
+    braking_s: float  # the base slows down
+    still_s: float  # the base stands
+
+
+@dataclass
+class Person:
+    """Somebody at a control page who holds the stick until told otherwise."""
+
+    stack: Stack
+    cookie: str
+    port: int | None = None
+    driver: Driver | None = None
+    turn: float = 0.0
+
+    async def drive(self) -> None:
+        """Keep the stick where `turn` says; through the middle when the console asks for that."""
+        while True:
+            await asyncio.sleep(DRIVE_PERIOD_S)
+            driver = self.driver
+            if driver is None or driver.fence is None:
+                continue
+            middle = driver.state is not None and driver.state.neutral_needed is not None
+            with suppress(ConnectionClosed):
+                await driver.drive(0.0, 0.0 if middle else self.turn, SHARE)
+
+    async def sit_down(self) -> Driver:
+        """A page of ours with control; opened anew if the last one is gone."""
+        if self.driver is None or self.driver.closed:
+            await self.leave()
+            self.driver = await Driver(self.stack, ROBOT, self.cookie, port=self.port).__aenter__()
+        driver = self.driver
+        await driver.until(lambda: driver.state, 20.0)
+        if driver.fence is None:
+            await driver.take()
+        if driver.state and driver.state.stop.state != "clear":
+            await driver.clear()
+        return driver
+
+    async def leave(self) -> None:
+        """Close the page."""
+        if self.driver is not None:
+            driver, self.driver = self.driver, None
+            await driver.__aexit__(None, None, None)
+
+
+class Scene:
+    """The console, one robot that turns on the spot, and somebody who watches."""
+
+    def __init__(self, stack: Stack, person: Person, observer: Observer) -> None:
+        self.stack = stack
+        self.person = person
+        self.observer = observer
+        self.robot = stack.robots[ROBOT]
+
+    async def moving(self) -> Driver:
+        """Everything works and the base turns at a steady speed."""
+        driver = await self.person.sit_down()
+        self.person.turn = TURN
+        self.observer.forget()
+        await self.observer.until(lambda: self._turns_steadily(), 20.0)
+        return driver
+
+    def _turns_steadily(self) -> bool:
+        last = self.observer.odometry[-10:]
+        return len(last) == 10 and all(seen.w > MOVING_RADPS for seen in last)
+
+    async def timing(self, fault_s: float) -> Timing:
+        """What was seen since; the stick is let go once the base stands."""
+        steady = max(seen.w for seen in self.observer.odometry[-10:])
+        seen = self.observer
+        with suppress(TimeoutError):
+            await seen.until(
+                lambda: (
+                    bool(seen.odometry)
+                    and seen.odometry[-1].at_s > fault_s
+                    and abs(seen.odometry[-1].w) < STILL_RADPS
+                ),
+                OBSERVED_S,
+            )
+        self.person.turn = 0.0
+        zero = (command.at_s for command in seen.commands if command.still and command.at_s >= fault_s)
+        after = [one for one in seen.odometry if one.at_s >= fault_s]
+        braking = (one.at_s for one in after if one.w < BRAKING * steady)
+        still = (one.at_s for one in after if abs(one.w) < STILL_RADPS)
+        return Timing(*(next(times, float("inf")) - fault_s for times in (zero, braking, still)))
+
+
+Fault = Callable[[Scene, Driver], Awaitable[float]]  # does it; returns when
+Repair = Callable[[Scene], Awaitable[None]]
+
+
+async def nothing(_scene: Scene) -> None:
+    """For faults that leave nothing broken."""
+
+
+async def repeat(name: str, scene: Scene, fault: Fault, repair: Repair = nothing) -> list[Timing]:
+    """The fault, again and again."""
+    progress(f"{name} ...")
+    timings = []
+    for _ in range(REPEATS):
+        driver = await scene.moving()
+        timings.append(await scene.timing(await fault(scene, driver)))
+        await repair(scene)
+    return timings
+
+
+def to_zero(name: str, timings: list[Timing], limit_s: float | None) -> list[Figure]:
+    """The worst until the first zero command, and until standstill."""
+    zero_s = max(timing.zero_s for timing in timings)
+    still_s = max(timing.still_s for timing in timings)
+    return [
+        Figure(f"{name} -> zero", zero_s, "s", limit_s),
+        Figure(f"{name} -> standstill", still_s, "s"),
+    ]
+
+
+def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
+    """Where no command can come any more: until the robot's own controller brakes."""
+    return [
+        Figure(f"{name} -> braking", max(timing.braking_s for timing in timings), "s", DEAD_MAN_S),
+        Figure(f"{name} -> standstill", max(timing.still_s for timing in timings), "s"),
+    ]
+
+
+def measure() -> list[Figure]:
+    """Every fault on one console; the cut to the robot on another, with addresses of its own."""
+    with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
+        with Stack(Path(directory) / "a", robots=PRACTICE_ROBOTS[:1]) as stack:
+            figures = asyncio.run(faults_of_the_console(stack))
+        apart = replace(PRACTICE_ROBOTS[0], address=ROBOT_ADDRESS, console_address=CONSOLE_ADDRESS)
+        stack = Stack(Path(directory) / "b", robots=[apart])
+        stack.launch()
+        try:
+            return figures + asyncio.run(cut_to_the_robot(stack))
+        finally:
+            stack.end()
+
+
+@asynccontextmanager
+async def scene_on(stack: Stack, port: int | None = None) -> AsyncIterator[Scene]:
+    """Somebody at the stick and somebody who watches."""
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    person = Person(stack, cookie, port)
+    driving = asyncio.create_task(person.drive())
+    try:
+        async with Observer(stack.robots[ROBOT], "odometry") as observer:
+            yield Scene(stack, person, observer)
+    finally:
+        driving.cancel()
+        await person.leave()
+
+
+async def faults_of_the_console(stack: Stack) -> list[Figure]:
+    """In order: what leaves everything running first."""
+    figures: list[Figure] = []
+    async with (
+        Cable(("127.0.0.1", 0), ("127.0.0.1", stack.port)) as cable,
+        scene_on(stack, cable.port) as scene,
+    ):
+        figures += to_zero("press", await repeat("press", scene, press), AT_ONCE_S)
+        figures += to_zero("tab closed", await repeat("tab closed", scene, close_tab), AT_ONCE_S)
+        timings = await repeat("tab's network cut", scene, freezing(cable), thawing(cable))
+        figures += to_zero("tab's network cut", timings, DEAD_MAN_S)
+    async with scene_on(stack) as scene:
+        figures += to_zero(
+            "laser dead", await repeat("laser dead", scene, kill_laser, mend_laser), DEAD_MAN_S
+        )
+        timings = await repeat("web process killed", scene, kill_web, restart_web)
+        figures += to_zero("web process killed", timings, AT_ONCE_S)
+    figures += await cuts_of_the_link(stack)
+    async with scene_on(stack) as scene:
+        timings = await repeat("bridge killed", scene, kill_bridge, restart_supervisor)
+        figures += to_braking("bridge killed", timings)
+        timings = await repeat("supervisor killed", scene, kill_supervisor, restart_supervisor)
+        figures += to_zero("supervisor killed", timings, DEAD_MAN_S)
+    return figures + to_zero("master killed", await kills_of_the_master(stack), DEAD_MAN_S)
+
+
+# --- faults ---------------------------------------------------------------------------------------
+
+
+async def press(_scene: Scene, driver: Driver) -> float:
+    """The stop on the page."""
+    now_s = time.monotonic()
+    await driver.stop()
+    return now_s
+
+
+async def close_tab(_scene: Scene, driver: Driver) -> float:
+    """As a browser does it."""
+    now_s = time.monotonic()
+    await driver.socket.close()
+    return now_s
+
+
+def freezing(cable: Cable) -> Fault:
+    """The cable carries nothing more, and nobody is told."""
+
+    async def freeze(_scene: Scene, _driver: Driver) -> float:
+        cable.freeze()
+        return time.monotonic()
+
+    return freeze
+
+
+def cutting(cable: Cable) -> Fault:
+    """The cable's ends close."""
+
+    async def cut(_scene: Scene, _driver: Driver) -> float:
+        now_s = time.monotonic()
+        cable.cut()
+        return now_s
+
+    return cut
+
+
+def thawing(cable: Cable) -> Repair:
+    """What hung is closed, new connections pass."""
+
+    async def thaw(_scene: Scene) -> None:
+        cable.cut()
+        cable.thaw()
+
+    return thaw
+
+
+async def kill_laser(scene: Scene, _driver: Driver) -> float:
+    """No scans from now on."""
+    await scene.observer.cause("laser_dead")
+    return time.monotonic()
+
+
+async def mend_laser(scene: Scene) -> None:
+    """Scans again."""
+    await scene.observer.cause("none")
+
+
+async def kill_web(scene: Scene, _driver: Driver) -> float:
+    """kill -9."""
+    now_s = time.monotonic()
+    scene.stack.web.kill_group()
+    return now_s
+
+
+async def restart_web(scene: Scene) -> None:
+    """A new one on the same socket."""
+    scene.stack.start_web()
+    await asyncio.to_thread(scene.stack.wait_web, time.monotonic() + 30.0)
+
+
+async def kill_bridge(scene: Scene, _driver: Driver) -> float:
+    """kill -9."""
+    [bridge] = bridges(scene.stack)
+    now_s = time.monotonic()
+    os.kill(bridge, signal.SIGKILL)
+    return now_s
+
+
+def bridges(stack: Stack) -> list[int]:
+    """The processes of the bridges."""
+    return [child for child in proc.children(stack.supervisor.pid) if "run_bridge" in proc.arguments(child)]
+
+
+async def kill_supervisor(scene: Scene, _driver: Driver) -> float:
+    """kill -9."""
+    now_s = time.monotonic()
+    scene.stack.supervisor.signal(signal.SIGKILL)
+    return now_s
+
+
+async def restart_supervisor(scene: Scene) -> None:
+    """A new one: its restart budget is fresh."""
+    scene.stack.release(scene.stack.supervisor)
+    scene.stack.start_supervisor()
+    await asyncio.to_thread(scene.stack.wait_online, ROBOT, time.monotonic() + 30.0)
+
+
+# --- faults that need a stage of their own ---------------------------------------------------------
+
+
+async def cuts_of_the_link(stack: Stack) -> list[Figure]:
+    """A cable in the place of the bridge's socket; the web process comes through it."""
+    here = stack.robots[ROBOT].link_path
+    there = f"{here}.far"
+    os.rename(here, there)
+    try:
+        async with Cable(here, there) as cable:
+            stack.web.kill_group()
+            stack.start_web()
+            await asyncio.to_thread(stack.wait_web, time.monotonic() + 30.0)
+            async with scene_on(stack) as scene:
+                figures = to_zero("link cut", await repeat("link cut", scene, cutting(cable)), AT_ONCE_S)
+                timings = await repeat("link silent", scene, freezing(cable), thawing(cable))
+                return figures + to_zero("link silent", timings, DEAD_MAN_S)
+    finally:
+        os.rename(there, here)
+
+
+async def kills_of_the_master(stack: Stack) -> list[Timing]:
+    """After each, master and robot start again; who watches has to as well."""
+    progress("master killed ...")
+    timings = []
+    for _ in range(REPEATS):
+        async with scene_on(stack) as scene:
+            await scene.moving()
+            now_s = time.monotonic()
+            scene.robot.master.kill_group()
+            timings.append(await scene.timing(now_s))
+        stack.release(scene.robot.simulator)
+        scene.robot.start_master()
+        scene.robot.start_simulator()
+        await asyncio.to_thread(stack.wait_online, ROBOT, time.monotonic() + 30.0)
+    return timings
+
+
+async def cut_to_the_robot(stack: Stack) -> list[Figure]:
+    """Robot and console call each other by addresses that lead through cables."""
+    async with AsyncExitStack() as closing:
+        cables: list[Cable] = []
+        laying = asyncio.create_task(lay_cables(stack, cables, closing))
+        await asyncio.to_thread(stack.wait_ready, 60.0)
+
+        async def freeze(_scene: Scene, _driver: Driver) -> float:
+            now_s = time.monotonic()
+            for cable in cables:
+                cable.freeze()
+            return now_s
+
+        after_s: list[float] = []
+
+        async def thaw(scene: Scene) -> None:
+            """The network is back: nothing old may move the base."""
+            scene.observer.forget()
+            for cable in cables:
+                cable.thaw()
+            await asyncio.sleep(1.0)
+            after_s.append(max((abs(seen.w) for seen in scene.observer.odometry), default=0.0))
+
+        try:
+            async with scene_on(stack) as scene:
+                timings = await repeat("robot's network cut", scene, freeze, thaw)
+        finally:
+            laying.cancel()
+        back = Figure("robot's network back: motion", max(after_s), "rad/s", STILL_RADPS)
+        return [*to_braking("robot's network cut", timings), back]
+
+
+async def lay_cables(stack: Stack, cables: list[Cable], closing: AsyncExitStack) -> None:
+    """For every port that robot or bridge opens on 127.0.0.1, a cable at the address it calls itself."""
+    laid: set[int] = set()
+    while True:
+        owners = {stack.robots[ROBOT].simulator.pid: ROBOT_ADDRESS} | dict.fromkeys(
+            bridges(stack), CONSOLE_ADDRESS
+        )
+        for pid, address in owners.items():
+            for port in proc.listening_ports(pid) - laid:
+                laid.add(port)
+                cable = Cable((address, port), ("127.0.0.1", port))
+                cable.spare = OBSERVERS_NAME
+                cables.append(await closing.enter_async_context(cable))
+        await asyncio.sleep(0.05)
