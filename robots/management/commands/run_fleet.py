@@ -102,6 +102,7 @@ class Fleet:
         self._keepers: dict[UUID, Keeper] = {}
         self._told: dict[UUID, Told] = {}
         self._unsaved: dict[UUID, Told] = {}
+        self._database_well = True
         self._poll_at_s = 0.0
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
         self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
@@ -137,9 +138,9 @@ class Fleet:
         try:
             robots = list(Robot.objects.select_related("profile"))
         except DatabaseError as error:
-            log.warning("The registry cannot be read, the fleet stays as it is: %s", error)
-            connection.close()
+            self._database_failed(error)
             return
+        self._database_well = True
         mine = [robot for robot in robots if not self._only or robot.slug in self._only]
         for robot in mine:
             self._look_at(robot)
@@ -174,6 +175,13 @@ class Fleet:
     def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:
         return Program([sys.executable, str(self._manage), *command], environment, digest)
 
+    def _database_failed(self, error: DatabaseError) -> None:
+        """The fleet stays as it is; said once until it is well again."""
+        if self._database_well:
+            log.warning("The database does not answer, the fleet stays as it is: %s", error)
+        self._database_well = False
+        connection.close()
+
     # --- what people see ---------------------------------------------------------------------------
 
     def _tell(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
@@ -186,7 +194,6 @@ class Fleet:
             try:
                 bridge_status_set(robot_id=robot_id, state=state, detail=detail, pid=pid)
             except DatabaseError as error:
-                log.warning("The state of a bridge cannot be written yet: %s", error)
-                connection.close()
+                self._database_failed(error)
                 return
             del self._unsaved[robot_id]

@@ -1,0 +1,67 @@
+"""Waiting for other processes, and programs for the supervisor to keep."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+PATIENCE_S = 20.0
+
+# Says that it is there, and goes when its life line does; with "crash" beside its log it falls at once.
+POLITE = """
+import os, pathlib, sys
+log = pathlib.Path(os.environ["FAKE_LOG"])
+name = sys.argv[-1]
+with log.open("a") as lines:
+    print("start", name, os.getpid(), file=lines)
+if (log.parent / f"crash-{name}").exists():
+    sys.exit(7)
+sys.stdin.read()
+with log.open("a") as lines:
+    print("end", name, file=lines)
+"""
+
+# Heeds neither life line nor SIGTERM.
+STUBBORN = """
+import os, pathlib, signal, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+with pathlib.Path(os.environ["FAKE_LOG"]).open("a") as lines:
+    print("start", sys.argv[-1], os.getpid(), file=lines)
+time.sleep(60)
+"""
+
+
+def until(condition: Callable[[], Any], what: str) -> Any:
+    """Poll until `condition` is true, and return its value. For what other processes do: there is no event to await."""
+    last_s = time.monotonic() + PATIENCE_S
+    while not (value := condition()):
+        assert time.monotonic() < last_s, f"not within {PATIENCE_S} s: {what}"
+        time.sleep(0.01)
+    return value
+
+
+class FakePrograms:
+    """A folder with a program and the log that its processes write."""
+
+    def __init__(self, folder: Path, source: str = POLITE) -> None:
+        self.folder = folder
+        self.log = folder / "log"
+        self.log.touch()
+        self.script = folder / "program.py"
+        self.script.write_text(source)
+
+    def arguments(self, name: str) -> list[str]:
+        """How to run it under a name."""
+        return [sys.executable, str(self.script), name]
+
+    def lines(self) -> list[str]:
+        """What was logged, without process ids."""
+        return [" ".join(line.split()[:2]) for line in self.log.read_text().splitlines()]
+
+    def pids(self, name: str) -> list[int]:
+        """The processes started under a name, in order."""
+        lines = (line.split() for line in self.log.read_text().splitlines())
+        return [int(words[2]) for words in lines if words[:2] == ["start", name]]

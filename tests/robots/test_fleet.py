@@ -1,0 +1,147 @@
+"""The fleet follows the registry: each robot by itself. Bridges are real processes of a fake program."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from django.db import OperationalError
+
+from robots.management.commands.run_fleet import Fleet
+from robots.models import BridgeStatus, Robot
+from tests.robots.support import FakePrograms, until
+
+pytestmark = pytest.mark.django_db
+
+State = BridgeStatus.State
+
+
+class Supervised:
+    """A fleet that steps while somebody waits for something."""
+
+    def __init__(self, programs: FakePrograms, only: frozenset[str] = frozenset()) -> None:
+        self.programs = programs
+        self.fleet = Fleet(only, programs.script)
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        until(lambda: (self.fleet.step(time.monotonic()), condition())[1], what)
+
+    def until_started(self, slug: str, times: int) -> None:
+        self.until(lambda: len(self.programs.pids(slug)) >= times, f"start {times} of {slug}")
+
+    def state(self, robot: Robot) -> str:
+        return BridgeStatus.objects.get(robot=robot).state
+
+
+@pytest.fixture
+def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakePrograms:
+    programs = FakePrograms(tmp_path)
+    monkeypatch.setenv("FAKE_LOG", str(programs.log))
+    return programs
+
+
+@pytest.fixture
+def supervised(programs: FakePrograms, robot: Robot, other_robot: Robot) -> Iterator[Supervised]:
+    supervised = Supervised(programs)
+    yield supervised
+    supervised.fleet.end()
+
+
+def test_every_enabled_robot_gets_a_bridge_and_the_fleet_a_housekeeper(supervised: Supervised) -> None:
+    for name in ("tiago-1", "tiago-2", "run_housekeeping"):
+        supervised.until_started(name, 1)
+
+
+def test_an_edit_restarts_that_robots_bridge_within_3_s_and_no_other(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    supervised.until_started("tiago-2", 1)
+    robot.drive_topic = "/phone_vel"
+    robot.save()
+    edited_s = time.monotonic()
+    supervised.until_started("tiago-1", 2)
+    assert time.monotonic() - edited_s < 3.0
+    assert len(supervised.programs.pids("tiago-2")) == 1
+    assert supervised.programs.lines().count("end tiago-1") == 1
+
+
+def test_an_edit_of_the_profile_reaches_every_robot_of_that_kind(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    supervised.until_started("tiago-2", 1)
+    robot.profile.blind_mps = 0.2
+    robot.profile.save()
+    supervised.until_started("tiago-1", 2)
+    supervised.until_started("tiago-2", 2)
+
+
+def test_a_disabled_robot_loses_its_bridge_and_gets_it_back(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    robot.enabled = False
+    robot.save()
+    supervised.until(lambda: "end tiago-1" in supervised.programs.lines(), "the end of the bridge")
+    assert supervised.state(robot) == State.DISABLED
+    robot.enabled = True
+    robot.save()
+    supervised.until_started("tiago-1", 2)
+    assert supervised.state(robot) == State.STARTING
+
+
+def test_a_robot_added_while_running_gets_a_bridge(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    Robot.objects.create(slug="tiago-3", name="TIAGo 3", profile=robot.profile, master_uri="http://127.0.0.1:9")
+    supervised.until_started("tiago-3", 1)
+
+
+def test_a_robot_whose_entry_is_wrong_is_refused_in_words_and_the_others_run(
+    supervised: Supervised, robot: Robot
+) -> None:
+    supervised.until_started("tiago-1", 1)
+    robot.overrides = {"topics": {"odometry": None}}
+    robot.save()
+    supervised.until(lambda: "end tiago-1" in supervised.programs.lines(), "the end of the bridge")
+    status = BridgeStatus.objects.get(robot=robot)
+    assert (status.state, status.detail) == (State.REFUSED, "odometry: Expected an object, got null")
+    assert len(supervised.programs.pids("tiago-2")) == 1
+
+
+def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot: Robot) -> None:
+    (supervised.programs.folder / "crash-tiago-1").touch()
+    supervised.until(
+        lambda: BridgeStatus.objects.filter(robot=robot, state=State.BACKING_OFF).exists(), "the fall"
+    )
+    assert "ended by itself with code 7" in BridgeStatus.objects.get(robot=robot).detail
+
+
+def test_a_database_that_does_not_answer_leaves_the_fleet_as_it_is(supervised: Supervised, robot: Robot) -> None:
+    supervised.until_started("tiago-1", 1)
+    broken = mock.patch.object(Robot.objects, "select_related", side_effect=OperationalError("disk I/O error"))
+    with broken as asked, mock.patch("robots.management.commands.run_fleet.connection"):
+        supervised.until(lambda: asked.call_count >= 2, "two polls")
+    assert supervised.programs.lines().count("end tiago-1") == 0
+    robot.drive_topic = "/phone_vel"
+    robot.save()
+    supervised.until_started("tiago-1", 2)
+
+
+def test_the_end_lets_every_program_go(supervised: Supervised, robot: Robot) -> None:
+    names = ["tiago-1", "tiago-2", "run_housekeeping"]
+    for name in names:
+        supervised.until_started(name, 1)
+    supervised.fleet.end()
+    assert sorted(line for line in supervised.programs.lines() if line.startswith("end")) == sorted(
+        f"end {name}" for name in names
+    )
+    assert supervised.state(robot) == State.STOPPED
+
+
+def test_one_of_several_hosts_runs_the_robots_it_is_told(
+    programs: FakePrograms, robot: Robot, other_robot: Robot
+) -> None:
+    supervised = Supervised(programs, frozenset({"tiago-2"}))
+    try:
+        supervised.until_started("tiago-2", 1)
+        assert programs.pids("tiago-1") == []
+    finally:
+        supervised.fleet.end()

@@ -1,0 +1,180 @@
+"""The supervisor keeps programs running, at a pace, and lets go of them in order. The programs are real processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from django.core.management.base import CommandError
+
+from robots.management.commands.run_fleet import only_instance
+from robots.models import BridgeStatus
+from robots.supervisor import KILL_S, STEADY_S, TERMINATE_S, Keeper, Program, RestartBudget
+from tests.robots.support import STUBBORN, FakePrograms, until
+
+State = BridgeStatus.State
+
+
+def test_waits_grow_and_a_spent_budget_rests() -> None:
+    budget = RestartBudget(first_s=0.5, longest_s=4.0, falls=5, window_s=60.0, rest_s=60.0)
+    assert [budget.wait_s(at) for at in (0, 1, 3, 6, 11)] == [0.5, 1.0, 2.0, 4.0, 4.0]
+    assert budget.wait_s(16) == 60.0
+
+
+def test_a_program_that_falls_rarely_is_back_soon_each_time() -> None:
+    budget = RestartBudget(first_s=0.5, window_s=60.0)
+    assert [budget.wait_s(at) for at in (0, 100, 200, 300, 400, 500, 600, 700)] == [0.5] * 8
+
+
+class Kept:
+    """A keeper with its reports, and a clock of its own."""
+
+    def __init__(self, programs: FakePrograms) -> None:
+        self.programs = programs
+        self.reports: list[tuple[State, str, int | None]] = []
+        self.keeper = Keeper("Fake", lambda *report: self.reports.append(report))
+        self.now_s = 100.0
+
+    def want(self, name: str, digest: str = "1") -> None:
+        environment = {**os.environ, "FAKE_LOG": str(self.programs.log)}
+        self.keeper.want(Program(self.programs.arguments(name), environment, digest))
+
+    def step(self, after_s: float = 0.0) -> None:
+        self.now_s += after_s
+        self.keeper.step(self.now_s)
+
+    def states(self) -> list[State]:
+        return [state for state, _, _ in self.reports]
+
+    def step_until_started(self, times: int) -> None:
+        self.step()
+        until(lambda: len(self.programs.pids("fake")) == times, f"start number {times}")
+
+    def step_until_reported(self, count: int) -> None:
+        until(lambda: (self.step(), len(self.reports) >= count)[1], f"report number {count}")
+
+    def close(self) -> None:
+        self.keeper.want(None)
+        until(lambda: (self.step(1.0), self.keeper.idle)[1], "the program's end")
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Iterator[Kept]:
+    kept = Kept(FakePrograms(tmp_path))
+    yield kept
+    kept.close()
+
+
+def test_a_program_is_starting_then_steady(kept: Kept) -> None:
+    kept.want("fake")
+    kept.step_until_started(1)
+    kept.step(STEADY_S)
+    (pid,) = kept.programs.pids("fake")
+    assert kept.reports == [(State.STARTING, "", pid), (State.RUNNING, "", pid)]
+
+
+def test_a_program_that_is_killed_starts_again_after_a_pause_and_not_before(kept: Kept) -> None:
+    kept.want("fake")
+    kept.step_until_started(1)
+    os.kill(kept.programs.pids("fake")[0], signal.SIGKILL)
+    kept.step_until_reported(2)
+    assert kept.reports[1] == (State.BACKING_OFF, "was ended by SIGKILL; next start in 0.5 s", None)
+    kept.step(0.4)
+    assert kept.keeper.idle
+    kept.step(0.1)
+    kept.step_until_started(2)
+
+
+def test_a_program_that_keeps_falling_gets_a_rest(kept: Kept) -> None:
+    (kept.programs.folder / "crash-fake").touch()
+    kept.want("fake")
+    for fall in range(1, 8):
+        kept.step(8.0)
+        kept.step_until_reported(2 * fall)
+    assert kept.reports[-1][1] == "ended by itself with code 7; next start in 60 s"
+
+
+def test_an_edit_ends_the_old_program_by_its_life_line_and_then_starts_the_new(kept: Kept) -> None:
+    kept.want("fake", "1")
+    kept.step_until_started(1)
+    kept.want("fake", "2")
+    until(lambda: (kept.step(), len(kept.programs.pids("fake")) == 2)[1], "the new program")
+    assert kept.programs.lines() == ["start fake", "end fake", "start fake"]
+    assert State.BACKING_OFF not in kept.states()
+
+
+def test_an_edit_gives_a_resting_program_a_new_chance_at_once(kept: Kept) -> None:
+    crash = kept.programs.folder / "crash-fake"
+    crash.touch()
+    kept.want("fake", "1")
+    kept.step_until_started(1)
+    kept.step_until_reported(2)
+    crash.unlink()
+    kept.want("fake", "2")
+    kept.step_until_started(2)
+
+
+def test_a_program_that_cannot_be_started_is_reported_and_tried_again(kept: Kept) -> None:
+    kept.keeper.want(Program([str(kept.programs.folder / "missing")], {}, "1"))
+    kept.step()
+    assert kept.reports == [
+        (State.BACKING_OFF, "cannot be started: No such file or directory; next start in 0.5 s", None)
+    ]
+
+
+def test_a_program_that_heeds_nothing_is_killed(tmp_path: Path) -> None:
+    kept = Kept(FakePrograms(tmp_path, STUBBORN))
+    kept.want("fake")
+    kept.step_until_started(1)
+    kept.keeper.want(None)
+    for wait_s in (0.0, TERMINATE_S, KILL_S - TERMINATE_S):
+        assert not kept.keeper.idle
+        kept.step(wait_s)
+    until(lambda: (kept.step(), kept.keeper.idle)[1], "the program's end")
+    assert not psutil.pid_exists(kept.programs.pids("fake")[0])
+
+
+SUPERVISING = """
+import os, sys, time
+import django
+django.setup()
+from robots.supervisor import Keeper, Program
+keeper = Keeper("Fake", lambda *report: None)
+keeper.want(Program([sys.executable, *sys.argv[1:]], dict(os.environ), "1"))
+while True:
+    keeper.step(time.monotonic())
+    time.sleep(0.02)
+"""
+
+
+def test_programs_end_when_their_supervisor_is_killed(tmp_path: Path) -> None:
+    programs = FakePrograms(tmp_path)
+    environment = {**os.environ, "FAKE_LOG": str(programs.log), "DJANGO_SETTINGS_MODULE": "tests.settings"}
+    arguments = [sys.executable, "-c", SUPERVISING, str(programs.script), "fake"]
+    with subprocess.Popen(arguments, env=environment) as supervisor:
+        (pid,) = until(lambda: programs.pids("fake"), "the program's start")
+        child = psutil.Process(pid)
+        killed_s = time.monotonic()
+        supervisor.kill()
+        child.wait(5.0)
+    assert time.monotonic() - killed_s < 2.0
+    assert programs.lines() == ["start fake", "end fake"]
+
+
+def test_a_second_supervisor_is_refused_and_told_of_the_first(tmp_path: Path) -> None:
+    lock = tmp_path / "fleet.lock"
+    with (
+        only_instance(lock),
+        pytest.raises(CommandError, match=f"running already \\(process {os.getpid()}\\)"),
+        only_instance(lock),
+    ):
+        pass
+    with only_instance(lock):
+        pass
