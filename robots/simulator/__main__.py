@@ -40,6 +40,8 @@ def main() -> None:
     """Build the robot, then hand it to ROS."""
     asked = arguments()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s")
+    for chatty in ("rospy", "xmlrpc", "OpenGL"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
     world = load_world(asked.world)
     x, y, degrees = world.starts[0] if world.starts else (0.0, 0.0, 0.0)
     start = asked.pose or Pose(x, y, math.radians(degrees))

@@ -1,4 +1,4 @@
-"""Joint states, the frames that hang on them, and the robot description."""
+"""Joint states and the frames that hang on them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from robots.simulator.frames import Frame, frames, moved, urdf
+from robots.simulator.frames import Frame, frames, moved
 from robots.simulator.robot import Robot
 
 
 class JointTopics:
-    """/joint_states, /tf of what moves, /tf_static of what does not, and /robot_description."""
+    """/joint_states, /tf of what moves and /tf_static of what does not."""
 
-    def __init__(self, robot: Robot, name: str) -> None:
+    def __init__(self, robot: Robot) -> None:
         self._robot = robot
         table = frames(robot.body)
         self._movable = [frame for frame in table if frame.joint]
@@ -26,7 +26,6 @@ class JointTopics:
         self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         now = rospy.Time.now()
         self._fixed.publish(TFMessage([_transform(frame, 0.0, now) for frame in table if not frame.joint]))
-        rospy.set_param("/robot_description", urdf(robot.body, name))
 
     def publish(self, stamp: rospy.Time) -> None:
         """Tell where the joints are."""

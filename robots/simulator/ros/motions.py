@@ -1,4 +1,4 @@
-"""The /play_motion action, its services and its parameters."""
+"""The /play_motion action and its services."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ class MotionServer:
         self._result = message_class("play_motion_msgs/PlayMotionResult")
         self._info = message_class("play_motion_msgs/MotionInfo")
         self._running: list[tuple[Any, Run]] = []
-        for name, motion in self._player.motions.items():
-            rospy.set_param(f"/play_motion/motions/{name}", motion.parameters())
         list_motions = service_class("play_motion_msgs/ListMotions")
         is_already_there = service_class("play_motion_msgs/IsAlreadyThere")
         rospy.Service("/play_motion/list_motions", list_motions, self._list)

@@ -13,6 +13,7 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 # isort: split
 import rospy
 
+from robots.simulator.frames import urdf
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.eyes import Eyes
@@ -39,11 +40,13 @@ class SimulatorNode:
 
     def __init__(self, robot: Robot, name: str, depth_encoding: str = "32FC1") -> None:
         self._robot = robot
+        self._name = name
         self._tick = 0
+        self.set_parameters()
         self._truth = GroundTruth(robot)
         self._duties = [
             Duty(1, 0, BaseTopics(robot).publish),
-            Duty(1, 0, JointTopics(robot, name).publish),
+            Duty(1, 0, JointTopics(robot).publish),
             Duty(TICK_HZ, 7, PowerTopics(robot).publish),
             Duty(1, 0, self._truth.publish_contacts),
             Duty(1, 0, self._truth.publish_pose),
@@ -81,6 +84,12 @@ class SimulatorNode:
             if self._tick % duty.every == duty.phase % duty.every:
                 duty.tell(stamp)
         self._tick += 1
+
+    def set_parameters(self) -> None:
+        """What the robot keeps on its master's parameter server."""
+        rospy.set_param("/robot_description", urdf(self._robot.body, self._name))
+        for name, motion in self._robot.player.motions.items():
+            rospy.set_param(f"/play_motion/motions/{name}", motion.parameters())
 
     def close(self) -> None:
         """End what has a thread of its own."""

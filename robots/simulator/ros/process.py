@@ -18,6 +18,7 @@ import rospy
 
 from robots.simulator.robot import Robot
 from robots.simulator.ros.node import SimulatorNode
+from robots.simulator.ros.registration import watch_registration
 
 log = logging.getLogger(__name__)
 
@@ -38,6 +39,7 @@ def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) ->
     node = SimulatorNode(robot, name, depth_encoding)
     try:
         log.info("%s is up at %s", name, rosgraph.get_master_uri())
+        watch_registration(stop, node.set_parameters)
         node.run(stop)
     finally:
         node.close()
@@ -50,7 +52,9 @@ def _node_name(name: str) -> str:
 
 def _watch_parent(stop: threading.Event) -> None:
     """Standard input is the life line: it ends when the parent does, however it ends."""
-    sys.stdin.buffer.read()
+    # Not sys.stdin.read(): a thread inside it would abort the interpreter's own exit.
+    while os.read(sys.stdin.fileno(), 4096):
+        pass
     stop.set()
 
 
