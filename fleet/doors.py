@@ -30,7 +30,7 @@ class SameOrigin:
         """The ASGI application."""
         if origin_allowed(scope["headers"]):
             return await self._inner(scope, receive, send)
-        logger.warning("WebSocket %s refused: its page is not one of ours", scope["path"])
+        logger.warning("WebSocket %r refused: its page is not one of ours", scope["path"])
         await receive()  # websocket.connect
         return await send({"type": "websocket.close"})  # before it was accepted: 403
 

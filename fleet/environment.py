@@ -64,11 +64,11 @@ class Environment:
             raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of seconds, {least:g} or more.")
         return seconds
 
-    def directory(self, name: str, default: Path, mode: int = 0o755) -> Path:
-        """A directory, made if it is not there: the database and the sockets live in such."""
+    def directory(self, name: str, default: Path) -> Path:
+        """A directory, made for its owner only if it is not there: the database and the sockets live in such."""
         path = Path(self.text(name) or default).expanduser().absolute()
         try:
-            path.mkdir(mode=mode, parents=True, exist_ok=True)
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise ImproperlyConfigured(
                 f"{name}: cannot make the directory {path}: {error.strerror}."

@@ -21,7 +21,7 @@ _env = Environment(os.environ)
 DEBUG = _env.flag("FLEET_DEBUG")
 FLEET_TLS = _env.flag("FLEET_TLS")  # browsers reach the console by https, here or at a proxy before it
 FLEET_VAR = _env.directory("FLEET_VAR", BASE_DIR / "var")
-FLEET_RUN_DIR = _env.directory("FLEET_RUN_DIR", FLEET_VAR / "run", mode=0o700)
+FLEET_RUN_DIR = _env.directory("FLEET_RUN_DIR", FLEET_VAR / "run")
 FLEET_ORIGINS = environment.origins(_env)
 FLEET_LINK_SECRET = environment.link_secret(_env)
 FLEET_LINK_CA = _env.file("FLEET_LINK_CA")

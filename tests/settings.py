@@ -11,11 +11,11 @@ import tempfile
 _directory = tempfile.mkdtemp(prefix="fleet-test-")
 atexit.register(shutil.rmtree, _directory, ignore_errors=True)
 
+for _name in [name for name in os.environ if name.startswith("FLEET_") and name != "FLEET_DATABASE_URL"]:
+    del os.environ[_name]
 os.environ["FLEET_VAR"] = _directory
 os.environ["FLEET_SECRET_KEY"] = "a key for tests, which protects nothing at all"
 os.environ["FLEET_HOSTS"] = "testserver,localhost,127.0.0.1"
-for _name in ("FLEET_DEBUG", "FLEET_TLS", "FLEET_RUN_DIR", "FLEET_ORIGINS", "FLEET_REDIS_URL"):
-    os.environ.pop(_name, None)
 
 from fleet.settings import *  # noqa: E402, F403
 from fleet.settings import DATABASES, FLEET_VAR, PASSWORD_HASHERS, STORAGES  # noqa: E402

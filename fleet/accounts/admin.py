@@ -70,7 +70,7 @@ class PersonAdmin(UserAdmin):  # type: ignore[type-arg]  # not subscriptable at 
 class SignInAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
     """Who is signed in, and from where: to read."""
 
-    list_display = ["user", "address", "user_agent", "started_at", "seen_at"]
+    list_display = ["user", "address", "device", "started_at", "seen_at"]
     fields = ["user", "address", "user_agent", "started_at", "seen_at"]
     search_fields = ["user__username", "user__full_name", "address"]
     list_select_related = ["user"]

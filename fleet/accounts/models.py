@@ -9,6 +9,8 @@ from django.contrib.sessions.models import Session
 from django.db import models
 from django.utils import timezone
 
+from fleet.accounts.devices import device_of
+
 
 class User(AbstractUser):
     """A person. `is_staff` makes them staff on every robot; other roles are given robot by robot."""
@@ -61,3 +63,8 @@ class SignIn(models.Model):
 
     def __str__(self) -> str:
         return f"{self.user} from {self.address or 'unknown'}"
+
+    @property
+    def device(self) -> str:
+        """The browser and system in plain words."""
+        return device_of(self.user_agent)

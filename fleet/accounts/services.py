@@ -20,7 +20,8 @@ SEEN_EVERY = timedelta(minutes=1)
 
 
 def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
-    """List the session of this request among the person's sign-ins."""
+    """List the session of this request among the person's sign-ins, and clear away those that have expired."""
+    Session.objects.filter(sign_in__user=user, expire_date__lt=timezone.now()).delete()
     if request.session.session_key is None:
         request.session.save()
     sign_in, _ = SignIn.objects.update_or_create(

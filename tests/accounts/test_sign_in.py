@@ -4,6 +4,7 @@ from datetime import timedelta
 from unittest import mock
 
 import pytest
+from django.contrib.sessions.models import Session
 from django.core.management import call_command
 from django.test import Client
 from django.utils import timezone
@@ -57,6 +58,15 @@ def test_a_sign_in_goes_on_record_and_on_the_list(operator):
     assert entry.parameters == {"address": "10.0.0.7", "browser": "Browser/1"}
     sign_in = SignIn.objects.get(user=operator)
     assert (sign_in.address, sign_in.user_agent) == ("10.0.0.7", "Browser/1")
+
+
+def test_a_sign_in_clears_away_the_persons_expired_sessions(operator, observer, signed_in):
+    signed_in(operator)
+    signed_in(observer)
+    Session.objects.update(expire_date=timezone.now() - timedelta(days=1))
+    _try("operator", PASSWORD)
+    assert Session.objects.count() == 2
+    assert SignIn.objects.filter(user=operator).count() == 1
 
 
 def test_a_sign_out_goes_on_record_and_off_the_list(operator):
@@ -150,6 +160,13 @@ def test_without_a_record_nobody_is_signed_in(operator):
     )
     assert client.get(SESSIONS).status_code == 302
     assert not SignIn.objects.exists()
+
+
+def test_a_failure_that_cannot_be_recorded_is_said_in_words(operator):
+    full = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+    with mock.patch("fleet.accounts.throttle.record", autospec=True, side_effect=full):
+        response = _try("operator", "wrong")
+    assert response.context["form"].non_field_errors() == ["Not done: the disk is full."]
 
 
 # --- passwords --------------------------------------------------------------------------------

@@ -87,6 +87,20 @@ def test_what_was_rolled_back_was_not_recorded():
     assert _seen_by_another_connection() == []
 
 
+@pytest.mark.django_db(transaction=True)
+def test_writers_at_the_same_time_wait_for_each_other_and_lose_nothing():
+    def write(writer: int) -> None:
+        for number in range(25):
+            record("stop.press", parameters={"writer": writer, "number": number})
+        connection.close()
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(write, range(4)))
+    written = Record.objects.order_by("id").values_list("parameters__writer", "parameters__number")
+    for writer in range(4):
+        assert [number for by, number in written if by == writer] == list(range(25))
+
+
 def _seen_by_another_connection() -> list[int]:
     def look() -> list[int]:
         try:

@@ -20,7 +20,7 @@ def _start(tmp_path, **variables):
     """Import the real settings in a process of their own; None, or the last line of the trouble."""
     result = subprocess.run(
         [sys.executable, "-c", "import fleet.settings"],
-        env={"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path), **variables},
+        env={"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **variables},
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -31,7 +31,8 @@ def _start(tmp_path, **variables):
 
 def test_a_key_and_hosts_are_enough(tmp_path):
     assert _start(tmp_path, **SOUND) is None
-    assert (tmp_path / "run").stat().st_mode & 0o777 == 0o700
+    assert (tmp_path / "var").stat().st_mode & 0o777 == 0o700
+    assert (tmp_path / "var/run").stat().st_mode & 0o777 == 0o700
 
 
 def test_debug_needs_neither(tmp_path):
