@@ -1,0 +1,63 @@
+"""A bridge for each robot, and a browser for each of the cast."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable
+
+import pytest
+import pytest_asyncio
+
+from fleet.accounts.models import User
+from robots.link import links
+from robots.models import RobotRole
+from robots.selectors import link_address
+from tests.conftest import PASSWORD
+from tests.teleop.support import FakeBridge, Page
+
+OpenPage = Callable[..., Awaitable[Page]]
+
+
+@pytest.fixture
+def browsers(staff, supervisor, operator, observer, stranger, second_operator, signed_in):
+    """Each person's browser, by role; signed in."""
+    people = [staff, supervisor, operator, observer, stranger, second_operator]
+    return {person.username: signed_in(person) for person in people}
+
+
+@pytest.fixture
+def second_operator(robot):
+    """Another operator of `robot`."""
+    person = User.objects.create_user("second", password=PASSWORD, full_name="Olaf Operator")
+    RobotRole.objects.create(robot=robot, user=person, role="operator")
+    return person
+
+
+@pytest_asyncio.fixture
+async def bridge(robot) -> AsyncIterator[FakeBridge]:
+    """The bridge of `robot`."""
+    running = await FakeBridge(link_address(robot)).start()
+    yield running
+    await links.close()
+    await running.close()
+
+
+@pytest_asyncio.fixture
+async def open_page(robot, browsers, websocket_headers, bridge) -> AsyncIterator[OpenPage]:
+    """`await open_page("operator")`: that person's page of `robot`, which has said hello."""
+    opened: list[Page] = []
+
+    async def open_one(
+        who: str, *, tab: str | None = None, slug: str = robot.slug, hello: bool = True
+    ) -> Page:
+        page = Page(websocket_headers(browsers[who]), f"/ws/robots/{slug}/")
+        opened.append(page)
+        await page.open()
+        if hello:
+            await page.say("hello", tab=tab or f"{who}-tab-0123456789")
+            page.welcome = await page.hears("welcome")
+            page.control = await page.hears("control")
+        return page
+
+    yield open_one
+    for page in opened:
+        await page.close()

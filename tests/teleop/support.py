@@ -1,0 +1,188 @@
+"""A bridge that says yes, and pages that speak to the console as a browser does."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+import msgspec
+from channels.testing import WebsocketCommunicator
+
+from fleet.asgi import application
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.bridge.link import Link, LinkServer
+from robots.wire import Odometry, Refusal, State, StopState, Verdict
+
+TIMEOUT_S = 5.0
+M = TypeVar("M", bound=msgspec.Struct)
+
+IDLE = State(
+    phase="online",
+    text="",
+    stop=StopState("clear"),
+    verdict=Verdict("idle", "", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    odometry=Odometry(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    sensors=[],
+    battery_percent=80.0,
+    charging=False,
+    holder=None,
+    fence=None,
+    seq=None,
+    neutral_needed=None,
+    foreign=[],
+    watchers=[],
+    clock_skew_s=None,
+    refused={},
+)
+
+
+class FakeBridge:
+    """The bridge's end of the link, without a robot behind it. Keeps what it heard."""
+
+    def __init__(self, address: LinkAddress, fence: int = 0) -> None:
+        self.heard: list[msgspec.Struct] = []
+        self.raw: list[bytes] = []
+        self.fence = fence
+        self.refuses: Refusal | None = None  # of every grant
+        self._server = LinkServer(address, self._opened, self._message, lambda _link: None)
+        self._more = asyncio.Condition()
+
+    async def start(self) -> FakeBridge:
+        await self._server.start()
+        return self
+
+    async def close(self) -> None:
+        await self._server.close()
+
+    def say(self, message: msgspec.Struct) -> None:
+        """To every web process."""
+        for link in self._server.links:
+            link.report(message)
+
+    def show(self, number: int) -> str:
+        """A picture for every web process; it is known by its number. Returns it as a page sees it."""
+        state = msgspec.structs.replace(IDLE, seq=number)
+        picture = wire.encode(wire.View(state, None))
+        for link in self._server.links:
+            link.show(picture)
+        return picture.decode()
+
+    def cut(self) -> None:
+        """End every link, as when the bridge dies."""
+        for link in list(self._server.links):
+            link._socket.transport.abort()
+
+    def all(self, kind: type[M]) -> list[M]:
+        return [message for message in self.heard if isinstance(message, kind)]
+
+    async def hears(
+        self, kind: type[M], fits: Callable[[M], bool] = lambda _message: True, count: int = 1
+    ) -> M:
+        """The message of this kind that fits; waits for the `count`th."""
+
+        def found() -> list[M]:
+            return [message for message in self.all(kind) if fits(message)]
+
+        async with self._more:
+            await asyncio.wait_for(self._more.wait_for(lambda: len(found()) >= count), TIMEOUT_S)
+        return found()[count - 1]
+
+    def _opened(self, link: Link) -> None:
+        link.report(wire.BridgeHello(wire.PROTOCOL, "robot", "slug", self.fence, IDLE))
+
+    async def _message(self, link: Link, raw: bytes) -> None:
+        message = wire.link_request(raw)
+        match message:
+            case wire.Grant(fence=fence):
+                self.fence = max(self.fence, fence)
+                link.report(
+                    wire.Refused("grant", self.refuses, fence=fence) if self.refuses else wire.Granted(fence)
+                )
+            case wire.LinkStop(by=by):
+                link.report(wire.Stopped(StopState("stopping", by)))
+            case wire.LinkClear():
+                link.report(wire.Stopped(StopState("clear")))
+        async with self._more:
+            self.heard.append(message)
+            self.raw.append(raw)
+            self._more.notify_all()
+
+
+class Page:
+    """One page in one browser tab."""
+
+    def __init__(self, headers: list[tuple[bytes, bytes]], path: str) -> None:
+        self._socket = WebsocketCommunicator(application, path, headers=headers)
+        self.inbox: list[dict[str, Any]] = []
+        self.closed_with: int | None = None
+
+    async def open(self) -> Page:
+        await self._socket.send_input({"type": "websocket.connect"})
+        assert (await self._event())["type"] == "websocket.accept"
+        return self
+
+    async def close(self) -> None:
+        """The tab is closed, or its network is gone."""
+        await self._socket.send_input({"type": "websocket.disconnect", "code": 1001})
+        await self._socket.wait(TIMEOUT_S)
+
+    async def say(self, t: str, **fields: Any) -> None:
+        await self.say_raw(json.dumps({"t": t, **fields}))
+
+    async def say_raw(self, text: str) -> None:
+        await self._socket.send_input({"type": "websocket.receive", "text": text})
+
+    async def hears(self, t: str, **fields: Any) -> dict[str, Any]:
+        """The next message of kind `t` with these fields; what comes before it goes to `inbox`."""
+        try:
+            while True:
+                message = await self._message()
+                if message.get("t") == t and all(
+                    message.get(name) == value for name, value in fields.items()
+                ):
+                    return message
+                self.inbox.append(message)
+        except asyncio.TimeoutError as error:
+            raise AssertionError(f"no {t} {fields}; instead: {self.inbox}") from error
+
+    async def refused(self, code: str) -> dict[str, Any]:
+        while True:
+            message = await self.hears("refused")
+            if message["refusal"]["code"] == code:
+                return message
+            self.inbox.append(message)
+
+    async def is_closed(self) -> int:
+        """Waits for the server to close the connection; its code."""
+        while True:
+            event = await self._event()
+            if event["type"] == "websocket.close":
+                return int(event["code"])
+            self.inbox.append(json.loads(event["text"]))
+
+    async def hears_nothing(self, t: str, within_s: float = 0.2) -> None:
+        with suppress(asyncio.TimeoutError):
+            while True:
+                event = await asyncio.wait_for(self._socket.output_queue.get(), within_s)
+                message = json.loads(event["text"])
+                assert message["t"] != t, message
+                self.inbox.append(message)
+
+    async def _message(self) -> dict[str, Any]:
+        event = await self._event()
+        assert event["type"] == "websocket.send", event
+        return json.loads(event["text"])
+
+    async def _event(self) -> dict[str, Any]:
+        got = asyncio.ensure_future(self._socket.output_queue.get())
+        await asyncio.wait({got, self._socket.future}, timeout=TIMEOUT_S, return_when="FIRST_COMPLETED")
+        if not got.done():
+            got.cancel()
+            if self._socket.future.done():
+                self._socket.future.result()
+            raise asyncio.TimeoutError
+        return got.result()

@@ -1,0 +1,300 @@
+"""Control on live pages: who gets it, keeps it, and loses it."""
+
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from fleet import audit
+from fleet.audit.models import Record
+from robots import wire
+from robots.wire import Refusal
+from teleop.database import in_database
+from teleop.models import ControlSession, EndReason, Lease
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+async def take(page):
+    """Take control on this page; what it is told then."""
+    await page.say("take")
+    return await page.hears("control", state="yours")
+
+
+def drive(fence, seq=1):
+    return {"fence": fence, "seq": seq, "sent_ms": 5.0, "x": 0.5, "w": 0.0}
+
+
+def moves_on(**fields):
+    """Change the lease as if time had passed."""
+    return in_database(lambda: Lease.objects.update(**fields))
+
+
+def count(kind):
+    return in_database(lambda: Record.objects.filter(kind=kind).count())
+
+
+# --- take -----------------------------------------------------------------------------------------
+
+
+async def test_whoever_takes_a_free_robot_gets_control_and_may_drive(open_page, bridge):
+    page = await open_page("operator")
+    assert page.control["state"] == "free"
+
+    control = await take(page)
+    grant = await bridge.hears(wire.Grant)
+    assert (grant.fence, grant.session, grant.holder) == (
+        control["fence"],
+        control["session"],
+        "Olga Operator",
+    )
+
+    command = f'{{"t":"drive","fence":{grant.fence},"seq":1,"sent_ms":5.25,"x":0.5,"w":0}}'
+    await page.say_raw(command)
+    await bridge.hears(wire.Drive)
+    assert command.encode() in bridge.raw  # byte for byte
+
+
+async def test_the_welcome_says_who_one_is_and_what_the_robot_can_do(open_page, robot):
+    page = await open_page("operator")
+    assert (page.welcome["you"], page.welcome["role"]) == ("Olga Operator", "operator")
+    assert page.welcome["robot"]["slug"] == robot.slug
+
+
+async def test_the_others_are_told_who_has_control_and_until_when(open_page):
+    watching = await open_page("observer")
+    await take(await open_page("operator"))
+    told = await watching.hears("control", state="other")
+    assert told["holder"] == "Olga Operator"
+    assert told["fence"] is None
+    assert 890 < told["remaining_s"] <= 900
+    assert told["refusal"]["code"] == "role_too_low"
+
+
+async def test_whoever_comes_second_is_refused_and_told_who_has_it(open_page):
+    await take(await open_page("operator"))
+    late = await open_page("second")
+    await late.say("take")
+    refusal = (await late.refused("held"))["refusal"]
+    assert refusal["figures"]["holder"] == "Olga Operator"
+
+
+async def test_the_grant_is_renewed_every_second_for_three(open_page, bridge):
+    await take(await open_page("operator"))
+    renewed = await bridge.hears(wire.Grant, count=3)
+    assert renewed.seconds == 3.0
+
+
+async def test_nothing_reaches_the_bridge_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
+    def unavailable(*_args, **_kwargs):
+        raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+    page = await open_page("operator")
+    monkeypatch.setattr(audit, "record", unavailable)
+    await page.say("take")
+    await page.refused("audit_disk_full")
+    await page.say("ping", sent_ms=1)
+    await page.hears("pong")
+    assert not bridge.all(wire.Grant)
+
+
+async def test_a_robot_out_of_reach_is_not_given_to_anybody(open_page, bridge):
+    page = await open_page("operator")
+    await bridge.close()
+    await page.hears("bridge_gone")
+    await page.say("take")
+    await page.refused("bridge_down")
+    assert await in_database(ControlSession.objects.count) == 0
+
+
+async def test_control_that_the_bridge_refuses_ends_and_says_why(open_page, bridge):
+    bridge.refuses = Refusal("old_fence", "Control number 1 is over.", "lease")
+    page = await open_page("operator")
+    await page.say("take")
+    await page.hears("notice", code="old_fence")
+    await page.hears("control", state="free")
+    session = await in_database(ControlSession.objects.get)
+    assert session.end_reason == EndReason.BRIDGE
+
+
+async def test_a_fencing_number_is_above_what_the_bridge_has_seen(open_page, bridge):
+    bridge.fence = 40
+    page = await open_page("operator")
+    assert (await take(page))["fence"] == 41
+
+
+# --- give back, ask, hand over, take over -------------------------------------------------------------
+
+
+async def test_giving_back_revokes_at_the_bridge_and_frees_the_robot(open_page, bridge):
+    page = await open_page("operator")
+    fence = (await take(page))["fence"]
+    await page.say("release")
+    assert (await bridge.hears(wire.Revoke)).fence == fence
+    await page.hears("control", state="free")
+    await page.say("drive", **drive(fence))
+    await page.refused("no_lease")
+    assert not bridge.all(wire.Drive)
+
+
+async def test_a_second_person_asks_and_gets_control(open_page, bridge):
+    holder, asker = await open_page("operator"), await open_page("second")
+    old = (await take(holder))["fence"]
+    await asker.hears("control", state="other")
+    await asker.say("ask")
+    assert (await asker.hears("control"))["asking"]
+    asked = await holder.hears("control", state="yours")
+    assert [request["name"] for request in asked["requests"]] == ["Olaf Operator"]
+    await holder.hears("notice", code="asked")
+
+    await holder.say("hand_over", request=asked["requests"][0]["id"])
+    given = await asker.hears("control", state="yours")
+    assert given["fence"] > old
+    await holder.hears("control", state="other")
+    assert (
+        await bridge.hears(wire.Grant, lambda grant: grant.fence == given["fence"])
+    ).holder == "Olaf Operator"
+
+    await holder.say("drive", **drive(old))
+    await holder.refused("no_lease")
+    await asker.say("drive", **drive(given["fence"]))
+    assert (await bridge.hears(wire.Drive)).fence == given["fence"]
+
+
+async def test_a_question_is_withdrawn_when_its_page_is_closed(open_page):
+    holder, asker = await open_page("operator"), await open_page("second")
+    await take(holder)
+    await asker.say("ask")
+    await holder.hears("notice", code="asked")
+    await asker.close()
+    assert (await holder.hears("control"))["requests"] == []
+
+
+async def test_renewing_is_refused_while_somebody_asks(open_page):
+    holder, asker = await open_page("operator"), await open_page("second")
+    await take(holder)
+    await asker.say("ask")
+    await holder.hears("notice", code="asked")
+    await holder.say("renew")
+    await holder.refused("somebody_asks")
+
+
+async def test_a_supervisor_takes_over_and_the_holder_is_told_why(open_page, bridge):
+    holder, boss = await open_page("operator"), await open_page("supervisor")
+    await take(holder)
+    assert (await boss.hears("control", state="other"))["may_take_over"]
+    await boss.say("take_over", reason="fire drill")
+    fence = (await boss.hears("control", state="yours"))["fence"]
+    assert "fire drill" in (await holder.hears("notice", code="taken_over"))["text"]
+    await bridge.hears(wire.Grant, lambda grant: grant.fence == fence)
+
+
+async def test_an_operator_does_not_take_over(open_page):
+    holder, other = await open_page("operator"), await open_page("second")
+    await take(holder)
+    await other.say("take_over", reason="because I want it")
+    await other.refused("role_too_low")
+
+
+# --- the end of a term ----------------------------------------------------------------------------------
+
+
+async def test_control_ends_with_its_term(open_page, bridge):
+    page = await open_page("operator")
+    fence = (await take(page))["fence"]
+    await moves_on(term_ends_at=timezone.now())
+    assert (await bridge.hears(wire.Revoke)).fence == fence
+    await page.hears("notice", code="term")
+    await page.hears("control", state="free")
+    assert await count("control.expire") == 1
+
+
+async def test_renewing_begins_a_fresh_term(open_page):
+    page = await open_page("operator")
+    await take(page)
+    await moves_on(term_ends_at=timezone.now() + timedelta(seconds=30))
+    await page.hears("control")
+    await page.say("renew")
+    assert (await page.hears("control"))["remaining_s"] > 890
+
+
+# --- a page that goes and comes back ---------------------------------------------------------------------
+
+
+async def test_when_the_page_is_gone_the_bridge_is_told_at_once_and_the_others_see_it(open_page, bridge):
+    page, watching = await open_page("operator"), await open_page("second")
+    fence = (await take(page))["fence"]
+    await watching.hears("control", state="other")
+    await page.close()
+    assert (await bridge.hears(wire.Hold, lambda hold: "gone" in hold.reason)).fence == fence
+    away = await watching.hears("control", state="away")
+    assert 8 < away["resumable_s"] <= 10
+
+
+async def test_a_reloaded_page_has_control_again_under_the_same_number(open_page, bridge):
+    page = await open_page("operator")
+    before = await take(page)
+    await page.close()
+    again = await open_page("operator")
+    control = (
+        await again.hears("control", state="yours") if again.control["state"] != "yours" else again.control
+    )
+    assert (control["fence"], control["session"]) == (before["fence"], before["session"])
+    await again.say("drive", **drive(control["fence"], seq=0))
+    await bridge.hears(wire.Drive)
+
+
+async def test_after_the_grace_the_page_has_lost_control(open_page):
+    page = await open_page("operator")
+    await take(page)
+    await page.close()
+    await moves_on(seen_at=timezone.now() - timedelta(seconds=11))
+    again = await open_page("operator")
+    assert again.control["state"] == "free"
+    session = await in_database(ControlSession.objects.get)
+    assert session.end_reason == EndReason.AWAY
+
+
+async def test_another_tab_does_not_resume_but_may_move_control_to_itself(open_page, bridge):
+    first = await open_page("operator")
+    old = (await take(first))["fence"]
+    second = await open_page("operator", tab="another-tab-0123456789")
+    assert second.control["state"] == "elsewhere"
+    await second.say("take")
+    assert (await second.hears("control", state="yours"))["fence"] > old
+    await first.hears("notice", code="moved")
+    await first.hears("control", state="elsewhere")
+
+
+async def test_of_a_duplicated_tab_the_newest_has_control_and_the_older_is_told(open_page, bridge):
+    older = await open_page("operator")
+    fence = (await take(older))["fence"]
+    newest = await open_page("operator")
+    if newest.control["state"] != "yours":
+        await newest.hears("control", state="yours")
+    await older.hears("notice", code="elsewhere")
+    await older.hears("control", state="elsewhere")
+    await older.say("drive", **drive(fence))
+    await older.refused("no_lease")
+    await newest.say("drive", **drive(fence))
+    await bridge.hears(wire.Drive)
+    assert not bridge.all(wire.Revoke)
+
+
+async def test_a_signed_out_and_in_again_browser_does_not_resume(open_page, browsers, operator):
+    page = await open_page("operator")
+    await take(page)
+    await page.close()
+    await in_database(browsers["operator"].force_login, operator)  # a new session, the same tab token
+    again = await open_page("operator")
+    assert again.control["state"] == "away"
+
+
+async def test_the_grip_is_renewed_when_the_link_comes_back(open_page, bridge):
+    page = await open_page("operator")
+    fence = (await take(page))["fence"]
+    granted = len(bridge.all(wire.Grant))
+    bridge.cut()
+    await bridge.hears(wire.Grant, lambda grant: grant.fence == fence, count=granted + 1)
+    await page.say("drive", **drive(fence))
+    await bridge.hears(wire.Drive)

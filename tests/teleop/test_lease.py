@@ -1,0 +1,293 @@
+"""The lease in the database: steps, races, records."""
+
+import threading
+from datetime import datetime, timedelta, timezone
+from uuid import uuid4
+
+import pytest
+from django.db import connection
+
+from fleet import audit
+from fleet.audit.models import Record
+from robots.models import Robot, RobotRole
+from robots.wire import Refusal
+from teleop import services
+from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from teleop.rules import Tab
+from teleop.selectors import holding_of
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
+
+
+def tab(name):
+    return Tab(f"{name}-tab", f"{name}-sign-in", f"{name}-connection")
+
+
+def take(robot, user, *, name=None, highest_fence=0, now=NOW):
+    return services.lease_take(
+        robot_id=robot.id,
+        user_id=user.id,
+        tab=tab(name or user.username),
+        highest_fence=highest_fence,
+        now=now,
+    )
+
+
+def refused(step, *args, **kwargs):
+    with pytest.raises(services.ControlRefused) as caught:
+        step(*args, **kwargs)
+    return caught.value.refusal
+
+
+def kinds():
+    return list(
+        Record.objects.filter(kind__startswith="control.").order_by("id").values_list("kind", flat=True)
+    )
+
+
+# --- take -----------------------------------------------------------------------------------------
+
+
+def test_taking_begins_a_control_session_and_is_recorded_with_its_fence(robot, operator):
+    held = take(robot, operator)
+    session = ControlSession.objects.get(pk=held.session)
+    record = Record.objects.get(kind="control.take")
+    assert (session.user, session.fence, session.ended_at) == (operator, held.fence, None)
+    assert (record.session_id, record.fence, record.actor_id) == (held.session, held.fence, str(operator.pk))
+
+
+def test_every_control_has_a_higher_fencing_number_than_all_before(robot, operator, second_operator):
+    first = take(robot, operator)
+    services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
+    second = take(robot, second_operator)
+    assert second.fence > first.fence
+
+
+def test_a_restored_database_does_not_give_a_fencing_number_twice(robot, operator):
+    assert take(robot, operator, highest_fence=70).fence == 71
+
+
+def test_of_two_who_take_at_the_same_moment_one_gets_it_and_the_other_is_told(
+    robot, operator, second_operator
+):
+    together = threading.Barrier(2)
+    results = {}
+
+    def race(user):
+        together.wait()
+        try:
+            results[user.username] = take(robot, user)
+        except services.ControlRefused as error:
+            results[user.username] = error.refusal
+        finally:
+            connection.close()
+
+    racers = [threading.Thread(target=race, args=(user,)) for user in (operator, second_operator)]
+    for racer in racers:
+        racer.start()
+    for racer in racers:
+        racer.join()
+
+    losers = [result for result in results.values() if isinstance(result, Refusal)]
+    assert [refusal.code for refusal in losers] in (["held"], ["too_late"])
+    assert ControlSession.objects.filter(ended_at=None).count() == 1
+    assert kinds() == ["control.take"]
+
+
+def test_a_lease_changed_since_it_was_read_is_not_changed_again(
+    robot, operator, second_operator, monkeypatch
+):
+    """Where transactions do not exclude each other, the loser finds out by the count of changed rows."""
+    take(robot, second_operator)
+    monkeypatch.setattr(services, "holding_of", lambda _robot_id: None)  # what was read before
+    assert refused(take, robot, operator).code == "too_late"
+    monkeypatch.undo()
+    assert holding_of(robot.id).user == second_operator.id
+    assert kinds() == ["control.take"]
+
+
+def test_observers_and_strangers_do_not_get_control(robot, observer, stranger):
+    for person in (observer, stranger):
+        assert refused(take, robot, person).code == "role_too_low"
+
+
+def test_nobody_gets_control_of_a_disabled_robot(robot, staff):
+    Robot.objects.update(enabled=False)
+    assert refused(take, robot, staff).code == "robot_disabled"
+
+
+def test_a_closed_account_gets_no_control(robot, operator):
+    operator.is_active = False
+    operator.save()
+    assert refused(take, robot, operator).code == "account_inactive"
+
+
+def test_taking_in_another_tab_moves_control_there_under_a_new_number(robot, operator):
+    first = take(robot, operator, name="one")
+    second = take(robot, operator, name="two")
+    assert second.fence > first.fence
+    assert ControlSession.objects.get(pk=first.session).end_reason == EndReason.MOVED
+
+
+def test_what_cannot_be_recorded_is_not_granted(robot, operator, monkeypatch):
+    def unavailable(*_args, **_kwargs):
+        raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+    monkeypatch.setattr(audit, "record", unavailable)
+    refusal = refused(take, robot, operator)
+    assert (refusal.code, refusal.rule) == ("audit_disk_full", "audit")
+    assert holding_of(robot.id) is None
+    assert not ControlSession.objects.exists()
+
+
+# --- keep -----------------------------------------------------------------------------------------
+
+
+def test_renewing_begins_a_fresh_term(robot, operator, settings):
+    settings.FLEET_CONTROL_TERM_S = 60
+    take(robot, operator)
+    later = NOW + timedelta(seconds=50)
+    Lease.objects.update(seen_at=later)
+    services.lease_renew(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=later)
+    assert holding_of(robot.id).term_ends_at == later + timedelta(seconds=60)
+
+
+def test_renewing_is_refused_while_somebody_asks(robot, operator, second_operator):
+    take(robot, operator)
+    services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    refusal = refused(
+        services.lease_renew, robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW
+    )
+    assert refusal.code == "somebody_asks"
+
+
+def test_a_page_that_comes_back_in_time_goes_on_under_the_same_number(robot, operator):
+    held = take(robot, operator)
+    services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
+    back = Tab("operator-tab", "operator-sign-in", "new-connection")
+    services.lease_resume(robot_id=robot.id, user_id=operator.id, tab=back, now=NOW + timedelta(seconds=9))
+    again = holding_of(robot.id)
+    assert (again.session, again.fence, again.tab.connection) == (held.session, held.fence, "new-connection")
+
+
+def test_after_the_grace_it_does_not(robot, operator):
+    held = take(robot, operator)
+    services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
+    refusal = refused(
+        services.lease_resume,
+        robot_id=robot.id,
+        user_id=operator.id,
+        tab=tab("operator"),
+        now=NOW + timedelta(seconds=11),
+    )
+    assert refusal.code == "lease_over"
+
+
+def test_nobody_resumes_whose_right_ended_meanwhile(robot, operator):
+    take(robot, operator)
+    RobotRole.objects.filter(user=operator).update(role="observer")
+    refusal = refused(
+        services.lease_resume, robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW
+    )
+    assert refusal.code == "role_too_low"
+
+
+# --- give, take over, end ---------------------------------------------------------------------------
+
+
+def test_handing_over_gives_control_to_the_page_that_asked(robot, operator, second_operator):
+    before = take(robot, operator)
+    number = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    given = services.lease_hand_over(
+        robot_id=robot.id,
+        user_id=operator.id,
+        tab=tab("operator"),
+        request_id=number,
+        highest_fence=0,
+        now=NOW,
+    )
+    assert (given.user, given.tab) == (second_operator.id, tab("second"))
+    assert given.fence > before.fence
+    assert ControlSession.objects.get(pk=before.session).end_reason == EndReason.HANDED_OVER
+    assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.GRANTED
+
+
+def test_control_is_not_handed_to_somebody_who_withdrew(robot, operator, second_operator):
+    take(robot, operator)
+    number = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    services.control_ask_cancel(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
+    refusal = refused(
+        services.lease_hand_over,
+        robot_id=robot.id,
+        user_id=operator.id,
+        tab=tab("operator"),
+        request_id=number,
+        highest_fence=0,
+        now=NOW,
+    )
+    assert refusal.code == "no_such_request"
+
+
+def test_asking_twice_is_one_question(robot, operator, second_operator):
+    take(robot, operator)
+    ask = {"robot_id": robot.id, "user_id": second_operator.id, "now": NOW}
+    assert services.control_ask(tab=tab("one"), **ask) == services.control_ask(tab=tab("two"), **ask)
+    assert ControlRequest.objects.get().tab == "two-tab"
+
+
+def test_a_supervisor_takes_over_with_a_reason_that_is_kept(robot, operator, supervisor):
+    before = take(robot, operator)
+    services.lease_take_over(
+        robot_id=robot.id,
+        user_id=supervisor.id,
+        tab=tab("supervisor"),
+        reason="fire drill",
+        highest_fence=0,
+        now=NOW,
+    )
+    ended = ControlSession.objects.get(pk=before.session)
+    assert (ended.end_reason, ended.end_note) == (EndReason.TAKEN_OVER, "Sue Pervisor took over: fire drill")
+    assert Record.objects.get(kind="control.take_over").parameters["reason"] == "fire drill"
+
+
+def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
+    settings.FLEET_CONTROL_TERM_S = 60
+    held = take(robot, operator)
+    assert services.lease_expire(robot_id=robot.id, now=NOW + timedelta(seconds=9)) is None
+    over = NOW + timedelta(seconds=60)
+    assert services.lease_expire(robot_id=robot.id, now=over).session == held.session
+    assert services.lease_expire(robot_id=robot.id, now=over) is None
+    assert kinds() == ["control.take", "control.expire"]
+
+
+def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, second_operator):
+    take(robot, operator)
+    services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
+    assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.FREED
+
+
+def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_operator):
+    old = take(robot, operator)
+    services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
+    new = take(robot, second_operator)
+    ended = services.lease_end(
+        robot_id=robot.id,
+        session=old.session,
+        reason=EndReason.RIGHT,
+        refusal=Refusal("signed_out", "Signed out.", "account"),
+        now=NOW,
+    )
+    assert ended is None
+    assert holding_of(robot.id).session == new.session
+
+
+def test_being_seen_counts_for_the_connection_that_holds_only(robot, operator):
+    held = take(robot, operator)
+    later = NOW + timedelta(seconds=5)
+    seen = {"robot_id": robot.id, "now": later}
+    assert services.lease_seen(session=held.session, connection="operator-connection", **seen)
+    assert not services.lease_seen(session=held.session, connection="another", **seen)
+    assert not services.lease_seen(session=uuid4(), connection="operator-connection", **seen)
