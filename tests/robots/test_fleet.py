@@ -55,7 +55,9 @@ def test_every_enabled_robot_gets_a_bridge_and_the_fleet_a_housekeeper(supervise
         supervised.until_started(name, 1)
 
 
-def test_an_edit_restarts_that_robots_bridge_within_3_s_and_no_other(supervised: Supervised, robot: Robot) -> None:
+def test_an_edit_restarts_that_robots_bridge_within_3_s_and_no_other(
+    supervised: Supervised, robot: Robot
+) -> None:
     supervised.until_started("tiago-1", 1)
     supervised.until_started("tiago-2", 1)
     robot.drive_topic = "/phone_vel"
@@ -67,7 +69,9 @@ def test_an_edit_restarts_that_robots_bridge_within_3_s_and_no_other(supervised:
     assert supervised.programs.lines().count("end tiago-1") == 1
 
 
-def test_an_edit_of_the_profile_reaches_every_robot_of_that_kind(supervised: Supervised, robot: Robot) -> None:
+def test_an_edit_of_the_profile_reaches_every_robot_of_that_kind(
+    supervised: Supervised, robot: Robot
+) -> None:
     supervised.until_started("tiago-1", 1)
     supervised.until_started("tiago-2", 1)
     robot.profile.blind_mps = 0.2
@@ -90,7 +94,9 @@ def test_a_disabled_robot_loses_its_bridge_and_gets_it_back(supervised: Supervis
 
 def test_a_robot_added_while_running_gets_a_bridge(supervised: Supervised, robot: Robot) -> None:
     supervised.until_started("tiago-1", 1)
-    Robot.objects.create(slug="tiago-3", name="TIAGo 3", profile=robot.profile, master_uri="http://127.0.0.1:9")
+    Robot.objects.create(
+        slug="tiago-3", name="TIAGo 3", profile=robot.profile, master_uri="http://127.0.0.1:9"
+    )
     supervised.until_started("tiago-3", 1)
 
 
@@ -114,9 +120,13 @@ def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot
     assert "ended by itself with code 7" in BridgeStatus.objects.get(robot=robot).detail
 
 
-def test_a_database_that_does_not_answer_leaves_the_fleet_as_it_is(supervised: Supervised, robot: Robot) -> None:
+def test_a_database_that_does_not_answer_leaves_the_fleet_as_it_is(
+    supervised: Supervised, robot: Robot
+) -> None:
     supervised.until_started("tiago-1", 1)
-    broken = mock.patch.object(Robot.objects, "select_related", side_effect=OperationalError("disk I/O error"))
+    broken = mock.patch.object(
+        Robot.objects, "select_related", side_effect=OperationalError("disk I/O error")
+    )
     with broken as asked, mock.patch("robots.management.commands.run_fleet.connection"):
         supervised.until(lambda: asked.call_count >= 2, "two polls")
     assert supervised.programs.lines().count("end tiago-1") == 0

@@ -63,7 +63,10 @@ def test_what_is_not_right_is_neither_saved_nor_recorded(robot: Robot, staff: Us
 def test_a_change_that_cannot_be_recorded_is_not_made(robot: Robot, staff: User) -> None:
     robot.name = "Other"
     refusal = AuditUnavailable("audit_disk_full", "full")
-    with mock.patch("robots.services.record", autospec=True, side_effect=refusal), pytest.raises(AuditUnavailable):
+    with (
+        mock.patch("robots.services.record", autospec=True, side_effect=refusal),
+        pytest.raises(AuditUnavailable),
+    ):
         services.robot_save(robot=robot, actor=staff)
     robot.refresh_from_db()
     assert robot.name == "TIAGo 1"

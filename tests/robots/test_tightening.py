@@ -24,7 +24,10 @@ pytestmark = pytest.mark.django_db
         ({"gate": {"front_margin_m": 0.05}}, "gate.front_margin_m: 0.05 is below the profile's 0.08"),
         ({"gate": {"deceleration_share": 0.9}}, "gate.deceleration_share: 0.9 is above the profile's 0.8"),
         ({"gate": {"latency_s": 5.0}}, "gate.latency_s: must be between 0.1 and 1, not 5"),
-        ({"topics": {"scans": [{"topic": "scan", "pose": [0, 0, 0]}]}}, "topics.scans[0].topic: 'scan' is not"),
+        (
+            {"topics": {"scans": [{"topic": "scan", "pose": [0, 0, 0]}]}},
+            "topics.scans[0].topic: 'scan' is not",
+        ),
         ({"topics": {"lidar": "/scan"}}, "topics.lidar: there is no such field"),
         ({"speed": 2}, "speed: there is no such field (there are: gate, limits, topics)"),
     ],

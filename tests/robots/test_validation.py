@@ -23,7 +23,12 @@ def complaint(entry: Robot | RobotProfile, field: str) -> str:
 
 
 def test_every_shipped_profile_is_valid() -> None:
-    assert {file.slug for file in profile_files()} == {"tiago", "pmb2", "generic-differential", "generic-holonomic"}
+    assert {file.slug for file in profile_files()} == {
+        "tiago",
+        "pmb2",
+        "generic-differential",
+        "generic-holonomic",
+    }
     for profile in RobotProfile.objects.all():
         profile.full_clean()
 
@@ -45,7 +50,9 @@ def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
         ("http://10.68.0.300:11311", "neither an IP address"),
     ],
 )
-def test_a_master_that_is_no_master_uri_is_refused_with_the_right_form(robot: Robot, uri: str, said: str) -> None:
+def test_a_master_that_is_no_master_uri_is_refused_with_the_right_form(
+    robot: Robot, uri: str, said: str
+) -> None:
     robot.master_uri = uri
     text = complaint(robot, "master_uri")
     assert said in text
@@ -87,7 +94,11 @@ def test_a_bridge_elsewhere_is_reached_by_tls_only(robot: Robot) -> None:
         (("battery", "type"), "std_msgs/Int8", "only std_msgs/Float32 or sensor_msgs/BatteryState"),
         (("scans", 0, "pose"), [0.2, 0.0], "scans[0].pose: Expected a list of length 3"),
         (("scans", 0, "pose"), [0.2, "0", 0.0], "scans[0].pose[1]: Expected a number, got text"),
-        (("scans", 0, "pose"), [0.2, float("nan"), 0.0], "scans[0].pose[1]: must be a finite number, not nan"),
+        (
+            ("scans", 0, "pose"),
+            [0.2, float("nan"), 0.0],
+            "scans[0].pose[1]: must be a finite number, not nan",
+        ),
         (("scans", 0, "pose"), [202.0, 0.0, 0.0], "poses are in metres"),
         (("scans", 0, "pose"), [0.2, 0.0, 90.0], "angles are in radians"),
         (("scans", 0, "topics"), "/scan", "scans[0].topics: there is no such field (there are: pose, topic)"),

@@ -1,0 +1,81 @@
+"""What a bridge has to say ends up in the audit log, or the bridge is told that it does not."""
+
+from __future__ import annotations
+
+import uuid
+from unittest import mock
+
+import pytest
+
+from fleet.accounts.models import User
+from fleet.audit import AuditUnavailable
+from fleet.audit.models import Record
+from robots.bridge.gate.values import STILL, Velocity, Verdict
+from robots.bridge.sink import DriveSummary, Holder, RecordError
+from robots.models import Robot
+from robots.records import AuditSink
+
+pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a connection of its own each time
+
+SUMMARY = DriveSummary(
+    distance_m=3.14159, duration_s=12.5, top_mps=0.4, top_radps=0.1, interventions=1, ended_by="standstill"
+)
+HELD = Verdict(
+    velocity=Velocity(0.2, 0.0, 0.0),
+    asked=Velocity(0.4, 0.0, 0.0),
+    code="obstacle",
+    text="slowed to 0.2 m/s: laser, 0.6 m ahead",
+    sensor="/scan_raw",
+    distance_m=0.6123,
+    bearing=0.1,
+    side="ahead",
+)
+
+
+@pytest.fixture
+def sink(robot: Robot) -> AuditSink:
+    return AuditSink(robot.id, robot.name)
+
+
+@pytest.fixture
+def holder(operator: User) -> Holder:
+    return Holder(holder_id=str(operator.pk), holder="Olga Operator", session=str(uuid.uuid4()), fence=5)
+
+
+def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Holder, robot: Robot) -> None:
+    drive = sink.begin_drive(holder)
+    intervention = sink.begin_gate(drive, holder, HELD)
+    sink.end_gate(intervention, holder, 1.234)
+    sink.end_drive(drive, holder, SUMMARY)
+    start, begin, end, finish = Record.objects.order_by("id")
+    assert [start.kind, begin.kind, end.kind, finish.kind] == [
+        "drive.start",
+        "gate.begin",
+        "gate.end",
+        "drive.end",
+    ]
+    assert [begin.of_id, end.of_id, finish.of_id] == [start.pk, begin.pk, start.pk]
+    assert {record.robot_id for record in (start, begin, end, finish)} == {robot.id}
+    assert {str(record.session_id) for record in (start, begin, end, finish)} == {holder.session}
+    assert (start.actor_name, start.fence) == ("Olga Operator", 5)
+    assert begin.outcome == "obstacle"
+    assert (begin.parameters["distance_m"], begin.parameters["allowed"]["vx_mps"]) == (0.612, 0.2)
+    assert (finish.outcome, finish.parameters["distance_m"]) == ("standstill", 3.142)
+
+
+def test_what_cannot_be_written_is_told_in_words(sink: AuditSink, holder: Holder) -> None:
+    full = AuditUnavailable(
+        "audit_disk_full", "Not done, because it could not be recorded: the disk is full."
+    )
+    with mock.patch("robots.records.record", autospec=True, side_effect=full):
+        with pytest.raises(RecordError, match="the disk is full"):
+            sink.begin_drive(holder)
+        with pytest.raises(RecordError, match="the disk is full"):
+            sink.end_drive(1, holder, SUMMARY)
+    assert sink.begin_drive(holder)
+
+
+def test_a_session_that_is_none_is_an_error_of_the_record_and_not_of_the_bridge(sink: AuditSink) -> None:
+    odd = Holder(holder_id="nobody", holder="Nobody", session="not a session", fence=1)
+    with pytest.raises(RecordError):
+        sink.begin_gate(1, odd, HELD._replace(velocity=STILL))

@@ -1,0 +1,115 @@
+"""``manage.py stop``: every robot is told at once, and those not reached are named."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from io import StringIO
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from django.core.management import CommandError, call_command
+from websockets.sync.server import ServerConnection, unix_serve
+
+from fleet.audit import AuditUnavailable
+from fleet.audit.models import Record
+from robots import wire
+from robots.models import Robot
+from robots.selectors import link_address
+
+pytestmark = pytest.mark.django_db
+
+
+class Bridge:
+    """The far end of a bridge's link: remembers stops and answers them."""
+
+    def __init__(self) -> None:
+        self.stops: list[wire.LinkStop] = []
+
+    def serve(self, connection: ServerConnection) -> None:
+        for raw in connection:
+            message = wire.link_request(raw)
+            if isinstance(message, wire.LinkStop):
+                self.stops.append(message)
+                stop = wire.StopState("stopping", by=message.by, reason=message.reason)
+                connection.send(wire.encode(wire.Stopped(stop)), text=True)
+
+
+@pytest.fixture
+def bridge() -> Iterator[Callable[[Robot], Bridge]]:
+    """`bridge(robot)`: that robot's bridge, where the console looks for it."""
+    with ExitStack() as closing:
+
+        def start(robot: Robot) -> Bridge:
+            bridge = Bridge()
+            path = link_address(robot).unix_path
+            assert path is not None
+            server = unix_serve(bridge.serve, path)
+            closing.callback(Path(path).unlink)
+            closing.callback(server.shutdown)
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            return bridge
+
+        yield start
+
+
+def test_all_robots_are_stopped_with_who_and_why(
+    robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    bridges = [bridge(robot), bridge(other_robot)]
+    out = StringIO()
+    call_command("stop", "--all", "--reason", "smoke in the lab", stdout=out)
+    assert out.getvalue().splitlines() == ["tiago-1: stopping", "tiago-2: stopping"]
+    for stopped in bridges:
+        (stop,) = stopped.stops
+        assert stop.by.endswith("(command line)") and stop.reason == "smoke in the lab"
+    records = Record.objects.filter(kind="stop.press")
+    assert {record.robot_name for record in records} == {"TIAGo 1", "TIAGo 2"}
+    assert {record.outcome for record in records} == {"stopping"}
+
+
+def test_a_robot_that_is_not_reached_is_named_and_the_others_stop(
+    robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    reached = bridge(other_robot)
+    with pytest.raises(CommandError, match=r"Not reached: tiago-1\. Use the red button"):
+        call_command("stop", "--all", stdout=StringIO())
+    assert len(reached.stops) == 1
+    assert Record.objects.get(robot_id=robot.id).outcome.startswith("not reached: ")
+
+
+def test_a_named_robot_alone_is_stopped(
+    robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    stopped, untouched = bridge(robot), bridge(other_robot)
+    call_command("stop", "tiago-1", stdout=StringIO())
+    assert len(stopped.stops) == 1
+    assert untouched.stops == []
+
+
+def test_a_wrong_name_among_right_ones_keeps_nobody_from_being_stopped(
+    robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    stopped = bridge(robot)
+    with pytest.raises(CommandError, match="There is no robot tiago-9"):
+        call_command("stop", "tiago-1", "tiago-9", stdout=StringIO())
+    assert len(stopped.stops) == 1
+
+
+def test_a_stop_that_cannot_be_recorded_is_made_all_the_same(
+    robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    stopped, errors = bridge(robot), StringIO()
+    full = AuditUnavailable("audit_disk_full", "the disk is full")
+    with mock.patch("robots.management.commands.stop.record", autospec=True, side_effect=full):
+        call_command("stop", "tiago-1", stdout=StringIO(), stderr=errors)
+    assert len(stopped.stops) == 1
+    assert "not recorded: the disk is full" in errors.getvalue()
+
+
+@pytest.mark.parametrize("arguments", [[], ["tiago-1", "--all"]])
+def test_robots_are_named_or_all_are_meant(arguments: list[str]) -> None:
+    with pytest.raises(CommandError, match="Name robots, or say --all"):
+        call_command("stop", *arguments)
