@@ -260,9 +260,10 @@ def cutting(cable: Cable) -> Fault:
 def thawing(cable: Cable) -> Repair:
     """What hung is closed, new connections pass."""
 
-    async def thaw(_scene: Scene) -> None:
+    async def thaw(scene: Scene) -> None:
         cable.cut()
         cable.thaw()
+        await scene.person.leave()
 
     return thaw
 
@@ -287,6 +288,7 @@ async def kill_web(scene: Scene, _driver: Driver) -> float:
 
 async def restart_web(scene: Scene) -> None:
     """A new one on the same socket."""
+    await scene.person.leave()
     scene.stack.start_web()
     await asyncio.to_thread(scene.stack.wait_web, time.monotonic() + 30.0)
 
