@@ -1,0 +1,199 @@
+"""What the robot check makes of what it found: each answer says what to do."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import Any
+from unittest import mock
+
+import msgspec
+import pytest
+
+from fleet.accounts.models import User
+from robots.bridge.config import BridgeConfig
+from robots.bridge.findings import CallbackFound, DriveFound, Findings, HostFound, TopicFound
+from robots.checks import Check, judge, plan_for, run_checks
+from robots.models import Robot
+from robots.selectors import bridge_config
+
+
+@pytest.fixture
+def config(robot: Robot) -> BridgeConfig:
+    return bridge_config(robot)
+
+
+@pytest.fixture
+def well(config: BridgeConfig) -> Findings:
+    """A robot as it should be."""
+    topics = [
+        TopicFound(asked.what, ["/base"], asked.type, "abc", "abc", 1, asked.frames, 0.01)
+        for asked in plan_for(config).listened
+    ]
+    return Findings(
+        hosts=[HostFound("tiago-42c", 9, "10.68.0.1")],
+        callback=CallbackFound("10.68.0.2", True, "10.68.0.2"),
+        topics=topics,
+        drive=DriveFound(["/fleet_bridge"], ["/twist_mux"], "geometry_msgs/Twist"),
+    )
+
+
+def answer(config: BridgeConfig, findings: Findings, name: str) -> Check:
+    (found,) = (check for check in judge(config, findings) if check.name == name)
+    return found
+
+
+def with_topic(findings: Findings, what: str, **changes: Any) -> Findings:
+    topics = [
+        msgspec.structs.replace(topic, **changes) if topic.what == what else topic
+        for topic in findings.topics
+    ]
+    return msgspec.structs.replace(findings, topics=topics)
+
+
+def test_a_robot_that_is_well_gets_nothing_but_ok(config: BridgeConfig, well: Findings) -> None:
+    assert {check.level for check in judge(config, well)} == {"ok"}
+    assert all(not check.advice for check in judge(config, well))
+
+
+def test_without_a_master_there_is_one_answer(config: BridgeConfig) -> None:
+    (only,) = judge(config, Findings(master_error="No ROS master answers."))
+    assert (only.level, only.text) == ("fail", "No ROS master answers.")
+    assert config.master_uri in only.advice
+
+
+def test_a_name_that_does_not_resolve_here_asks_for_an_alias(config: BridgeConfig, well: Findings) -> None:
+    lost = msgspec.structs.replace(well, hosts=[HostFound("tiago-42c", 9)])
+    check = answer(config, lost, "names, robot to console")
+    assert check.level == "fail"
+    assert "call themselves tiago-42c" in check.text
+    assert '{"tiago-42c": "10.68.0.1"}' in check.advice
+
+
+def test_a_name_with_a_wrong_address_is_told_apart(config: BridgeConfig, well: Findings) -> None:
+    lost = msgspec.structs.replace(well, hosts=[HostFound("tiago-42c", 9, "10.68.0.9", "timed out")])
+    check = answer(config, lost, "names, robot to console")
+    assert check.text == "Nodes on tiago-42c (10.68.0.9: timed out) cannot be reached."
+
+
+@pytest.mark.parametrize(
+    ("advertised", "advice"),
+    [
+        ("127.0.0.1", "Set the robot's advertised address to 10.68.0.2."),
+        ("10.68.0.2", "Does a firewall on this computer keep the robot out?"),
+    ],
+)
+def test_a_robot_that_cannot_call_back_is_told_which_address_to_use(
+    config: BridgeConfig, well: Findings, advertised: str, advice: str
+) -> None:
+    deaf = msgspec.structs.replace(well, callback=CallbackFound(advertised, False, "10.68.0.2"))
+    check = answer(config, deaf, "names, console to robot")
+    assert (check.level, check.advice) == ("fail", advice)
+
+
+@pytest.mark.parametrize(("skew_s", "said"), [(3600.0, "3600.0 s ahead of"), (-2.04, "2.0 s behind")])
+def test_clocks_that_disagree_are_a_warning(
+    config: BridgeConfig, well: Findings, skew_s: float, said: str
+) -> None:
+    topics = [msgspec.structs.replace(topic, skew_s=skew_s) for topic in well.topics]
+    check = answer(config, msgspec.structs.replace(well, topics=topics), "clock")
+    assert check.level == "warn"
+    assert said in check.text
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"publishers": []}, "Nobody publishes"),
+        ({"error": "/base: timed out"}, "cannot be read: /base: timed out"),
+        ({"type": "std_msgs/String"}, "is a std_msgs/String, not a"),
+        ({"our_md5": None}, "does not know the type"),
+        ({"md5": "def"}, "has md5 def on the robot and abc here"),
+        ({"messages": 0}, "no message came"),
+    ],
+)
+def test_what_is_wrong_with_a_topic_is_said_and_what_to_do(
+    config: BridgeConfig, well: Findings, changes: dict[str, Any], said: str
+) -> None:
+    for what, level in (("odometry", "fail"), ("scan /scan_raw", "fail"), ("camera", "warn")):
+        check = answer(config, with_topic(well, what, **changes), what)
+        assert (check.level, bool(check.advice)) == (level, True)
+        assert said in check.text
+
+
+def test_a_battery_may_be_silent(config: BridgeConfig, well: Findings) -> None:
+    assert answer(config, with_topic(well, "battery", messages=0), "battery").level == "ok"
+
+
+def test_a_sonar_that_is_missing_among_others_is_named(config: BridgeConfig, well: Findings) -> None:
+    some = with_topic(well, "sonars /sonar_base", frames=["base_sonar_01_link", "base_sonar_03_link"])
+    check = answer(config, some, "sonars /sonar_base")
+    assert check.text == (
+        "/sonar_base says nothing from base_sonar_02_link, only from base_sonar_01_link and base_sonar_03_link."
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "name", "level", "said"),
+    [
+        (DriveFound([], [], "geometry_msgs/Twist"), "drive", "fail", "Nobody listens to /key_vel"),
+        (DriveFound([], ["/mux"], "std_msgs/Bool"), "drive", "fail", "is a std_msgs/Bool"),
+        (
+            DriveFound(["/fleet_bridge", "/rogue"], ["/mux"], None),
+            "other drivers",
+            "warn",
+            "/rogue publishes",
+        ),
+        (DriveFound(["/fleet_bridge"], ["/mux"], None), "other drivers", "ok", "Nobody else"),
+    ],
+)
+def test_the_drive_topic_has_a_listener_and_one_writer(
+    config: BridgeConfig, well: Findings, found: DriveFound, name: str, level: str, said: str
+) -> None:
+    check = answer(config, msgspec.structs.replace(well, drive=found), name)
+    assert check.level == level
+    assert said in check.text
+
+
+def test_a_wrong_entry_in_the_registry_is_the_first_answer(robot: Robot) -> None:
+    robot.overrides = {"topics": {"odometry": None}}
+    (only,) = run_checks(robot)
+    assert (only.name, only.level) == ("registry", "fail")
+    assert "odometry" in only.text
+
+
+def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
+    hanging = mock.patch(
+        "robots.checks._probe", autospec=True, side_effect=subprocess.TimeoutExpired("probe", 20)
+    )
+    with hanging:
+        (only,) = run_checks(robot)
+    assert (only.name, only.level) == ("probe", "fail")
+
+
+class TestPage:
+    """/robots/<slug>/check/"""
+
+    ADDRESS = "/robots/tiago-1/check/"
+
+    @pytest.fixture(autouse=True)
+    def answers(self) -> Any:
+        answers = [Check("master", "fail", "No ROS master answers.", "Is the robot on?")]
+        with mock.patch("robots.views.run_checks", autospec=True, return_value=answers) as asked:
+            yield asked
+
+    def test_whoever_may_see_the_robot_reads_every_answer(self, observer: User, signed_in: Any) -> None:
+        page = signed_in(observer).get(self.ADDRESS).content.decode()
+        assert "No ROS master answers." in page
+        assert "Is the robot on?" in page
+
+    def test_to_a_stranger_the_robot_does_not_exist(
+        self, robot: Robot, stranger: User, signed_in: Any, answers: mock.Mock
+    ) -> None:
+        assert signed_in(stranger).get(self.ADDRESS).status_code == 404
+        assert not answers.called
+
+    def test_who_is_not_signed_in_is_sent_to_the_door(
+        self, robot: Robot, client: Any, answers: mock.Mock
+    ) -> None:
+        assert client.get(self.ADDRESS).status_code == 302
+        assert not answers.called

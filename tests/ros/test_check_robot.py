@@ -1,0 +1,182 @@
+"""``manage.py check_robot`` against a real rosmaster."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import StringIO
+from typing import Any
+from xmlrpc.client import ServerProxy
+
+import pytest
+from django.core.management import call_command
+
+from robots.bridge.ros import path  # noqa: F401
+
+# isort: split
+import rospy
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from robots.models import Robot
+from tests.ros.support import REPOSITORY, Master, RosClient, SimulatorProcess, free_port
+
+pytestmark = pytest.mark.django_db
+
+ODOMETRY = "/mobile_base_controller/odom"
+
+# A robot whose nodes go by a name that nobody else knows.
+NAMED_ROBOT = """
+import os, sys
+from robots.bridge.ros import path
+import rospy
+from nav_msgs.msg import Odometry
+rospy.init_node("base", disable_signals=True, disable_rosout=True)
+publisher = rospy.Publisher(sys.argv[1], Odometry, queue_size=1)
+print("ready", flush=True)
+while not rospy.is_shutdown():
+    message = Odometry()
+    message.header.stamp = rospy.Time.now()
+    publisher.publish(message)
+    rospy.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def fresh_master(tmp_path: Any) -> Iterator[Master]:
+    """A master that no other test has spoken to."""
+    master = Master(tmp_path).start()
+    yield master
+    master.stop()
+
+
+def check(robot: Robot, master: Master, **changes: Any) -> dict[str, dict[str, str]]:
+    """Every answer of the command, by name."""
+    Robot.objects.filter(pk=robot.pk).update(
+        **{"master_uri": master.uri, "advertised_address": "127.0.0.1", **changes}
+    )
+    out = StringIO()
+    try:
+        call_command("check_robot", robot.slug, "--json", stdout=out)
+        failed = False
+    except SystemExit as ended:
+        failed = ended.code == 1
+    answers = {answer["name"]: answer for answer in json.loads(out.getvalue())}
+    assert failed == any(answer["level"] == "fail" for answer in answers.values())
+    return answers
+
+
+@contextmanager
+def odometry_from(client: RosClient, ahead_s: float) -> Iterator[None]:
+    """Odometry stamped by a clock that is ahead."""
+    ending = threading.Event()
+
+    def publish(publisher: rospy.Publisher) -> None:
+        while not ending.wait(0.02):
+            message = Odometry()
+            message.header.stamp = rospy.Time.now() + rospy.Duration.from_sec(ahead_s)
+            publisher.publish(message)
+
+    with client.speak(ODOMETRY, Odometry, listeners=0) as publisher:
+        thread = threading.Thread(target=publish, args=(publisher,))
+        thread.start()
+        try:
+            yield
+        finally:
+            ending.set()
+            thread.join()
+
+
+def test_the_simulated_tiago_is_ready_to_be_driven(
+    robot: Robot, rosmaster: Master, simulator: Callable[..., SimulatorProcess]
+) -> None:
+    running = simulator(world="office")
+    answers = check(robot, rosmaster)
+    assert {name: answer["text"] for name, answer in answers.items() if answer["level"] != "ok"} == {}
+    assert running.node in answers["drive"]["text"]
+    running.stop()
+
+
+def test_a_robot_that_is_off_is_one_answer_with_what_to_do(robot: Robot, rosmaster: Master) -> None:
+    uri = f"http://127.0.0.1:{free_port()}"
+    answers = check(robot, rosmaster, master_uri=uri)
+    assert list(answers) == ["master"]
+    assert uri in answers["master"]["text"]
+    assert "Is the robot on" in answers["master"]["advice"]
+
+
+def test_a_master_whose_name_is_unknown_asks_for_an_alias(robot: Robot, rosmaster: Master) -> None:
+    answers = check(robot, rosmaster, master_uri="http://tiago-42c.invalid:11311")
+    assert "cannot be resolved" in answers["master"]["text"]
+
+
+def test_nodes_with_an_unknown_name_are_found_and_an_alias_is_the_cure(
+    robot: Robot, fresh_master: Master
+) -> None:
+    environment = {key: value for key, value in fresh_master.environment().items() if key != "ROS_IP"}
+    with subprocess.Popen(
+        [sys.executable, "-c", NAMED_ROBOT, ODOMETRY],
+        env={**environment, "ROS_HOSTNAME": "tiago-42c.invalid"},
+        stdout=subprocess.PIPE,
+        cwd=REPOSITORY,
+    ) as base:
+        assert base.stdout is not None
+        assert base.stdout.readline() == b"ready\n"
+        try:
+            without = check(robot, fresh_master)
+            cured = check(robot, fresh_master, host_aliases={"tiago-42c.invalid": "127.0.0.1"})
+        finally:
+            base.kill()
+    assert "tiago-42c.invalid, which cannot be resolved here" in without["names, robot to console"]["text"]
+    assert without["odometry"]["level"] == "fail"
+    assert cured["names, robot to console"]["level"] == "ok"
+    assert cured["odometry"]["level"] == "ok"
+
+
+def test_an_address_at_which_the_robot_cannot_call_back_is_found(robot: Robot, fresh_master: Master) -> None:
+    answers = check(robot, fresh_master, advertised_address="console.invalid")
+    assert answers["names, console to robot"]["level"] == "fail"
+    assert answers["names, console to robot"]["advice"] == "Set the robot's advertised address to 127.0.0.1."
+
+
+def test_the_check_leaves_nothing_at_the_master(robot: Robot, fresh_master: Master) -> None:
+    check(robot, fresh_master)
+    published, subscribed, _ = ServerProxy(fresh_master.uri).getSystemState("/test")[2]
+    assert published == subscribed == []
+
+
+def test_a_clock_an_hour_ahead_is_reported(robot: Robot, ros: RosClient) -> None:
+    with odometry_from(ros, ahead_s=3600.0):
+        answers = check(robot, ros.master)
+    assert answers["odometry"]["level"] == "ok"
+    assert answers["clock"]["level"] == "warn"
+    assert "s ahead of the console's clock" in answers["clock"]["text"]
+
+
+def test_a_topic_of_another_type_is_told_with_both(robot: Robot, ros: RosClient) -> None:
+    with ros.speak("/scan_raw", String, listeners=0):
+        answers = check(robot, ros.master)
+    assert answers["scan /scan_raw"]["text"] == "/scan_raw is a std_msgs/String, not a sensor_msgs/LaserScan."
+
+
+def test_a_topic_that_is_there_and_silent_is_told_from_one_that_is_not_there(
+    robot: Robot, ros: RosClient
+) -> None:
+    with ros.speak(ODOMETRY, Odometry, listeners=0):
+        answers = check(robot, ros.master)
+    assert "is there, but no message came" in answers["odometry"]["text"]
+    assert "Nobody publishes" in answers["scan /scan_raw"]["text"]
+
+
+def test_another_publisher_on_the_drive_topic_is_named(robot: Robot, ros: RosClient) -> None:
+    from geometry_msgs.msg import Twist
+
+    with ros.speak("/key_vel", Twist, listeners=0):
+        answers = check(robot, ros.master)
+    assert answers["other drivers"]["level"] == "warn"
+    assert rospy.get_name() in answers["other drivers"]["text"]
+    assert "Nobody listens to /key_vel" in answers["drive"]["text"]
