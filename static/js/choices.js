@@ -1,0 +1,86 @@
+/** How a person wants to drive: speed, what sideways means, a stick that stays, which side is which. */
+
+import { make, mark, say, show } from "./dom.js";
+import { firstShare, sharesUpTo } from "./offers.js";
+import { recall, remember } from "./prefs.js";
+
+function pressed(button, on) {
+  button.setAttribute("aria-pressed", String(on));
+}
+
+function isPressed(button) {
+  return button.getAttribute("aria-pressed") === "true";
+}
+
+/** Events: "share" (detail: number), "sticky", "slides" (detail: boolean). */
+export class Choices extends EventTarget {
+  #root;
+  #parts;
+  #limits = null;
+  #share = null;
+  #listening = new AbortController();
+
+  /** @param {HTMLElement} root carries data-sides for the style sheet */
+  constructor(root, parts) {
+    super();
+    this.#root = root;
+    this.#parts = parts;
+    const { signal } = this.#listening;
+    parts.shares.addEventListener("click", ({ target }) => this.#pick(target.dataset.share), {
+      signal,
+    });
+    parts.swap.addEventListener("click", () => this.#swap(), { signal });
+    for (const name of ["sticky", "slides"]) {
+      parts[name].addEventListener("click", () => this.#toggle(name), { signal });
+    }
+    mark(root, "sides", recall("sides", "plain"));
+  }
+
+  /** @param {object} facts the robot's facts; the share starts at its default again only if the robot's limits changed */
+  set facts({ limits, default_share, max_share, holonomic }) {
+    this.#limits = limits;
+    show(this.#parts.slides, holonomic);
+    const shares = sharesUpTo(max_share);
+    const buttons = shares.map((share) => {
+      const button = make("button", {
+        text: `${Math.round(share * 100)}`,
+        data: { share: String(share) },
+      });
+      button.type = "button";
+      button.setAttribute("aria-label", `${Math.round(share * 100)} percent of full speed`);
+      return button;
+    });
+    this.#parts.shares.replaceChildren(...buttons);
+    this.#pick(shares.includes(this.#share) ? this.#share : firstShare(shares, default_share));
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  #pick(value) {
+    if (value === undefined) return;
+    this.#share = Number(value);
+    for (const button of this.#parts.shares.children) {
+      pressed(button, Number(button.dataset.share) === this.#share);
+    }
+    say(this.#parts.speed, `${(this.#share * this.#limits.forward_mps).toFixed(2)} m/s`);
+    this.#tell("share", this.#share);
+  }
+
+  #toggle(name) {
+    const on = !isPressed(this.#parts[name]);
+    pressed(this.#parts[name], on);
+    this.#tell(name, on);
+  }
+
+  #swap() {
+    const sides = this.#root.dataset.sides === "plain" ? "swapped" : "plain";
+    mark(this.#root, "sides", sides);
+    remember("sides", sides);
+  }
+
+  #tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

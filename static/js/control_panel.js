@@ -1,0 +1,91 @@
+/** Who has control: words, buttons, people who ask, the dialogs. Tells the page what was chosen by "choose" events. */
+
+import { make, mark, say, show } from "./dom.js";
+import { clockText, isLastCall, remaining } from "./lease.js";
+import { offers } from "./offers.js";
+
+/** Events: "choose" (detail: a message for the server). */
+export class ControlPanel extends EventTarget {
+  #parts;
+  #control = null;
+  #heardMs = 0;
+  #timer;
+  #listening = new AbortController();
+
+  /** @param {Record<string, HTMLElement>} parts */
+  constructor(parts) {
+    super();
+    this.#parts = parts;
+    const { signal } = this.#listening;
+    for (const button of parts.actions.querySelectorAll("button[data-action]")) {
+      button.addEventListener("click", () => this.#act(button.dataset.action), { signal });
+    }
+    parts["take-over-dialog"].addEventListener("close", () => this.#takeOver(), { signal });
+    this.#timer = setInterval(() => this.#count(), 250);
+  }
+
+  set control(control) {
+    this.#control = control;
+    this.#heardMs = performance.now();
+    this.#count();
+    this.#showRequests(control.requests);
+  }
+
+  close() {
+    clearInterval(this.#timer);
+    this.#listening.abort();
+  }
+
+  #count() {
+    if (!this.#control) return;
+    const now = performance.now();
+    const left = remaining(this.#control.remaining_s, this.#heardMs, now);
+    const resumable = remaining(this.#control.resumable_s, this.#heardMs, now);
+    const { headline, reason, actions } = offers(this.#control, resumable);
+    const yours = this.#control.state === "yours";
+    const { who, why, lease } = this.#parts;
+    say(who, headline);
+    say(why, reason);
+    show(why, reason !== "");
+    show(lease, left !== null);
+    if (left !== null) say(lease, `${clockText(left)} left`);
+    mark(lease, "last", yours && isLastCall(left));
+    for (const button of this.#parts.actions.children)
+      show(button, actions.includes(button.dataset.action));
+  }
+
+  #showRequests(requests) {
+    const items = requests.map(({ id, name }) => {
+      const children = [make("span", { text: `${name} asks for control` })];
+      if (this.#control.state === "yours") {
+        const button = make("button", {
+          className: "button primary",
+          text: `Hand over to ${name}`,
+        });
+        button.type = "button";
+        button.addEventListener("click", () => this.#choose({ t: "hand_over", request: id }));
+        children.push(button);
+      }
+      return make("li", { children });
+    });
+    this.#parts.requests.replaceChildren(...items);
+    show(this.#parts.requests, items.length > 0);
+  }
+
+  #act(action) {
+    if (action === "take_over") this.#parts["take-over-dialog"].showModal();
+    else this.#choose({ t: action });
+  }
+
+  #takeOver() {
+    const dialog = this.#parts["take-over-dialog"];
+    const reason = dialog.querySelector("[name=reason]");
+    if (dialog.returnValue === "yes") this.#choose({ t: "take_over", reason: reason.value.trim() });
+    dialog.returnValue = "";
+    reason.value = "";
+  }
+
+  #choose(message) {
+    this.dispatchEvent(new CustomEvent("choose", { detail: message }));
+  }
+}

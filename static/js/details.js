@@ -1,0 +1,52 @@
+/** The side panel: sensors, standing limits, who watches, what the robot refused. */
+
+import { make, say, show } from "./dom.js";
+
+function sensorText({ ok, age_s: ageS, text }) {
+  if (text) return text;
+  if (ageS === null) return "never seen";
+  return ok ? "ok" : `${ageS.toFixed(1)} s old`;
+}
+
+function sameTexts(list, texts) {
+  return (
+    list.children.length === texts.length &&
+    texts.every((text, i) => list.children[i].textContent === text)
+  );
+}
+
+function fill(list, texts) {
+  if (!sameTexts(list, texts)) list.replaceChildren(...texts.map((text) => make("li", { text })));
+}
+
+export class Details {
+  #parts;
+
+  constructor(parts) {
+    this.#parts = parts;
+  }
+
+  set state(state) {
+    const { watchers, sensors, foreign, refusals } = this.#parts;
+    say(watchers, state.watchers.join(", ") || "Nobody");
+    this.#showSensors(sensors, state.sensors);
+    show(foreign, state.foreign.length > 0);
+    say(foreign, `Also publishing to the drive topic: ${state.foreign.join(", ")}`);
+    const counts = Object.entries(state.refused).map(([code, count]) => `${code}: ${count}`);
+    fill(refusals, counts.length ? counts : ["None"]);
+  }
+
+  #showSensors(list, sensors) {
+    sensors.forEach((sensor, i) => {
+      const row =
+        list.children[i] ??
+        list.appendChild(make("li", { children: [make("span"), make("span")] }));
+      say(row.children[0], sensor.name);
+      say(row.children[1], sensorText(sensor));
+      row.dataset.level = sensor.ok ? "ok" : "fail";
+    });
+    while (list.children.length > sensors.length) list.lastElementChild.remove();
+  }
+}
+
+export { fill };

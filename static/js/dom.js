@@ -1,0 +1,33 @@
+/** Small hands for the page: text only ever goes in by textContent. */
+
+/** Sets text if it differs, so that nothing is announced or laid out twice. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function show(element, shown) {
+  if (element.hidden === shown) element.hidden = !shown;
+}
+
+/** Sets or removes a data attribute that the style sheet reads. */
+export function mark(element, name, value) {
+  if (value === null || value === undefined || value === false) delete element.dataset[name];
+  else if (element.dataset[name] !== String(value)) element.dataset[name] = value;
+}
+
+/** An element with a class, text and children. */
+export function make(tag, { className = "", text = null, data = {}, children = [] } = {}) {
+  const element = document.createElement(tag);
+  if (className) element.className = className;
+  if (text !== null) element.textContent = text;
+  Object.assign(element.dataset, data);
+  element.append(...children);
+  return element;
+}
+
+/** Every element with `data-part` below a root, by that name. */
+export function parts(root) {
+  const found = {};
+  for (const element of root.querySelectorAll("[data-part]")) found[element.dataset.part] = element;
+  return found;
+}

@@ -1,0 +1,48 @@
+/** A gamepad as input: looked at once per frame, and only while one is there. */
+
+import { fromGamepad } from "./shaping.js";
+import { NEUTRAL } from "./stick.js";
+
+const STOP_BUTTON = 1; // B on an Xbox pad, circle on a PlayStation pad
+
+/** The pad to obey: the first that is connected and has a standard stick. */
+export function firstPad(pads) {
+  return [...pads].find((pad) => pad?.connected && pad.axes.length >= 2) ?? null;
+}
+
+/**
+ * @param {{stick: import("./stick.js").Stick, holonomic: () => boolean, holds: () => boolean, stop: () => void}} host
+ * @returns {() => void} ends it
+ */
+export function listenToGamepad({ stick, holonomic, holds, stop }) {
+  if (!navigator.getGamepads) return () => {}; // withheld on plain http from another host
+  const listening = new AbortController();
+  const { signal } = listening;
+  let frame = null;
+  let stopWasDown = false;
+
+  const look = () => {
+    frame = null;
+    const pad = firstPad(navigator.getGamepads());
+    if (!pad) {
+      stick.feed("gamepad", NEUTRAL);
+      return;
+    }
+    stick.feed("gamepad", fromGamepad(pad.axes, holonomic()));
+    const stopIsDown = Boolean(pad.buttons[STOP_BUTTON]?.pressed);
+    if (stopIsDown && !stopWasDown && holds()) stop();
+    stopWasDown = stopIsDown;
+    frame = requestAnimationFrame(look);
+  };
+  const begin = () => {
+    if (frame === null) frame = requestAnimationFrame(look);
+  };
+
+  window.addEventListener("gamepadconnected", begin, { signal });
+  window.addEventListener("gamepaddisconnected", begin, { signal });
+  begin();
+  return () => {
+    listening.abort();
+    cancelAnimationFrame(frame);
+  };
+}

@@ -1,0 +1,84 @@
+/** Driving by keys: WASD and arrows, Q and E to slide. By place on the keyboard, not by letter. */
+
+import { NEUTRAL } from "./stick.js";
+
+const AXES = {
+  KeyW: { x: 1 },
+  ArrowUp: { x: 1 },
+  KeyS: { x: -1 },
+  ArrowDown: { x: -1 },
+  KeyA: { w: 1 },
+  ArrowLeft: { w: 1 },
+  KeyD: { w: -1 },
+  ArrowRight: { w: -1 },
+  KeyQ: { y: 1 },
+  KeyE: { y: -1 },
+};
+
+/** The axes for a set of held keys; opposite keys cancel. */
+export function axesOf(held, holonomic) {
+  const sum = { x: 0, y: 0, w: 0 };
+  for (const code of held) {
+    for (const [axis, value] of Object.entries(AXES[code] ?? {})) sum[axis] += value;
+  }
+  const axes = {
+    x: Math.sign(sum.x),
+    y: holonomic ? Math.sign(sum.y) : 0,
+    w: Math.sign(sum.w),
+  };
+  return axes.x || axes.y || axes.w ? axes : NEUTRAL;
+}
+
+/** Whether keys belong to the place where the person is: a field, a list, an open dialog. */
+export function isEditing(target) {
+  return Boolean(
+    target?.closest?.(
+      "input, textarea, select, dialog[open], [contenteditable]:not([contenteditable='false'])",
+    ),
+  );
+}
+
+/**
+ * Listens on the window while a person has control.
+ * @param {{stick: import("./stick.js").Stick, holonomic: () => boolean, holds: () => boolean, stop: () => void}} host
+ * @returns {() => void} ends it
+ */
+export function listenToKeys({ stick, holonomic, holds, stop }) {
+  const held = new Set();
+  const listening = new AbortController();
+  const { signal } = listening;
+  const feed = () => stick.feed("keyboard", axesOf(held, holonomic()));
+
+  const down = (event) => {
+    if (!holds() || isEditing(event.target)) return;
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.code === "Space") {
+      event.preventDefault();
+      if (!event.repeat) stop();
+    } else if (event.code in AXES) {
+      event.preventDefault();
+      held.add(event.code);
+      feed();
+    }
+  };
+  const up = (event) => {
+    // A button under the focus would answer to the same space.
+    if (event.code === "Space" && holds() && !isEditing(event.target)) event.preventDefault();
+    if (held.delete(event.code)) feed();
+  };
+  const forget = () => {
+    held.clear();
+    feed();
+  };
+
+  window.addEventListener("keydown", down, { signal });
+  window.addEventListener("keyup", up, { signal });
+  // Releases that happen elsewhere are never heard.
+  window.addEventListener("blur", forget, { signal });
+  document.addEventListener("visibilitychange", forget, { signal });
+  document.addEventListener("focusin", (event) => isEditing(event.target) && forget(), { signal });
+  return () => {
+    listening.abort();
+    forget();
+  };
+}

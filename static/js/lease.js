@@ -1,0 +1,23 @@
+/** What remains of a term of control. The server says how many seconds; this page counts them by its own clock. */
+
+export const LAST_CALL_S = 30;
+
+/** @returns {number | null} seconds left at `nowMs`, never below zero; null without a term */
+export function remaining(seconds, heardMs, nowMs) {
+  if (seconds === null || seconds === undefined) return null;
+  return Math.max(0, seconds - (nowMs - heardMs) / 1000);
+}
+
+/** "4:05", "0:09", "1 h 02 min". */
+export function clockText(seconds) {
+  const whole = Math.ceil(seconds);
+  const two = (n) => String(n).padStart(2, "0");
+  if (whole >= 3600)
+    return `${Math.floor(whole / 3600)} h ${two(Math.floor((whole % 3600) / 60))} min`;
+  return `${Math.floor(whole / 60)}:${two(whole % 60)}`;
+}
+
+/** Whether the person should be offered to keep control. */
+export function isLastCall(seconds) {
+  return seconds !== null && seconds <= LAST_CALL_S;
+}

@@ -1,0 +1,52 @@
+/** Who has control, and what this person can do about it. Pure: from the server's `control` to words and actions. */
+
+/** How the holder is called on this page. */
+function holder(control) {
+  return control.holder ?? "Somebody";
+}
+
+/**
+ * @param {object} control the server's newest `control`
+ * @param {number | null} resumableS seconds until a vanished holder loses control
+ * @returns {{headline: string, reason: string, actions: string[]}}
+ *   actions: take, take_over, renew, release, ask, ask_cancel; the first is the most likely one
+ */
+export function offers(control, resumableS = null) {
+  const reason = control.refusal?.text ?? "";
+  const force = control.may_take_over ? ["take_over"] : [];
+  const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
+  switch (control.state) {
+    case "free":
+      return { headline: "Nobody has control", reason, actions: reason ? [] : ["take"] };
+    case "yours":
+      return { headline: "You have control", reason: "", actions: ["renew", "release"] };
+    case "elsewhere":
+      return { headline: "You have control in another tab", reason, actions: force };
+    case "away": {
+      const wait =
+        resumableS === null ? "" : ` Free in ${Math.ceil(resumableS)} s unless it returns.`;
+      return {
+        headline: `${holder(control)} has control`,
+        reason: `Their page is gone.${wait}`,
+        actions: force,
+      };
+    }
+    default:
+      return {
+        headline: `${holder(control)} has control`,
+        reason: question === "ask_cancel" ? "You asked for it." : "",
+        actions: [question, ...force],
+      };
+  }
+}
+
+/** The speed shares offered: steps of a fifth, as far as the robot's own limit allows. */
+export function sharesUpTo(maxShare) {
+  const steps = [0.2, 0.4, 0.6, 0.8, 1].filter((share) => share < maxShare - 1e-6);
+  return [...steps, maxShare];
+}
+
+/** The share to begin with: the largest offered that is not above the robot's default. */
+export function firstShare(shares, defaultShare) {
+  return shares.findLast((share) => share <= defaultShare + 1e-6) ?? shares[0];
+}

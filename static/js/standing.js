@@ -1,0 +1,87 @@
+/** What stands between a person and a moving robot, worst first: one banner, in words. Pure. */
+
+const STALE_MS = 1000;
+
+export function isStale(sinceViewMs) {
+  return sinceViewMs > STALE_MS;
+}
+
+/** What the bridge reports of the standstill, in words. */
+export function standstillText(stop) {
+  if (stop.state === "stopping") return "Zero is being sent; standstill is not confirmed yet.";
+  if (stop.standstill_ms === null || stop.standstill_ms === undefined) return "";
+  return `Standstill confirmed after ${Math.round(stop.standstill_ms)} ms.`;
+}
+
+function stopBanner(stop) {
+  const by = stop.by ? ` by ${stop.by}` : "";
+  return {
+    level: "stop",
+    title: stop.state === "stopping" ? `Stopping, pressed${by}` : `Stopped${by}`,
+    text: [stop.reason, standstillText(stop)].filter(Boolean).join(" "),
+    clear: true,
+  };
+}
+
+/**
+ * @param {object} now
+ * @param {boolean} now.connected the page has its socket
+ * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
+ * @param {object | null} now.state the robot's newest `State`
+ * @param {number} now.sinceViewMs age of that state
+ * @param {boolean} now.drives this page has control
+ * @param {boolean} now.waitsForNeutral the page itself ignores an input that is still deflected
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, info
+ */
+export function banner({ connected, gone, state, sinceViewMs, drives, waitsForNeutral }) {
+  if (!connected) {
+    return {
+      level: "fault",
+      title: "No connection",
+      text: "Connecting again. Without it the robot stands still.",
+    };
+  }
+  if (gone) return { level: "fault", title: "No link to the robot", text: gone.text };
+  if (!state) return { level: "info", title: "Looking for the robot", text: "" };
+  if (isStale(sinceViewMs)) {
+    const seconds = (sinceViewMs / 1000).toFixed(0);
+    return { level: "warning", title: `No news for ${seconds} s`, text: "The picture is old." };
+  }
+  if (state.stop.state !== "clear") return stopBanner(state.stop);
+  if (state.phase !== "online")
+    return { level: "warning", title: phaseTitle(state.phase), text: state.text };
+  if (drives && (state.neutral_needed || waitsForNeutral)) {
+    return {
+      level: "info",
+      title: "Let the stick return to the middle",
+      text: because(state.neutral_needed),
+    };
+  }
+  return null;
+}
+
+export function phaseTitle(phase) {
+  const titles = {
+    waiting: "Waiting for the robot",
+    connecting: "The robot is starting",
+    refused: "The robot was refused",
+    online: "Online",
+  };
+  return titles[phase] ?? phase;
+}
+
+function because(reason) {
+  if (!reason) return "";
+  return `${reason.charAt(0).toUpperCase()}${reason.slice(1)}.`.replace("..", ".");
+}
+
+/** What the gate does now, in words; empty when it does nothing. */
+export function verdictText(verdict) {
+  return verdict.code === "idle" || verdict.code === "free" ? "" : verdict.text;
+}
+
+/** Whether the gate lets nothing of what is asked through. */
+export function isHeld(verdict) {
+  const zero = (twist) => twist.every((value) => value === 0);
+  return !zero(verdict.asked) && zero(verdict.allowed);
+}

@@ -1,0 +1,75 @@
+/**
+ * The stop button. It acts on the press, not on the release; it uses the socket, and the form's own address
+ * when the socket is not there or nothing is heard back in time.
+ */
+
+const ANSWER_MS = 400;
+const SAME_PRESS_MS = 1000;
+const NO_WAY = "The stop could not be sent. Use the robot's red button.";
+
+export class StopButton {
+  #form;
+  #button;
+  #send;
+  #answered;
+  #say;
+  #timer = null;
+  #pressedMs = -Infinity;
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLFormElement} form its address takes the stop when the socket cannot
+   * @param {object} ways
+   * @param {() => boolean} ways.send over the socket; false if there is none
+   * @param {() => boolean} ways.answered whether the robot's side has reported a stop since
+   * @param {(text: string) => void} ways.say what became of it, in words
+   */
+  constructor(form, { send, answered, say }) {
+    this.#form = form;
+    this.#button = form.querySelector("button");
+    this.#send = send;
+    this.#answered = answered;
+    this.#say = say;
+    const { signal } = this.#listening;
+    this.#button.addEventListener("pointerdown", () => this.press(), { signal });
+    form.addEventListener("submit", (event) => this.#submitted(event), { signal });
+  }
+
+  /** Stop, now. */
+  press() {
+    this.#pressedMs = performance.now();
+    this.#say("Stop sent");
+    clearTimeout(this.#timer);
+    if (this.#send()) {
+      this.#timer = setTimeout(() => this.#answered() || this.#post(), ANSWER_MS);
+    } else {
+      this.#post();
+    }
+  }
+
+  close() {
+    clearTimeout(this.#timer);
+    this.#listening.abort();
+  }
+
+  /** Keyboards and assistive technology press without a pointer. */
+  #submitted(event) {
+    event.preventDefault();
+    // A press with a pointer is followed by a click: one stop, not two.
+    if (performance.now() - this.#pressedMs > SAME_PRESS_MS) this.press();
+  }
+
+  async #post() {
+    try {
+      const answer = await fetch(this.#form.action, {
+        method: "POST",
+        body: new FormData(this.#form),
+        headers: { Accept: "application/json" },
+        keepalive: true,
+      });
+      this.#say(answer.ok ? "Stop sent" : NO_WAY);
+    } catch {
+      this.#say(NO_WAY);
+    }
+  }
+}

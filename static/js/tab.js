@@ -1,0 +1,48 @@
+/** This tab's own name and clock, which a reload keeps: a lease belongs to a tab, and its commands never go back in time. */
+
+const TOKEN = "tab-token";
+const ORIGIN = "tab-origin";
+const DUPLICATE_AFTER_MS = 400;
+
+/** 128 random bits as URL-safe text. */
+export function randomToken() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+function remembered(key, make) {
+  const value = sessionStorage.getItem(key) ?? make();
+  sessionStorage.setItem(key, value);
+  return value;
+}
+
+/**
+ * The tab's token. Browsers copy a tab's storage when a person duplicates the tab: the copy finds the
+ * token's lock taken and makes a token of its own.
+ */
+export async function tabToken() {
+  const token = remembered(TOKEN, randomToken);
+  if (!navigator.locks || (await holdLock(token))) return token;
+  sessionStorage.removeItem(TOKEN);
+  return tabToken();
+}
+
+/** Takes the lock of a name for as long as this page lives. @returns {Promise<boolean>} */
+function holdLock(name) {
+  const whileThisPageLives = new Promise(() => {});
+  return new Promise((resolve) => {
+    navigator.locks
+      .request(name, { signal: AbortSignal.timeout(DUPLICATE_AFTER_MS) }, () => {
+        resolve(true);
+        return whileThisPageLives;
+      })
+      .catch(() => resolve(false));
+  });
+}
+
+/** Milliseconds since this tab first opened a page here; monotonic within a page and growing over reloads. */
+export function tabClock() {
+  const origin = Number(remembered(ORIGIN, () => String(performance.timeOrigin)));
+  const offset = Math.max(performance.timeOrigin - origin, 0);
+  return () => offset + performance.now();
+}
