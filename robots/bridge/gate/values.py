@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # the web process knows profiles too, and need not carry numpy
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Velocity(NamedTuple):
