@@ -33,6 +33,8 @@ from teleop.views_out import Viewer
 
 log = logging.getLogger(__name__)
 
+LINK_WAIT_S = 1.0  # for a link that is just being made
+
 
 class RobotConsumer(MessageSocket):
     """One page of one robot: its pictures, its control, its stop.
@@ -159,17 +161,23 @@ class RobotConsumer(MessageSocket):
         me, now = self._me(), timezone.now()
         match message:
             case wire.Take():
-                await in_database(services.lease_take, **me, highest_fence=self._bridge_fence(), now=now)
+                await in_database(
+                    services.lease_take, **me, highest_fence=await self._bridge_fence(), now=now
+                )
             case wire.TakeOver(reason=reason):
                 await in_database(
-                    services.lease_take_over, **me, reason=reason, highest_fence=self._bridge_fence(), now=now
+                    services.lease_take_over,
+                    **me,
+                    reason=reason,
+                    highest_fence=await self._bridge_fence(),
+                    now=now,
                 )
             case wire.HandOver(request=request):
                 await in_database(
                     services.lease_hand_over,
                     **me,
                     request_id=request,
-                    highest_fence=self._bridge_fence(),
+                    highest_fence=await self._bridge_fence(),
                     now=now,
                 )
             case wire.Renew():
@@ -196,8 +204,10 @@ class RobotConsumer(MessageSocket):
     def _me(self) -> dict[str, Any]:
         return {"robot_id": self.robot_id, "user_id": self.user.id, "tab": self.tab}
 
-    def _bridge_fence(self) -> int:
+    async def _bridge_fence(self) -> int:
         """The highest fencing number that the bridge knows; nobody gets control of a robot out of reach."""
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self.room.link_is_up.wait(), LINK_WAIT_S)
         link = self.room.link
         if not link.up and link.refusal:
             raise LinkRefused(link.refusal)

@@ -72,6 +72,7 @@ class Room:
         self.link: BridgeLink = links.get(robot_id, entry.link)
         self.views = Views()
         self.members: dict[str, Member] = {}
+        self.link_is_up = asyncio.Event()
         self.looked_s = time.monotonic()  # when the database last answered
         self._one_look = asyncio.Lock()
         self._hints = Hints(robot_id, self.look)
@@ -198,6 +199,10 @@ class Room:
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """Pages say so."""
+        if up:
+            self.link_is_up.set()
+        else:
+            self.link_is_up.clear()
         for member in list(self.members.values()):
             member.link_changed(up, refusal)
 

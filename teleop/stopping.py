@@ -13,6 +13,7 @@ from django.utils import timezone
 from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.models import Record
+from robots.bridge.config import LinkAddress
 from robots.link import BridgeLink, LinkRefused, stop_once
 from robots.models import Robot
 from robots.selectors import link_address
@@ -26,15 +27,20 @@ log = logging.getLogger(__name__)
 
 async def press(link: BridgeLink, *, user: User, through: str) -> Stopped | Refusal:
     """Stop the robot behind `link`; returns the latch, or why the bridge did not confirm it."""
-    answer = asyncio.ensure_future(link.stop(LinkStop(by=user.display_name)))
+    answer = asyncio.ensure_future(_send(link, user.display_name))
     await asyncio.sleep(0)  # now it is on its way
     pressed = await in_database(record_press, link.robot_id, user, through)
-    try:
-        result: Stopped | Refusal = await answer
-    except LinkRefused as refused:
-        result = refused.refusal
+    result = await answer
     await in_database(record_outcome, pressed, user, result)
     return result
+
+
+async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
+    try:
+        return await link.stop(LinkStop(by=by))
+    except LinkRefused:
+        # The link may be waiting before its next attempt: a stop makes its own.
+        return await asyncio.to_thread(_send_once, link.address, by)
 
 
 async def clear(link: BridgeLink, *, user: User, tab: Tab | None) -> None:
@@ -53,15 +59,15 @@ async def clear(link: BridgeLink, *, user: User, tab: Tab | None) -> None:
 def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Stopped | Refusal]:
     """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
     with ThreadPoolExecutor(max(len(robots), 1)) as threads:
-        results = list(threads.map(lambda robot: _send_once(robot, user.display_name), robots))
+        results = list(threads.map(lambda robot: _send_once(link_address(robot), user.display_name), robots))
     for robot, result in zip(robots, results, strict=True):
         record_outcome(record_press(robot.id, user, through), user, result)
     return results
 
 
-def _send_once(robot: Robot, by: str) -> Stopped | Refusal:
+def _send_once(address: LinkAddress, by: str) -> Stopped | Refusal:
     try:
-        return stop_once(link_address(robot), by)
+        return stop_once(address, by)
     except LinkRefused as refused:
         return refused.refusal
 

@@ -136,6 +136,9 @@ class Page:
     async def say_raw(self, text: str) -> None:
         await self._socket.send_input({"type": "websocket.receive", "text": text})
 
+    async def say_bytes(self, data: bytes) -> None:
+        await self._socket.send_input({"type": "websocket.receive", "bytes": data})
+
     async def hears(self, t: str, **fields: Any) -> dict[str, Any]:
         """The next message of kind `t` with these fields; what comes before it goes to `inbox`."""
         try:

@@ -1,0 +1,135 @@
+"""What does not fit is refused with code and text, counted, never forwarded, and the connection is kept."""
+
+import json
+
+import pytest
+
+from robots import wire
+from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+FENCE = 1
+
+
+@pytest.fixture
+async def driving(open_page):
+    """The operator's page, in control under number `FENCE`."""
+    page = await open_page("operator")
+    await page.say("take")
+    assert (await page.hears("control", state="yours"))["fence"] == FENCE
+    return page
+
+
+def drive(**changes):
+    return json.dumps({"t": "drive", "fence": FENCE, "seq": 1, "sent_ms": 5.0, "x": 0.5, "w": 0.0} | changes)
+
+
+async def still_drives(page, bridge):
+    """The connection was kept, and nothing of what came before was forwarded."""
+    assert not bridge.all(wire.Drive)
+    await page.say_raw(drive(seq=99))
+    assert (await bridge.hears(wire.Drive)).seq == 99
+
+
+@pytest.mark.parametrize(
+    ("what", "code"),
+    [
+        (drive().replace("0.5", "NaN"), "not_json"),
+        (drive().replace("0.5", "Infinity"), "not_json"),
+        (drive().replace("0.5", "-Infinity"), "not_json"),
+        (drive().replace("0.5", "1e999"), "invalid"),
+        (drive(x=1.01), "invalid"),
+        (drive(w=-1.01), "invalid"),
+        (drive(x="0.5"), "invalid"),
+        (drive(x=None), "invalid"),
+        (drive(x=[0.5]), "invalid"),
+        (drive(seq=-1), "invalid"),
+        (drive(seq=1.5), "invalid"),
+        (drive(seq=2**53), "invalid"),
+        (drive(share=0), "invalid"),
+        (drive(fence=0), "invalid"),
+        (drive(t="fly"), "invalid"),
+        ('{"t":"drive"}', "invalid"),
+        ('{"x":0.5}', "invalid"),
+        ("[]", "invalid"),
+        ("", "not_json"),
+        ("go!", "not_json"),
+        ("\ud800", "not_json"),
+        (drive(padding="x" * 9000), "too_large"),
+    ],
+)
+async def test_a_message_that_does_not_fit_is_refused(driving, bridge, what, code):
+    await driving.say_raw(what)
+    await driving.refused(code)
+    await still_drives(driving, bridge)
+
+
+async def test_a_binary_frame_is_refused(driving, bridge):
+    await driving.say_bytes(b"\x00")
+    await driving.refused("not_text")
+    await still_drives(driving, bridge)
+
+
+async def test_an_old_fencing_number_is_refused(driving, bridge):
+    await driving.say_raw(drive(fence=FENCE + 1))
+    refused = await driving.refused("old_fence")
+    assert (refused["of"], refused["seq"], refused["fence"]) == ("drive", 1, FENCE + 1)
+    await still_drives(driving, bridge)
+
+
+async def test_driving_without_control_is_refused(open_page, bridge):
+    page = await open_page("second")
+    await page.say_raw(drive())
+    await page.refused("no_lease")
+    assert not bridge.all(wire.Drive)
+
+
+async def test_control_of_one_robot_does_not_drive_another(driving, open_page, bridge, other_robot):
+    other = await open_page("staff", slug=other_robot.slug)
+    await other.say_raw(drive())
+    await other.refused("no_lease")
+    assert not bridge.all(wire.Drive)
+
+
+async def test_the_first_message_is_hello(open_page):
+    page = await open_page("operator", hello=False)
+    await page.say("take")
+    await page.refused("hello_first")
+
+
+async def test_hello_is_said_once(open_page):
+    page = await open_page("operator")
+    await page.say("hello", tab="another-tab-0123456789")
+    await page.refused("hello_twice")
+
+
+async def test_only_some_refusals_are_answered_and_all_are_counted(driving, bridge):
+    for _ in range(100):
+        await driving.say_raw("go!")
+    await still_drives(driving, bridge)
+    await driving.say("ping", sent_ms=1)
+    await driving.hears("pong")
+    assert sum(message["t"] == "refused" for message in driving.inbox) < 30
+
+
+async def test_a_burst_after_a_stall_is_forwarded(driving, bridge):
+    for seq in range(250):
+        await driving.say_raw(drive(seq=seq))
+    await driving.say("ping", sent_ms=1)
+    await driving.hears("pong")
+    assert "refused" not in [message["t"] for message in driving.inbox]
+
+
+async def test_a_flood_is_refused_and_then_the_connection_is_closed(driving, bridge):
+    for seq in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
+        await driving.say_raw(drive(seq=seq))
+    assert await driving.is_closed() == CloseCode.FLOOD
+    assert "flood" in [m["refusal"]["code"] for m in driving.inbox if m["t"] == "refused"]
+    assert len(bridge.all(wire.Drive)) <= FLOOD_BURST + 200
+
+
+async def test_what_the_bridge_refuses_reaches_the_page_that_sent_it(driving, bridge):
+    refusal = wire.Refusal("too_old", "The command was 0.5 s on its way.", "dead-man")
+    bridge.say(wire.Refused("drive", refusal, seq=7, fence=FENCE))
+    assert (await driving.refused("too_old"))["seq"] == 7

@@ -1,0 +1,117 @@
+"""Rights are checked again and again: whoever loses them loses control within a second."""
+
+import time
+
+import pytest
+
+from fleet.audit.models import Record
+from robots import wire
+from robots.models import Robot, RobotRole
+from teleop.database import in_database
+from teleop.models import ControlSession, EndReason
+from teleop.socket import CloseCode
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+LONGEST_S = 1.0
+
+
+@pytest.fixture
+async def driving(open_page):
+    """The operator's page, in control."""
+    page = await open_page("operator")
+    await page.say("take")
+    await page.hears("control", state="yours")
+    return page
+
+
+async def revoked_in_time(bridge, take_away):
+    """Take the right away; control is revoked at the bridge within a second."""
+    begun_s = time.monotonic()
+    await in_database(take_away)
+    await bridge.hears(wire.Revoke)
+    assert time.monotonic() - begun_s < LONGEST_S
+    session = await in_database(ControlSession.objects.get)
+    assert session.ended_at is None or session.end_reason == EndReason.RIGHT
+
+
+async def test_without_the_role_control_ends_and_one_may_still_look(driving, bridge, operator):
+    await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).update(role="observer"))
+    await driving.hears("welcome", role="observer")
+    await driving.hears("notice", code="role_too_low")
+    told = await driving.hears("control", state="free")
+    assert told["refusal"]["code"] == "role_too_low"
+    assert (
+        await in_database(lambda: Record.objects.get(kind="control.end").parameters["why"]) == "role_too_low"
+    )
+
+
+async def test_without_any_role_the_page_is_cut_off(driving, bridge, operator):
+    await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).delete())
+    assert await driving.is_closed() == CloseCode.NOT_PERMITTED
+
+
+async def test_signing_out_elsewhere_ends_control(driving, bridge, browsers, end_session):
+    await revoked_in_time(bridge, lambda: end_session(browsers["operator"]))
+    assert await driving.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_closed_account_loses_control(driving, bridge, operator):
+    def close():
+        operator.is_active = False
+        operator.save()
+
+    await revoked_in_time(bridge, close)
+    assert await driving.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_changed_password_ends_control(driving, bridge, operator):
+    def change():
+        operator.set_password("another walk on the beach")
+        operator.save()
+
+    await revoked_in_time(bridge, change)
+
+
+async def test_disabling_the_robot_ends_control_and_says_so(driving, bridge):
+    await revoked_in_time(bridge, lambda: Robot.objects.update(enabled=False))
+    await driving.hears("notice", code="robot_disabled")
+
+
+async def test_a_smaller_largest_share_reaches_the_bridge_while_driving(driving, bridge):
+    await in_database(lambda: Robot.objects.update(max_share=0.3))
+    await bridge.hears(wire.Grant, lambda grant: grant.max_share == 0.3)
+
+
+async def test_an_observer_who_loses_the_role_is_cut_off(open_page, observer):
+    page = await open_page("observer")
+    await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
+    assert await page.is_closed() == CloseCode.NOT_PERMITTED
+
+
+async def test_an_observer_who_signs_out_is_cut_off(open_page, browsers, end_session):
+    page = await open_page("observer")
+    await in_database(end_session, browsers["observer"])
+    assert await page.is_closed() == CloseCode.SIGNED_OUT
+
+
+async def test_a_stranger_does_not_even_learn_that_the_robot_exists(open_page):
+    for slug in ("tiago-1", "no-such-robot"):
+        page = await open_page("stranger", slug=slug, hello=False)
+        assert await page.is_closed() == CloseCode.NO_SUCH_ROBOT
+
+
+async def test_an_edited_robot_is_shown_anew(open_page, robot):
+    page = await open_page("observer")
+    await in_database(lambda: Robot.objects.update(name="Rosie"))
+    assert (await page.hears("welcome"))["robot"]["name"] == "Rosie"
+
+
+async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, monkeypatch):
+    """The database is gone: the bridge's own clock ends control three seconds later."""
+    monkeypatch.setattr("teleop.grip.CONFIRMED_S", -1.0)
+    granted = len(bridge.all(wire.Grant))
+    with pytest.raises(TimeoutError):
+        import asyncio
+
+        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5)

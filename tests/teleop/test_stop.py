@@ -1,0 +1,155 @@
+"""The emergency stop: anybody who may see the robot, at once, whatever the database does."""
+
+import threading
+
+import pytest
+
+from fleet import audit
+from fleet.audit.models import Record
+from robots import wire
+from robots.models import Robot
+from teleop.database import in_database
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+def unavailable(*_args, **_kwargs):
+    raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+
+def records(kind):
+    return in_database(lambda: list(Record.objects.filter(kind=kind).order_by("id")))
+
+
+@pytest.mark.parametrize("who", ["observer", "operator", "supervisor", "staff"])
+async def test_whoever_may_see_the_robot_may_stop_it(open_page, bridge, who):
+    page = await open_page(who)
+    await page.say("stop")
+    await bridge.hears(wire.LinkStop)
+
+
+async def test_a_stop_needs_no_hello(open_page, bridge):
+    page = await open_page("observer", hello=False)
+    await page.say("stop")
+    assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
+
+
+async def test_a_stop_and_what_came_of_it_are_recorded(open_page, bridge, observer):
+    page = await open_page("observer")
+    await page.say("stop")
+    await bridge.hears(wire.LinkStop)
+    while len(await records("stop.press")) < 2:
+        pass
+    pressed, outcome = await records("stop.press")
+    assert pressed.actor_id == str(observer.id)
+    assert (outcome.of_id, outcome.outcome) == (pressed.id, "stopping")
+
+
+async def test_a_stop_does_not_wait_for_the_database(open_page, bridge, monkeypatch):
+    answered = threading.Event()
+    page = await open_page("observer")
+    monkeypatch.setattr(audit, "record", lambda *_args, **_kwargs: answered.wait(10))
+    try:
+        await page.say("stop")
+        await bridge.hears(wire.LinkStop)
+    finally:
+        answered.set()
+
+
+async def test_a_stop_works_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
+    page = await open_page("observer")
+    monkeypatch.setattr(audit, "record", unavailable)
+    await page.say("stop")
+    await bridge.hears(wire.LinkStop)
+
+
+async def test_a_stop_is_heard_in_the_middle_of_a_flood(open_page, bridge):
+    page = await open_page("observer")
+    for _ in range(700):
+        await page.say("ping", sent_ms=1)
+    await page.say("stop")
+    await bridge.hears(wire.LinkStop)
+
+
+async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, bridge):
+    page = await open_page("observer")
+    await bridge.close()
+    await page.hears("bridge_gone")
+    await page.say("stop")
+    await page.refused("bridge_down")
+
+
+# --- clear ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("who", ["supervisor", "staff"])
+async def test_supervisors_and_staff_clear_the_stop_without_control(open_page, bridge, who):
+    page = await open_page(who)
+    assert page.control["may_clear"]
+    await page.say("clear")
+    await bridge.hears(wire.LinkClear)
+
+
+async def test_the_holder_clears_the_stop(open_page, bridge):
+    page = await open_page("operator")
+    await page.say("take")
+    assert (await page.hears("control", state="yours"))["may_clear"]
+    await page.say("clear")
+    await bridge.hears(wire.LinkClear)
+    assert (await records("stop.clear"))[0].actor_name == "Olga Operator"
+
+
+@pytest.mark.parametrize("who", ["observer", "operator"])
+async def test_others_do_not_clear_it(open_page, bridge, who):
+    page = await open_page(who)
+    await page.say("clear")
+    await page.refused("may_not_clear")
+    assert not bridge.all(wire.LinkClear)
+
+
+async def test_what_cannot_be_recorded_is_not_cleared(open_page, bridge, monkeypatch):
+    page = await open_page("staff")
+    monkeypatch.setattr(audit, "record", unavailable)
+    await page.say("clear")
+    await page.refused("audit_disk_full")
+    assert not bridge.all(wire.LinkClear)
+
+
+# --- without a live connection ----------------------------------------------------------------------
+
+
+def post(browser, address):
+    return in_database(lambda: browser.post(address, headers={"accept": "application/json"}))
+
+
+async def test_the_forms_address_stops_too(browsers, robot, bridge):
+    answer = await post(browsers["observer"], f"/robots/{robot.slug}/stop/")
+    assert answer.status_code == 200
+    assert answer.json()["robots"][robot.slug]["stop"]["state"] == "stopping"
+    assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
+    assert [record.outcome for record in await records("stop.press")] == ["", "stopping"]
+
+
+async def test_stop_all_stops_what_one_may_see_and_names_what_it_did_not_reach(
+    browsers, robot, other_robot, bridge
+):
+    answer = await post(browsers["staff"], "/stop-all/")
+    assert answer.status_code == 502
+    assert answer.json()["text"] == "Not reached: TIAGo 2. Use the red button on the robot."
+    await bridge.hears(wire.LinkStop)
+
+
+async def test_stop_all_leaves_disabled_robots_out(browsers, robot, other_robot, bridge):
+    await in_database(lambda: Robot.objects.filter(pk=other_robot.pk).update(enabled=False))
+    assert (await post(browsers["staff"], "/stop-all/")).status_code == 200
+
+
+async def test_a_form_without_scripts_leads_back_to_the_page(browsers, robot, bridge):
+    answer = await in_database(lambda: browsers["observer"].post(f"/robots/{robot.slug}/stop/"))
+    assert answer.status_code == 302
+    assert answer["location"] == f"/robots/{robot.slug}/"
+
+
+async def test_a_stranger_stops_nothing(browsers, robot, bridge):
+    assert (await post(browsers["stranger"], f"/robots/{robot.slug}/stop/")).status_code == 404
+    assert not bridge.all(wire.LinkStop)
