@@ -1,0 +1,123 @@
+import { describe, expect, it } from "vitest";
+import { firstShare, offers, sharesUpTo } from "../../static/js/offers.js";
+import { banner, isHeld, verdictText } from "../../static/js/standing.js";
+
+const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
+const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };
+const WELL = {
+  connected: true,
+  gone: null,
+  state: ONLINE,
+  sinceViewMs: 50,
+  drives: true,
+  waitsForNeutral: false,
+};
+const CONTROL = { state: "free", holder: null, asking: null, may_take_over: false, refusal: null };
+
+describe("the banner", () => {
+  it("is not there when all is well", () => {
+    expect(banner(WELL)).toBeNull();
+  });
+
+  it("names the worst thing only", () => {
+    const stopped = {
+      ...ONLINE,
+      stop: { ...CLEAR, state: "stopped", by: "Bo", standstill_ms: 411.6 },
+    };
+    expect(banner({ ...WELL, connected: false, state: stopped }).title).toBe("No connection");
+    expect(banner({ ...WELL, gone: { text: "The bridge is not running." } }).text).toBe(
+      "The bridge is not running.",
+    );
+    expect(banner({ ...WELL, state: stopped, waitsForNeutral: true })).toMatchObject({
+      level: "stop",
+      title: "Stopped by Bo",
+      text: "Standstill confirmed after 412 ms.",
+    });
+  });
+
+  it("says that a picture is old after a second without news", () => {
+    expect(banner({ ...WELL, sinceViewMs: 900 })).toBeNull();
+    expect(banner({ ...WELL, sinceViewMs: 2400 }).title).toBe("No news for 2 s");
+  });
+
+  it("does not call a stop confirmed before the robot says so", () => {
+    const stopping = { ...ONLINE, stop: { ...CLEAR, state: "stopping", by: "Bo" } };
+    expect(banner({ ...WELL, state: stopping }).text).toContain("not confirmed yet");
+  });
+
+  it("passes on why the robot is not there", () => {
+    const state = { ...ONLINE, phase: "waiting", text: "No ROS master at http://tiago-3:11311." };
+    expect(banner({ ...WELL, state })).toMatchObject({
+      title: "Waiting for the robot",
+      text: state.text,
+    });
+  });
+
+  it("asks for a neutral stick, with the reason, but only of the one who drives", () => {
+    const state = { ...ONLINE, neutral_needed: "you have just taken control" };
+    expect(banner({ ...WELL, state })).toMatchObject({
+      title: "Let the stick return to the middle",
+      text: "You have just taken control.",
+    });
+    expect(banner({ ...WELL, state, drives: false })).toBeNull();
+    expect(banner({ ...WELL, waitsForNeutral: true })).not.toBeNull();
+  });
+});
+
+describe("the verdict in words", () => {
+  it("is silent when the gate does nothing", () => {
+    expect(verdictText({ code: "free", text: "free" })).toBe("");
+    expect(verdictText({ code: "idle", text: "" })).toBe("");
+  });
+
+  it("is the gate's own line otherwise", () => {
+    expect(
+      verdictText({ code: "obstacle", text: "slowed to 0.2 m/s: laser, 0.6 m ahead left" }),
+    ).toContain("ahead left");
+  });
+
+  it("tells a full hold from a slowed robot and from one that is asked nothing", () => {
+    expect(isHeld({ asked: [0.4, 0, 0], allowed: [0, 0, 0] })).toBe(true);
+    expect(isHeld({ asked: [0.4, 0, 0], allowed: [0.1, 0, 0] })).toBe(false);
+    expect(isHeld({ asked: [0, 0, 0], allowed: [0, 0, 0] })).toBe(false);
+  });
+});
+
+describe("what is offered", () => {
+  it("is control when it is free, and the reason when it may not be taken", () => {
+    expect(offers(CONTROL).actions).toEqual(["take"]);
+    const refused = offers({ ...CONTROL, refusal: { text: "Observers may not drive." } });
+    expect(refused).toMatchObject({ actions: [], reason: "Observers may not drive." });
+  });
+
+  it("is asking the holder, or withdrawing the question", () => {
+    const other = { ...CONTROL, state: "other", holder: "Bo" };
+    expect(offers(other)).toMatchObject({ headline: "Bo has control", actions: ["ask"] });
+    expect(offers({ ...other, asking: 0 }).actions).toEqual(["ask_cancel"]);
+    expect(offers({ ...other, may_take_over: true }).actions).toEqual(["ask", "take_over"]);
+  });
+
+  it("is to keep it or to give it back when it is yours", () => {
+    expect(offers({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
+  });
+
+  it("counts the seconds until a vanished holder loses it", () => {
+    expect(offers({ ...CONTROL, state: "away", holder: "Bo" }, 6.2).reason).toContain(
+      "Free in 7 s",
+    );
+  });
+});
+
+describe("the speeds offered", () => {
+  it("go in fifths up to the robot's own limit", () => {
+    expect(sharesUpTo(1)).toEqual([0.2, 0.4, 0.6, 0.8, 1]);
+    expect(sharesUpTo(0.5)).toEqual([0.2, 0.4, 0.5]);
+    expect(sharesUpTo(0.1)).toEqual([0.1]);
+  });
+
+  it("begin with the largest that is not above the robot's default", () => {
+    expect(firstShare([0.2, 0.4, 0.6], 0.5)).toBe(0.4);
+    expect(firstShare([0.2, 0.4, 0.6], 0.4)).toBe(0.4);
+    expect(firstShare([0.2, 0.4], 0.1)).toBe(0.2);
+  });
+});
