@@ -34,14 +34,13 @@ class Connection:
     def __init__(self, cable: Cable) -> None:
         self._cable = cable
         self.writers: list[asyncio.StreamWriter] = []
-        self.opening = b""  # the first bytes that came: they tell who it is
 
     async def carry(self, ends: list[tuple[asyncio.StreamReader, asyncio.StreamWriter]]) -> None:
         """Until one side closes."""
         (here_reads, here_writes), (there_reads, there_writes) = ends
         self.writers = [here_writes, there_writes]
         pumps = [
-            asyncio.create_task(self._pump(here_reads, there_writes, first=True)),
+            asyncio.create_task(self._pump(here_reads, there_writes)),
             asyncio.create_task(self._pump(there_reads, here_writes)),
         ]
         try:
@@ -56,17 +55,13 @@ class Connection:
         for writer in self.writers:
             writer.transport.abort()
 
-    async def _pump(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, first: bool = False
-    ) -> None:
+    async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         on_its_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(QUEUED_SEGMENTS)
         delivering = asyncio.create_task(self._deliver(on_its_way, writer))
         free_s = arrives_s = 0.0
         try:
             with suppress(ConnectionError):
                 while segment := await reader.read(SEGMENT_BYTES):
-                    if first and not self.opening:
-                        self.opening = segment
                     free_s = max(free_s, time.monotonic()) + self._cable.transmission_s(len(segment))
                     arrives_s = max(arrives_s, free_s + self._cable.way_s())  # in order, as TCP delivers
                     await on_its_way.put((arrives_s, segment))
@@ -80,8 +75,7 @@ class Connection:
             while True:
                 arrives_s, segment = await segments.get()
                 await asyncio.sleep(max(0.0, arrives_s - time.monotonic()))
-                while self._cable.holds_up(self):
-                    await self._cable.thawed.wait()
+                await self._cable.thawed.wait()
                 writer.write(segment)
                 await writer.drain()
 
@@ -98,7 +92,6 @@ class Cable:
         self.connections: set[Connection] = set()
         self.thawed = asyncio.Event()
         self.thawed.set()
-        self.spare = b"\0 nobody"  # connections that begin with this are not held up
         self._random = random.Random(seed)  # noqa: S311 - which segments are lost
 
     async def __aenter__(self) -> Cable:
@@ -134,10 +127,6 @@ class Cable:
     def thaw(self) -> None:
         """What is on its way arrives, all at once."""
         self.thawed.set()
-
-    def holds_up(self, connection: Connection) -> bool:
-        """Whether this connection is frozen now."""
-        return not self.thawed.is_set() and self.spare not in connection.opening
 
     def transmission_s(self, count: int) -> float:
         """How long so many bytes occupy the line."""

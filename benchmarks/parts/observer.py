@@ -47,6 +47,7 @@ class Observer:
     async def __aenter__(self) -> Observer:
         self._process = await asyncio.create_subprocess_exec(
             *("/usr/bin/setpriv", "--pdeathsig", "TERM"),
+            *self._robot.plan.inside,
             *(SYSTEM_PYTHON, str(ROS_SIDE), "observe", *self._also),
             env=self._robot.environment,
             stdin=subprocess.PIPE,

@@ -51,7 +51,8 @@ class StartError(RuntimeError):
 class PracticeRobot:
     """A simulated robot: its name in the registry and where it stands (metres, degrees).
 
-    The addresses are what robot and console call themselves to each other.
+    The addresses are what robot and console call themselves to each other; `inside` is a command that runs its
+    words in the robot's own network, if it has one.
     """
 
     slug: str
@@ -59,6 +60,7 @@ class PracticeRobot:
     pose: tuple[float, float, float]
     address: str = "127.0.0.1"
     console_address: str = "127.0.0.1"
+    inside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class SimulatedRobot:
 
     @property
     def master_uri(self) -> str:
-        return f"http://127.0.0.1:{self.port.number}"
+        return f"http://{self.plan.address}:{self.port.number}"
 
     @property
     def environment(self) -> dict[str, str]:
@@ -114,7 +116,7 @@ class SimulatedRobot:
     def start_master(self) -> Child:
         self.master = self._stack.start_child(
             f"{self.plan.slug}-master",
-            ["/usr/bin/rosmaster", "--core", "-p", str(self.port.number)],
+            [*self.plan.inside, "/usr/bin/rosmaster", "--core", "-p", str(self.port.number)],
             self.environment,
         )
         return self.master
@@ -124,6 +126,7 @@ class SimulatedRobot:
         self.simulator = self._stack.start_child(
             f"{self.plan.slug}-simulator",
             [
+                *self.plan.inside,
                 *(sys.executable, "-m", "robots.simulator", "--world", "office", "--name", self.plan.slug),
                 *(f"--pose={pose}", "--seed", str(self.plan.slug.encode()[-1])),
             ],
