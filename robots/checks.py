@@ -48,13 +48,23 @@ def run_checks(robot: Robot) -> list[Check]:
     except NoWrapper as error:
         return [Check("host aliases", FAIL, str(error), "Install it on the console's computer.")]
     try:
-        return list(judge(config, _probe(config, environment)))
+        return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
     except subprocess.TimeoutExpired:
         return [
             Check("probe", FAIL, f"No answer within {PROBE_TIMEOUT_S:g} s.", "Is the network overloaded?")
         ]
     except (subprocess.CalledProcessError, msgspec.DecodeError) as error:
         return [Check("probe", FAIL, f"The probe failed: {error}", "See the console's log.")]
+
+
+def _elsewhere(robot: Robot) -> Iterator[Check]:
+    if robot.bridge_address:
+        yield Check(
+            "asked from here",
+            WARN,
+            f"This computer asked, but the robot's bridge runs at {robot.bridge_address}.",
+            f"What counts is the answer of manage.py check_robot {robot.slug} on that computer.",
+        )
 
 
 def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:

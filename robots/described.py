@@ -309,12 +309,12 @@ def check_aliases(aliases: object) -> None:
 
 
 def is_address(host: str) -> bool:
-    """Whether `host` is an IP address."""
+    """Whether `host` is an IP address; one with an IPv6 zone is not, for a zone may hold anything."""
     try:
         ipaddress.ip_address(host)
     except ValueError:
         return False
-    return True
+    return "%" not in host
 
 
 def is_host(host: str) -> bool:

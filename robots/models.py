@@ -136,7 +136,7 @@ class RobotProfile(models.Model):
         "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} "
         "unless you have measured.",
     )
-    shipped_digest = models.CharField(max_length=64, blank=True, editable=False)
+    shipped = models.JSONField(default=dict, editable=False)  # as last taken from a data file
     updated_at = models.DateTimeField(auto_now=True)
 
     class Meta:

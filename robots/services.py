@@ -15,7 +15,7 @@ from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
-NOT_ENTERED = {"id", "fence", "updated_at", "shipped_digest"}  # columns that people do not fill in
+NOT_ENTERED = {"id", "fence", "updated_at", "shipped"}  # columns that people do not fill in
 
 
 @transaction.atomic
@@ -57,7 +57,7 @@ def profile_take_shipped(*, profile: RobotProfile, actor: User | None) -> bool:
         return False
     shipped.fill(profile, file)
     profile_save(profile=profile, actor=actor)
-    profile.save(update_fields=["shipped_digest"])
+    profile.save(update_fields=["shipped"])
     return True
 
 

@@ -6,9 +6,8 @@ that was edited here is left alone; the admin says that the shipped one differs 
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -68,26 +67,20 @@ def load_profiles(*, using: str = "default", directory: Path = DIRECTORY) -> Non
     """Bring the database up to the files, without touching what was edited here."""
     for file in profile_files(directory):
         profile = RobotProfile.objects.using(using).filter(slug=file.slug).first()
-        if profile is None:
-            profile = RobotProfile(slug=file.slug)
-        elif is_edited(profile, file):
-            if differs(profile, file):
-                log.warning(
-                    "Profile %s was edited here; the shipped one differs and was not taken.", file.slug
-                )
-            continue
-        elif not differs(profile, file):
-            continue
-        fill(profile, file)
-        profile.full_clean(validate_unique=False)
-        profile.save(using=using)
+        if profile is not None and is_edited(profile) and differs(profile, file):
+            log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
+        elif profile is None or profile.shipped != file.columns():
+            profile = profile or RobotProfile(slug=file.slug)
+            fill(profile, file)
+            profile.full_clean(validate_unique=False)
+            profile.save(using=using)
 
 
 def fill(profile: RobotProfile, file: ProfileFile) -> None:
     """Make `profile`, not saved yet, what `file` says."""
     for name, value in file.columns().items():
         setattr(profile, name, value)
-    profile.shipped_digest = _digest(file.columns())
+    profile.shipped = file.columns()
 
 
 def file_of(profile: RobotProfile) -> ProfileFile | None:
@@ -95,19 +88,16 @@ def file_of(profile: RobotProfile) -> ProfileFile | None:
     return next((file for file in profile_files() if file.slug == profile.slug), None)
 
 
-def is_edited(profile: RobotProfile, file: ProfileFile) -> bool:
+def is_edited(profile: RobotProfile) -> bool:
     """Whether somebody changed the profile since it was last taken from a file."""
-    return profile.shipped_digest != _digest(_columns_now(profile, file))
+    return not profile.shipped or profile.shipped != _now(profile, profile.shipped)
 
 
 def differs(profile: RobotProfile, file: ProfileFile) -> bool:
     """Whether profile and file say different things."""
-    return _columns_now(profile, file) != file.columns()
+    columns = file.columns()
+    return _now(profile, columns) != columns
 
 
-def _columns_now(profile: RobotProfile, file: ProfileFile) -> dict[str, Any]:
-    return {name: getattr(profile, name) for name in file.columns()}
-
-
-def _digest(columns: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(columns, sort_keys=True).encode()).hexdigest()
+def _now(profile: RobotProfile, columns: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(profile, name) for name in columns}

@@ -110,6 +110,7 @@ class Keeper:
             self._fell(State.BACKING_OFF, f"cannot be started: {error.strerror}", now_s)
             return
         self._running, self._since_s, self._steady, self._ending_s = program, now_s, False, None
+        log.info("%s starts as process %s", self._name, self._process.pid)
         self._report(State.STARTING, "", self._process.pid)
 
     def _watch(self, process: subprocess.Popen[bytes], now_s: float) -> None:
@@ -136,7 +137,9 @@ class Keeper:
     def _ended(self, process: subprocess.Popen[bytes], code: int, now_s: float) -> None:
         _let_go(process)
         self._process = self._running = None
-        if self._ending_s is None:
+        if self._ending_s is not None:
+            log.info("%s ended as it was asked to", self._name)
+        else:
             state = State.REFUSED if code == ALREADY_RUNNING else State.BACKING_OFF
             self._fell(state, _in_words(code), now_s)
 

@@ -170,6 +170,14 @@ def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:
     assert (only.name, only.level) == ("probe", "fail")
 
 
+def test_a_bridge_on_another_computer_asks_for_the_check_there(robot: Robot, well: Findings) -> None:
+    robot.bridge_address = "wss://bridges.lab:7443"
+    with mock.patch("robots.checks._probe", autospec=True, return_value=well):
+        first, *others = run_checks(robot)
+    assert (first.level, {check.level for check in others}) == ("warn", {"ok"})
+    assert "wss://bridges.lab:7443" in first.text
+
+
 class TestPage:
     """/robots/<slug>/check/"""
 

@@ -71,6 +71,8 @@ def test_an_advertised_address_is_an_address_or_a_name(robot: Robot, address: st
         (["tiago-42c"], "object of names and addresses"),
         ({"tiago-42c": "tiago"}, "tiago-42c: 'tiago' is not an IP address"),
         ({"tiago-42c": 5}, "tiago-42c: 5 is not an IP address"),
+        ({"tiago-42c": "fe80::1%a\n10.0.0.1 b"}, "is not an IP address"),
+        ({"tiago-42c\n": "10.68.0.1"}, "is not a host name"),
         ({"10.68.0.1": "10.68.0.1"}, "'10.68.0.1' is not a host name"),
         ({"tiago 42c": "10.68.0.1"}, "'tiago 42c' is not a host name"),
     ],

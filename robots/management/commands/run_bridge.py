@@ -12,6 +12,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
 from robots.bridge.process import run
+from robots.described import Problems
 from robots.models import Robot
 from robots.records import AuditSink
 from robots.selectors import bridge_config
@@ -32,6 +33,9 @@ class Command(BaseCommand):
         robot = Robot.objects.select_related("profile").filter(slug=options["slug"]).first()
         if robot is None:
             raise CommandError(f"There is no robot {options['slug']!r}.")
-        config = bridge_config(robot)
+        try:
+            config = bridge_config(robot)
+        except Problems as problems:
+            raise CommandError(f"The entry of {robot.slug} is wrong: {problems}") from problems
         connections.close_all()  # records are written from a thread with a connection of its own
         sys.exit(run(config, AuditSink(robot.id, robot.name)))

@@ -52,9 +52,13 @@ class Command(BaseCommand):
 
     def handle(self, *args: Any, **options: Any) -> None:
         """Until a signal comes."""
+        only = frozenset(options["slugs"])
+        unknown = only - set(Robot.objects.values_list("slug", flat=True))
+        if unknown:
+            raise CommandError(f"There is no robot {', '.join(sorted(unknown))}.")
         stopping = Stopping()
         with only_instance(settings.FLEET_RUN_DIR / "fleet.lock"):
-            fleet = Fleet(frozenset(options["slugs"]))
+            fleet = Fleet(only)
             try:
                 while not stopping:
                     fleet.step(time.monotonic())
@@ -128,8 +132,9 @@ class Fleet:
             if all(keeper.idle for keeper in keepers):
                 break
             time.sleep(STEP_S)
-        for robot_id in self._keepers:
-            self._tell(robot_id, State.STOPPED, "", None)
+        for robot_id, (state, _, _) in list(self._told.items()):
+            if state != State.DISABLED:
+                self._tell(robot_id, State.STOPPED, "", None)
         self._save()
 
     # --- the registry ------------------------------------------------------------------------------
