@@ -10,7 +10,7 @@ from robots.simulator.body import BODIES
 from robots.simulator.odometry import Drift
 from robots.simulator.physics import Pose
 from robots.simulator.robot import Robot
-from robots.simulator.worlds import load_world
+from robots.simulator.worlds import World, load_world
 
 
 def pose(text: str) -> Pose:
@@ -22,10 +22,20 @@ def pose(text: str) -> Pose:
     return Pose(x, y, math.radians(degrees))
 
 
+def world(name: str) -> World:
+    """A world by its name or path."""
+    try:
+        return load_world(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def arguments() -> argparse.Namespace:
     """What was asked on the command line."""
     parser = argparse.ArgumentParser(prog="python -m robots.simulator", description=__doc__)
-    parser.add_argument("--world", default="office", help="name of a world, or path of a .yaml file")
+    parser.add_argument(
+        "--world", type=world, default="office", help="name of a world, or path of a .yaml file"
+    )
     parser.add_argument("--pose", type=pose, help="start: X,Y,YAW in metres and degrees")
     parser.add_argument("--name", default="tiago-1", help="of the robot; names the ROS node")
     parser.add_argument("--seed", type=int, default=0, help="of every random number")
@@ -42,10 +52,9 @@ def main() -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s")
     for chatty in ("rospy", "xmlrpc", "OpenGL"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
-    world = load_world(asked.world)
-    x, y, degrees = world.starts[0] if world.starts else (0.0, 0.0, 0.0)
+    x, y, degrees = asked.world.starts[0] if asked.world.starts else (0.0, 0.0, 0.0)
     start = asked.pose or Pose(x, y, math.radians(degrees))
-    robot = Robot(world, BODIES[asked.base], start, asked.seed, Drift().times(asked.drift))
+    robot = Robot(asked.world, BODIES[asked.base], start, asked.seed, Drift().times(asked.drift))
 
     # Imported here, so that --help and a wrong world need no ROS.
     from robots.simulator.ros.process import run

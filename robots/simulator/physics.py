@@ -112,7 +112,9 @@ class Physics:
         self._mass = body.mass_kg
         self._inertia = float(self.model.body("robot").inertia[2])
         self._mocaps = {person.name: int(self.model.body(person.name).mocapid[0]) for person in world.people}
-        self._parts = np.flatnonzero(self.model.geom_group == ROBOT_GROUP)
+        is_part = self.model.geom_group == ROBOT_GROUP
+        self._parts = np.flatnonzero(is_part).tolist()
+        self._others = np.flatnonzero(~is_part & (self.model.geom_contype != 0)).tolist()
         self.data.qpos[:3] = start
         mujoco.mj_forward(self.model, self.data)
 
@@ -168,12 +170,11 @@ class Physics:
 
     def clearance_m(self, reach_m: float = 3.0) -> float:
         """The gap between the robot's hull and the nearest thing; at most `reach_m`; negative inside."""
-        others = np.flatnonzero((self.model.geom_contype != 0) & (self.model.geom_group != ROBOT_GROUP))
         return min(
             (
-                mujoco.mj_geomDistance(self.model, self.data, int(part), int(other), reach_m, None)
+                mujoco.mj_geomDistance(self.model, self.data, part, other, reach_m, None)
                 for part in self._parts
-                for other in others
+                for other in self._others
             ),
             default=reach_m,
         )

@@ -28,17 +28,34 @@ def ros(rosmaster: Master) -> Iterator[RosClient]:
 
 
 @pytest.fixture(scope="module")
+def make_master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], Master]]:
+    """Start more masters, one per robot, or to be killed; ended after the module."""
+    started: list[Master] = []
+
+    def make() -> Master:
+        started.append(Master(tmp_path_factory.mktemp("master")).start())
+        return started[-1]
+
+    yield make
+    for master in started:
+        master.stop()
+
+
+@pytest.fixture(scope="module")
 def simulator(
     rosmaster: Master, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Callable[..., SimulatorProcess]]:
-    """Start simulated robots: ``simulator(world="office", pose="2,2,0", seed=1)``; ended after the module."""
+    """Start simulated robots: ``simulator(pose="2,2,0", seed=1)``; ended after the module.
+
+    Two robots need two masters (``simulator(master=make_master())``): their topics have the same names.
+    """
     started: list[SimulatorProcess] = []
     folder = tmp_path_factory.mktemp("simulator")
     numbers = itertools.count(1)
 
-    def start(**options: Any) -> SimulatorProcess:
+    def start(master: Master = rosmaster, **options: Any) -> SimulatorProcess:
         name = options.pop("name", f"tiago-{next(numbers)}")
-        process = SimulatorProcess(rosmaster, folder / f"{name}.log", name, **options)
+        process = SimulatorProcess(master, folder / f"{name}.log", name, **options)
         started.append(process)
         return process.wait_ready()
 

@@ -28,6 +28,7 @@ import rospy
 REPOSITORY = Path(__file__).resolve().parents[2]
 ROSMASTER = "/usr/bin/rosmaster"
 PATIENCE_S = 20.0
+LAST_TOPIC = "/scan"  # what a simulator advertises last, whatever its base
 
 
 def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
@@ -144,10 +145,7 @@ class SimulatorProcess:
                 f"the simulator ended with {self.process.returncode}:\n{self.log.read_text()}"
             )
         published, _, _ = rosgraph.Master("/test", self._master.uri).getSystemState()
-        return any(topic == READY_TOPIC and self.node in nodes for topic, nodes in published)
-
-
-READY_TOPIC = "/scan_raw"  # the last that a simulator advertises
+        return any(topic == LAST_TOPIC and self.node in nodes for topic, nodes in published)
 
 
 class Inbox:
@@ -157,6 +155,12 @@ class Inbox:
         self.topic = topic
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._subscriber = rospy.Subscriber(topic, kind, self._queue.put, tcp_nodelay=True)
+
+    @property
+    def publishers(self) -> int:
+        """How many nodes it is connected to."""
+        count: int = self._subscriber.get_num_connections()
+        return count
 
     def next(self, timeout_s: float = PATIENCE_S) -> Any:
         """The next message; waits for it."""
@@ -174,6 +178,12 @@ class Inbox:
             if condition(last):
                 return last
         raise AssertionError(f"no such message on {self.topic} within {timeout_s} s; the last was\n{last}")
+
+    def settle(self) -> None:
+        """Wait for a message that was sent after this call: the one under way may be older."""
+        self.drain()
+        self.next()
+        self.next()
 
     def drain(self) -> list[Any]:
         """What has arrived and was not taken yet."""
@@ -215,6 +225,10 @@ class RosClient:
             yield publisher
         finally:
             publisher.unregister()
+
+    def connected(self, *inboxes: Inbox) -> None:
+        """Wait until each hears somebody: what is published before is lost."""
+        until(lambda: all(inbox.publishers for inbox in inboxes), "publishers of what is listened to")
 
     def close(self) -> None:
         """Leave the master."""
