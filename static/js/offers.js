@@ -21,14 +21,14 @@ export function offers(control, resumableS = null) {
     case "yours":
       return { headline: "You have control", reason: "", actions: ["renew", "release"] };
     case "elsewhere":
-      return { headline: "You have control in another tab", reason, actions: force };
+      return { headline: "You have control in another tab", reason, actions: reason ? [] : ["take"] };
     case "away": {
       const wait =
         resumableS === null ? "" : ` Free in ${Math.ceil(resumableS)} s unless it returns.`;
       return {
         headline: `${holder(control)} has control`,
         reason: `Their page is gone.${wait}`,
-        actions: force,
+        actions: reason ? force : ["take"], // one's own vanished page needs no force
       };
     }
     default:
