@@ -45,6 +45,14 @@ outlines = st.sampled_from(
 )
 
 
+def disc_times(points, twist, radius):
+    return arc.disc_contact_times(points, twist, np.full(len(points), radius))
+
+
+def polygon_times(points, twist, edges, growth):
+    return arc.polygon_contact_times(points, twist, edges, np.full(len(points), growth))
+
+
 def path_in_base_frame(point, twist):
     """Where a standing point is in the base frame of a robot that follows `twist`, step by step (S, 2)."""
     time = np.arange(0.0, SPAN_S, STEP_S)
@@ -76,7 +84,7 @@ def test_disc_contact_is_when_brute_force_says(twist, point):
     assume(math.hypot(*point) > RADIUS + 1e-6)
     time, path = path_in_base_frame(point, twist)
     gaps = np.hypot(*path.T) - RADIUS
-    contact = float(arc.disc_contact_times(point[None], twist, RADIUS)[0])
+    contact = float(disc_times(point[None], twist, RADIUS)[0])
     check_against(gaps, time, contact, tolerance_m=0.008)
 
 
@@ -87,7 +95,7 @@ def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth)
     assume(edges.gaps(point[None])[0] > growth + 1e-6)
     time, path = path_in_base_frame(point, twist)
     gaps = edges.gaps(path) - growth
-    contact = float(arc.polygon_contact_times(point[None], twist, edges, growth)[0])
+    contact = float(polygon_times(point[None], twist, edges, growth)[0])
     check_against(gaps, time, contact, tolerance_m=0.012)
 
 
@@ -97,8 +105,8 @@ def test_many_points_at_once_give_what_each_gives_alone(twist, several, outline)
     edges = arc.Edges(outline)
     together = np.array(several)
     for contact in (
-        lambda some: arc.disc_contact_times(some, twist, RADIUS),
-        lambda some: arc.polygon_contact_times(some, twist, edges, 0.02),
+        lambda some: disc_times(some, twist, RADIUS),
+        lambda some: polygon_times(some, twist, edges, 0.02),
     ):
         alone = [contact(point[None])[0] for point in several]
         np.testing.assert_allclose(contact(together), alone)
@@ -106,23 +114,23 @@ def test_many_points_at_once_give_what_each_gives_alone(twist, several, outline)
 
 def test_a_disc_that_turns_on_the_spot_touches_nothing():
     near = np.array([[0.3001, 0.0], [0.0, -0.3001], [5.0, 5.0]])
-    assert np.isinf(arc.disc_contact_times(near, Velocity(0.0, 0.0, 2.0), RADIUS)).all()
+    assert np.isinf(disc_times(near, Velocity(0.0, 0.0, 2.0), RADIUS)).all()
 
 
 @pytest.mark.parametrize("w", [0.0, 0.4, -0.4])
 def test_a_point_inside_is_touched_now_when_approached_and_later_when_left(w):
     inside, deep = np.array([[0.2, 0.0]]), np.array([[0.35, 0.0]])
     edges = arc.Edges(((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25)))
-    assert arc.disc_contact_times(inside, Velocity(0.5, 0.0, w), RADIUS)[0] == 0.0
-    assert arc.polygon_contact_times(deep, Velocity(0.5, 0.0, w), edges, 0.0)[0] == 0.0
-    assert arc.disc_contact_times(inside, Velocity(-0.5, 0.0, w), RADIUS)[0] > 5.0
-    assert arc.polygon_contact_times(deep, Velocity(-0.5, 0.0, w), edges, 0.0)[0] > 5.0
+    assert disc_times(inside, Velocity(0.5, 0.0, w), RADIUS)[0] == 0.0
+    assert polygon_times(deep, Velocity(0.5, 0.0, w), edges, 0.0)[0] == 0.0
+    assert disc_times(inside, Velocity(-0.5, 0.0, w), RADIUS)[0] > 5.0
+    assert polygon_times(deep, Velocity(-0.5, 0.0, w), edges, 0.0)[0] > 5.0
 
 
 def test_nearly_straight_and_barely_turning_agree():
     ahead = np.array([[2.0, 0.1], [1.0, -0.25], [3.0, 0.5]])
-    straight = arc.disc_contact_times(ahead, Velocity(1.0, 0.0, 0.00099), RADIUS)
-    turning = arc.disc_contact_times(ahead, Velocity(1.0, 0.0, 0.00101), RADIUS)
+    straight = disc_times(ahead, Velocity(1.0, 0.0, 0.00099), RADIUS)
+    turning = disc_times(ahead, Velocity(1.0, 0.0, 0.00101), RADIUS)
     np.testing.assert_allclose(straight, turning, atol=0.01)
 
 

@@ -37,9 +37,8 @@ def centre(twist: Velocity) -> tuple[float, float]:
     return -twist.vy / twist.w, twist.vx / twist.w
 
 
-def disc_contact_times(points: Points, twist: Velocity, radius: NDArray[np.float64] | float) -> Times:
-    """Contact times with a disc about the base origin. `radius` may differ from point to point."""
-    radius = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
+def disc_contact_times(points: Points, twist: Velocity, radius: NDArray[np.float64]) -> Times:
+    """Contact times with a disc about the base origin, whose radius is given for each point."""
     if speed(twist) == 0.0:
         return np.full(len(points), np.inf)  # a disc that turns on the spot touches nothing new
     if is_straight(twist):
@@ -124,91 +123,88 @@ class Edges:
 
         So the points with gap m are the outline grown by m.
         """
-        gaps: NDArray[np.float64] = (self.normals @ points.T - self.offsets[:, None]).max(axis=0)
+        gaps: NDArray[np.float64] = self.beyond(points).max(axis=0)
         return gaps
 
-    def holds(self, point: tuple[float, float]) -> bool:
-        """Whether the point lies inside."""
-        return bool(self.gaps(np.array([point]))[0] <= 0.0)
+    def beyond(self, points: Points) -> NDArray[np.float64]:
+        """How far each point lies beyond each edge's line, (edges, N).
+
+        Written out, since BLAS might start threads, which cost more than this.
+        """
+        x, y = points.T
+        (nx, ny), offsets = self.normals.T[..., None], self.offsets[:, None]
+        distances: NDArray[np.float64] = nx * x + ny * y - offsets
+        return distances
 
 
 def polygon_contact_times(
-    points: Points, twist: Velocity, edges: Edges, growth: NDArray[np.float64] | float
+    points: Points, twist: Velocity, edges: Edges, growth: NDArray[np.float64]
 ) -> Times:
-    """Contact times with a convex polygon grown by `growth` (which may differ from point to point)."""
-    growth = np.broadcast_to(np.asarray(growth, dtype=np.float64), len(points))
-    times = np.full(len(points), np.inf)
+    """Contact times with a convex polygon grown by `growth`, which is given for each point."""
     if not any(twist) or not len(points):
-        return times
-    enter = _enter_straight if is_straight(twist) else _enter_turning
-    for edge in range(len(edges.offsets)):
-        enter(times, points, twist, edges, edge, growth)
-    times[_going_deeper(points, twist, edges, growth)] = 0.0
+        return np.full(len(points), np.inf)
+    times = (_enter_straight if is_straight(twist) else _enter_turning)(points, twist, edges, growth)
+    beyond = edges.beyond(points)
+    inside = np.flatnonzero(beyond.max(axis=0) < growth)
+    if len(inside):
+        times[inside[_going_deeper(points[inside], twist, edges, beyond[:, inside].argmax(axis=0))]] = 0.0
     return times
 
 
-def _enter_straight(
-    times: Times, points: Points, twist: Velocity, edges: Edges, edge: int, growth: NDArray[np.float64]
-) -> None:
-    """Lower `times` to when the points come in through one edge, all moving along -v."""
-    (nx, ny), (ux, uy) = edges.normals[edge], edges.along[edge]
-    closing = nx * twist.vx + ny * twist.vy
-    if closing <= 0.0:
-        return
+def _enter_straight(points: Points, twist: Velocity, edges: Edges, growth: NDArray[np.float64]) -> Times:
+    """When each point, moving along -v, first comes in through an edge. Arrays over edges are (edges, N)."""
     x, y = points.T
-    entry = (nx * x + ny * y - edges.offsets[edge] - growth) / closing
+    (nx, ny), (ux, uy) = edges.normals.T[..., None], edges.along.T[..., None]
+    closing = nx * twist.vx + ny * twist.vy
+    towards = closing > 0.0
+    entry = (edges.beyond(points) - growth) / np.where(towards, closing, np.inf)
     at = ux * x + uy * y - (ux * twist.vx + uy * twist.vy) * entry
-    through = (entry >= 0.0) & _on_edge(at, edges, edge, growth)
-    np.minimum(times, entry, out=times, where=through)
+    through = towards & (entry >= 0.0) & _on_edge(at, edges, growth)
+    times: Times = np.where(through, entry, np.inf).min(axis=0)
+    return times
 
 
-def _enter_turning(
-    times: Times, points: Points, twist: Velocity, edges: Edges, edge: int, growth: NDArray[np.float64]
-) -> None:
-    """Lower `times` to when the points come in through one edge, each on its circle about C.
+def _enter_turning(points: Points, twist: Velocity, edges: Edges, growth: NDArray[np.float64]) -> Times:
+    """When each point, on its circle about C, first comes in through an edge. Arrays over edges are (edges, N).
 
-    The edge's line is `height` away from C along its normal; the circle of radius D crosses it at
+    An edge's line is `height` away from C along its normal; the circle of radius D crosses it at
     -+sqrt(D^2 - height^2) along the edge, and comes in at the minus sign when the robot turns left, at the
     plus sign when it turns right.
     """
     cx, cy = centre(twist)
-    (nx, ny), (ux, uy) = edges.normals[edge], edges.along[edge]
     turning = math.copysign(1.0, twist.w)
     x, y = points.T
     qx, qy = x - cx, y - cy
-    height = edges.offsets[edge] + growth - (nx * cx + ny * cy)
+    normals, along = edges.normals, edges.along
+    height = (edges.offsets - normals[:, 0] * cx - normals[:, 1] * cy)[:, None] + growth
     half_chord_squared = qx**2 + qy**2 - height**2
-    half_chord = np.sqrt(np.maximum(half_chord_squared, 0.0))
-    at = ux * cx + uy * cy - turning * half_chord
-    through = np.flatnonzero((half_chord_squared > 0.0) & _on_edge(at, edges, edge, growth))
-    if not len(through):
-        return
-    qx, qy = qx[through], qy[through]
-    height, sideways = height[through], -turning * half_chord[through]
-    ex, ey = nx * height + ux * sideways, ny * height + uy * sideways
+    sideways = -turning * np.sqrt(np.maximum(half_chord_squared, 0.0))
+    at = (along[:, 0] * cx + along[:, 1] * cy)[:, None] + sideways
+    edge, point = np.nonzero((half_chord_squared > 0.0) & _on_edge(at, edges, growth))
+    h, s = height[edge, point], sideways[edge, point]
+    ex = normals[edge, 0] * h + along[edge, 0] * s
+    ey = normals[edge, 1] * h + along[edge, 1] * s
+    qx, qy = qx[point], qy[point]
     angle = np.mod(-turning * np.arctan2(qx * ey - qy * ex, qx * ex + qy * ey), math.tau)
-    times[through] = np.minimum(times[through], angle / abs(twist.w))
+    times = np.full(len(points), np.inf)
+    np.minimum.at(times, point, angle / abs(twist.w))
+    return times
 
 
-def _on_edge(
-    at: NDArray[np.float64], edges: Edges, edge: int, growth: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Whether positions along one edge lie on it once it is grown."""
-    low = edges.low[edge] - growth * edges.low_stretch[edge]
-    high = edges.high[edge] + growth * edges.high_stretch[edge]
+def _on_edge(at: NDArray[np.float64], edges: Edges, growth: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether positions along the edges (edges, N) lie on them once they are grown."""
+    low = edges.low[:, None] - growth * edges.low_stretch[:, None]
+    high = edges.high[:, None] + growth * edges.high_stretch[:, None]
     within: NDArray[np.bool_] = (at >= low - 1e-9) & (at <= high + 1e-9)
     return within
 
 
 def _going_deeper(
-    points: Points, twist: Velocity, edges: Edges, growth: NDArray[np.float64]
+    points: Points, twist: Velocity, edges: Edges, nearest_edge: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Points inside the grown polygon that the motion takes farther in."""
-    beyond = edges.normals @ points.T - edges.offsets[:, None]
-    nearest_edge = beyond.argmax(axis=0)
-    inside: NDArray[np.bool_] = beyond.max(axis=0) < growth
+    """Whether the motion takes points that are inside farther in, judged by the edge that each is nearest to."""
     x, y = points.T
     nx, ny = edges.normals[nearest_edge].T
     receding = nx * (twist.w * y - twist.vx) - ny * (twist.vy + twist.w * x)
-    deeper: NDArray[np.bool_] = inside & (receding < 0.0)
+    deeper: NDArray[np.bool_] = receding < 0.0
     return deeper

@@ -19,9 +19,11 @@ class Footprint(Protocol):
     """What the gate asks of a hull. Points are (N, 2) in the base frame.
 
     `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
+    `corner_stretch`: how much farther than the margin a corner moves out when the hull is grown by it.
     """
 
     demanded_share: float
+    corner_stretch: float
 
     def reach(self, growth_m: float) -> float:
         """Radius about the base origin that holds the hull grown by `growth_m`."""
@@ -43,6 +45,7 @@ class Disc:
     """A disc about the base origin."""
 
     demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
+    corner_stretch = 1.0
 
     def __init__(self, radius_m: float) -> None:
         if not (math.isfinite(radius_m) and radius_m > 0.0):
@@ -82,6 +85,10 @@ class Polygon:
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
         self.edges = arc.Edges(outline)
+        self.corner_stretch = float(self.edges.corner_stretch.max())
+        self._corners = [(float(x), float(y)) for x, y in outline]
+        lengths = (self.edges.high - self.edges.low).tolist()
+        self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
         self._corner_distances = np.hypot(*self.edges.vertices.T)
 
     def reach(self, growth_m: float) -> float:
@@ -98,7 +105,7 @@ class Polygon:
             return arc.speed(twist)
         cx, cy = arc.centre(twist)
         x, y = points.T
-        speeds: Metres = abs(twist.w) * np.hypot(x - cx, y - cy)
+        speeds: Metres = abs(twist.w) * np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
         return np.maximum(speeds, 1e-9)
 
     def clearances(self, points: Points, twist: Velocity) -> Metres:
@@ -112,19 +119,23 @@ class Polygon:
         else:
             cx, cy = arc.centre(twist)
             low, high = self._ring(cx, cy)
-            where = np.hypot(x - cx, y - cy)
+            where = np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
         clearances: Metres = np.maximum(where - high, low - where)
         return clearances
 
     def _ring(self, cx: float, cy: float) -> tuple[float, float]:
-        """Nearest and farthest distance of the hull from (cx, cy); 0 nearest if the point is inside."""
-        edges = self.edges
-        farthest = float(np.hypot(*(edges.vertices - (cx, cy)).T).max())
-        if edges.holds((cx, cy)):
-            return 0.0, farthest
-        at = np.clip(edges.along @ (cx, cy), edges.low, edges.high)
-        nearest = edges.vertices + (at - edges.low)[:, None] * edges.along
-        return float(np.hypot(*(nearest - (cx, cy)).T).min()), farthest
+        """Nearest and farthest distance of the hull from (cx, cy); 0 nearest if the point is inside.
+
+        Plain numbers: for a handful of corners they are quicker than arrays.
+        """
+        farthest = max(math.hypot(x - cx, y - cy) for x, y in self._corners)
+        nearest, inside = math.inf, True
+        for (x, y), (ux, uy), length in self._sides:
+            dx, dy = cx - x, cy - y
+            along, beyond = ux * dx + uy * dy, uy * dx - ux * dy
+            inside = inside and beyond <= 0.0
+            nearest = min(nearest, math.hypot(beyond, along - min(max(along, 0.0), length)))
+        return 0.0 if inside else nearest, farthest
 
 
 def footprint_of(profile: GateProfile) -> Footprint:

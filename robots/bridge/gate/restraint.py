@@ -19,7 +19,7 @@ from robots.bridge.gate.values import GateProfile, Velocity
 WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less this
 STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
 TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends the arc by 2 cm in 1 m at most
-TURN_SHARES = (1.0, 0.75, 0.5, 0.25)  # tried in this order when rotation is given back
+TURN_SHARES = (1.0, 0.7, 0.4)  # tried in this order when rotation is given back
 NOTHING = 1e-6  # m/s or rad/s
 _WHOLE = 0.999
 
@@ -67,7 +67,8 @@ def restrain(
     `turn_rates` are those the base has or is about to have (rad/s): until it turns as wanted it follows
     their arcs at the wanted speed, so these must be clear too.
     """
-    arcs = (wanted, *(wanted._replace(w=w) for w in _differing(turn_rates, wanted.w)))
+    followed = (wanted._replace(w=w) for w in _differing(turn_rates, wanted.w))
+    arcs = (wanted, *(twist for twist in followed if any(twist)))
     near = _within_reach(points, arcs, footprint, profile)
     if not len(near):
         return Restraint(wanted)
@@ -96,33 +97,51 @@ def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Met
 
 
 def safe_share(
-    twist: Velocity, points: Points, gaps: Metres, growth: Metres, footprint: Footprint, profile: GateProfile
+    twist: Velocity,
+    points: Points,
+    gaps: Metres,
+    growth: Metres,
+    footprint: Footprint,
+    profile: GateProfile,
+    at_least: float = 0.0,
 ) -> Share:
-    """The share of `twist` that braking and passing allow: the smaller one."""
-    return min(
-        _braking_share(twist, points, growth, footprint, profile),
-        _passing_share(twist, points, gaps, growth, footprint, profile),
-        key=lambda share: share.share,
-    )
+    """The share of `twist` that braking and passing allow: the smaller one.
+
+    One that is not above `at_least` need not be exact.
+    """
+    clearances = footprint.clearances(points, twist)
+    brakes = _braking_share(twist, points, clearances, growth, footprint, profile)
+    if brakes.share <= at_least:
+        return brakes
+    passes = _passing_share(twist, points, clearances, gaps, growth, profile)
+    return min(brakes, passes, key=lambda share: share.share)
 
 
 def _braking_share(
-    twist: Velocity, points: Points, growth: Metres, footprint: Footprint, profile: GateProfile
+    twist: Velocity,
+    points: Points,
+    clearances: Metres,
+    growth: Metres,
+    footprint: Footprint,
+    profile: GateProfile,
 ) -> Share:
     """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
+    swept = np.flatnonzero(clearances <= footprint.corner_stretch * np.maximum(growth, 0.0))
+    if not len(swept):
+        return FREE
     parameters = profile.parameters
-    times = footprint.contact_times(points, twist, growth)
-    first = int(times.argmin())
-    if times[first] == np.inf:
+    points = points.T[:, swept].T
+    times = footprint.contact_times(points, twist, growth[swept])
+    if times.min() == np.inf:
         return FREE
     times -= parameters.front_margin_m / footprint.path_speeds(points, twist)
     first = int(times.argmin())
     share = braking.scale(float(times[first]), parameters.latency_s, braking.braking_time(twist, profile))
-    return Share(share, OBSTACLE, first) if share < 1.0 else FREE
+    return Share(share, OBSTACLE, int(swept[first])) if share < 1.0 else FREE
 
 
 def _passing_share(
-    twist: Velocity, points: Points, gaps: Metres, growth: Metres, footprint: Footprint, profile: GateProfile
+    twist: Velocity, points: Points, clearances: Metres, gaps: Metres, growth: Metres, profile: GateProfile
 ) -> Share:
     """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
 
@@ -130,15 +149,13 @@ def _passing_share(
     fast as the robot moves, so gap - clearance is a distance that is surely left.
     """
     v = arc.speed(twist)
-    if v == 0.0:
-        return FREE
     parameters = profile.parameters
+    if v <= parameters.creep_mps:
+        return FREE
     x, y = points.T
-    clearances = footprint.clearances(points, twist)
     harmless = parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
-    passed = np.flatnonzero(
-        (clearances < harmless) & (clearances >= growth) & (twist.vx * x + twist.vy * y > 0.0)
-    )
+    ahead = twist.vx * x + twist.vy * y > 0.0
+    passed = np.flatnonzero((clearances < harmless) & (clearances >= growth) & ahead)
     if not len(passed):
         return FREE
     clearances = clearances[passed]
@@ -174,7 +191,7 @@ def _give_rotation_back(
         candidate = scaled._replace(w=turn * wanted.w)
         if turn <= share:
             break
-        if safe_share(candidate, points, gaps, growth, footprint, profile).share >= _WHOLE:
+        if safe_share(candidate, points, gaps, growth, footprint, profile, _WHOLE).share > _WHOLE:
             return candidate
     return scaled
 
