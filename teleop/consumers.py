@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine
 from contextlib import suppress
 from hashlib import sha256
 from typing import Any
@@ -27,7 +26,7 @@ from teleop.policy import Permit
 from teleop.rules import Phase, Tab, open_asks, phase
 from teleop.selectors import SignIn, registered, rights_of
 from teleop.services import ControlRefused
-from teleop.socket import CloseCode, Errands, MessageSocket
+from teleop.socket import CloseCode, Errands, MessageSocket, beside
 from teleop.standing import Registered, Rights, Standing, control_for, gist
 from teleop.views_out import Viewer
 
@@ -59,7 +58,6 @@ class RobotConsumer(MessageSocket):
         self._asks: set[int] = set()
         self._asking = False
         self._pressing = False
-        self._beside: set[asyncio.Task[None]] = set()
 
     # --- opening and closing -----------------------------------------------------------------------
 
@@ -84,8 +82,6 @@ class RobotConsumer(MessageSocket):
         if held:
             held.leave()
         self.errands.close()
-        for task in self._beside:
-            task.cancel()
         if self.viewer:
             self.viewer.leave()
         try:
@@ -220,7 +216,7 @@ class RobotConsumer(MessageSocket):
             self.room.link.send(wire.LinkStop(self.name))
             return
         self._pressing = True
-        self._do_beside(self._stop())
+        beside(self._stop())
 
     async def _stop(self) -> None:
         try:
@@ -260,7 +256,7 @@ class RobotConsumer(MessageSocket):
         if up and self.grip:
             self.grip.renew_soon()
         if refusal and not up and self.tab:
-            self._do_beside(self.tell(wire.BridgeGone(refusal)))
+            beside(self.tell(wire.BridgeGone(refusal)))
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """Look what came in between, and grip again if nothing did."""
@@ -270,7 +266,7 @@ class RobotConsumer(MessageSocket):
     def refused_at_bridge(self, refused: Refused) -> None:
         """Pass on what was refused of ours."""
         if self.grip and refused.fence == self.grip.fence:
-            self._do_beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
+            beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
 
     # --- control on this connection ------------------------------------------------------------------
 
@@ -322,14 +318,14 @@ class RobotConsumer(MessageSocket):
         session = self._let_go(refusal.text)
         if session is not None:
             await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
-            self._do_beside(self._end_lease(session, EndReason.RIGHT, refusal))
+            beside(self._end_lease(session, EndReason.RIGHT, refusal))
 
     async def _refused_by_bridge(self, refusal: Refusal) -> None:
         """The bridge knows better: a higher fencing number, another session under this one."""
         session = self._let_go(refusal.text)
         if session is not None:
             await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
-            self._do_beside(self._end_lease(session, EndReason.BRIDGE, refusal))
+            beside(self._end_lease(session, EndReason.BRIDGE, refusal))
 
     async def _end_lease(self, session: UUID, reason: EndReason, refusal: Refusal) -> None:
         await in_database(_end_lease, self.robot_id, session, reason, refusal)
@@ -386,11 +382,6 @@ class RobotConsumer(MessageSocket):
         if self._asking and not asking:
             await self.tell(notices.answered(free=standing.holding is None))
         self._asking = asking
-
-    def _do_beside(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
-        self._beside.add(task)
-        task.add_done_callback(self._beside.discard)
 
 
 def _tag(message: Struct) -> str:

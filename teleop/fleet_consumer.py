@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
-from typing import Any
 from uuid import UUID
 
 from django.db import DatabaseError
@@ -22,7 +21,7 @@ from robots.wire import Ended, FleetCard, Refusal, Refused, State, fleet_message
 from teleop import stopping
 from teleop.database import in_database
 from teleop.selectors import SignIn
-from teleop.socket import CloseCode, MessageSocket
+from teleop.socket import CloseCode, MessageSocket, beside
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +53,7 @@ class FleetConsumer(MessageSocket):
         self._news = asyncio.Event()
         self._noted: list[object] = []
         self._pressing: set[str] = set()
-        self._beside: set[asyncio.Task[None]] = set()
+        self._loops: list[asyncio.Task[None]] = []
 
     # --- opening and closing -----------------------------------------------------------------------
 
@@ -63,13 +62,12 @@ class FleetConsumer(MessageSocket):
         self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.user = await in_database(_person, self.person)
         await self._look()
-        self._do_beside(self._keep_looking())
-        self._do_beside(self._keep_showing())
+        self._loops = [beside(self._keep_looking()), beside(self._keep_showing())]
 
     async def closed(self) -> None:
         """Follow no robot any more."""
-        for task in list(self._beside):
-            task.cancel()
+        for loop in self._loops:
+            loop.cancel()
         for link in self._links.values():
             link.unsubscribe(self)
 
@@ -99,7 +97,7 @@ class FleetConsumer(MessageSocket):
             self._links[slug].send(wire.LinkStop(self.user.display_name))
             return
         self._pressing.add(slug)
-        self._do_beside(self._stop(slug))
+        beside(self._stop(slug))
 
     async def _stop(self, slug: str) -> None:
         try:
@@ -184,11 +182,6 @@ class FleetConsumer(MessageSocket):
 
     def on_refused(self, refused: Refused) -> None:
         """Not for this page."""
-
-    def _do_beside(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
-        self._beside.add(task)
-        task.add_done_callback(self._beside.discard)
 
 
 def _person(person: SignIn) -> User:

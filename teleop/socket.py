@@ -10,6 +10,7 @@ import asyncio
 import logging
 import time
 from collections import Counter
+from collections.abc import Coroutine
 from typing import Any
 
 from channels.consumer import AsyncConsumer
@@ -110,6 +111,23 @@ class MessageSocket(AsyncConsumer):
         if not self._closing:
             self._closing = True
             await self.asgi_send({"type": "websocket.close", "code": code, "reason": reason})
+
+
+def beside(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+    """Do something that nobody waits for, to its end, even when the connection that began it is gone."""
+    task = asyncio.create_task(work)
+    _beside.add(task)
+    task.add_done_callback(_done)
+    return task
+
+
+_beside: set[asyncio.Task[None]] = set()  # the event loop alone would let them go
+
+
+def _done(task: asyncio.Task[None]) -> None:
+    _beside.discard(task)
+    if not task.cancelled() and (error := task.exception()):
+        log.error("something beside a connection failed", exc_info=error)
 
 
 class Errands:

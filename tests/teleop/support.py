@@ -118,7 +118,7 @@ class Page:
     def __init__(self, headers: list[tuple[bytes, bytes]], path: str) -> None:
         self._socket = WebsocketCommunicator(application, path, headers=headers)
         self.inbox: list[dict[str, Any]] = []
-        self.closed_with: int | None = None
+        self.last_raw = ""
 
     async def open(self) -> Page:
         await self._socket.send_input({"type": "websocket.connect"})
@@ -178,7 +178,8 @@ class Page:
     async def _message(self) -> dict[str, Any]:
         event = await self._event()
         assert event["type"] == "websocket.send", event
-        return json.loads(event["text"])
+        self.last_raw = event["text"]
+        return json.loads(self.last_raw)
 
     async def _event(self) -> dict[str, Any]:
         got = asyncio.ensure_future(self._socket.output_queue.get())

@@ -1,5 +1,6 @@
 """Rights are checked again and again: whoever loses them loses control within a second."""
 
+import asyncio
 import time
 
 import pytest
@@ -111,7 +112,5 @@ async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, 
     """The database is gone: the bridge's own clock ends control three seconds later."""
     monkeypatch.setattr("teleop.grip.CONFIRMED_S", -1.0)
     granted = len(bridge.all(wire.Grant))
-    with pytest.raises(TimeoutError):
-        import asyncio
-
+    with pytest.raises(asyncio.TimeoutError):
         await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5)

@@ -37,12 +37,19 @@ async def test_a_stop_needs_no_hello(open_page, bridge):
 async def test_a_stop_and_what_came_of_it_are_recorded(open_page, bridge, observer):
     page = await open_page("observer")
     await page.say("stop")
-    await bridge.hears(wire.LinkStop)
-    while len(await records("stop.press")) < 2:
-        pass
-    pressed, outcome = await records("stop.press")
+    while len(both := await records("stop.press")) < 2:
+        await page.say("ping", sent_ms=1)
+        await page.hears("pong")
+    pressed, outcome = both
     assert pressed.actor_id == str(observer.id)
     assert (outcome.of_id, outcome.outcome) == (pressed.id, "stopping")
+
+
+async def test_a_stop_is_the_last_word_of_a_page(open_page, bridge):
+    page = await open_page("observer")
+    await page.say("stop")
+    await page.close()
+    await bridge.hears(wire.LinkStop)
 
 
 async def test_a_stop_does_not_wait_for_the_database(open_page, bridge, monkeypatch):

@@ -7,8 +7,8 @@ Ends on SIGTERM, SIGINT, and when its standard input closes: the supervisor that
 from __future__ import annotations
 
 import logging
+import os
 import signal
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -74,6 +74,6 @@ def go_round() -> None:
 
 
 def _end_with_parent(over: threading.Event) -> None:
-    while sys.stdin.buffer.read(1024):
+    while os.read(0, 1024):
         pass
     over.set()

@@ -1,0 +1,117 @@
+"""The fleet page: what is shown, and Stop all."""
+
+import msgspec
+import pytest
+import pytest_asyncio
+
+from robots import wire
+from robots.models import Robot, RobotRole
+from robots.selectors import link_address
+from teleop.database import in_database
+from teleop.socket import CloseCode
+from tests.teleop.support import IDLE, FakeBridge, Page
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+@pytest_asyncio.fixture
+async def open_fleet(browsers, websocket_headers, bridge):
+    """`await open_fleet("staff")`: that person's fleet page."""
+    opened = []
+
+    async def open_one(who):
+        page = await Page(websocket_headers(browsers[who]), "/ws/fleet/").open()
+        opened.append(page)
+        return page
+
+    yield open_one
+    for page in opened:
+        await page.close()
+
+
+@pytest_asyncio.fixture
+async def other_bridge(other_robot):
+    """The bridge of `other_robot`."""
+    running = await FakeBridge(link_address(other_robot)).start()
+    yield running
+    await running.close()
+
+
+async def shows(page, fits):
+    """The first picture that fits; each is acknowledged."""
+    while True:
+        robots = (await page.hears("fleet"))["robots"]
+        await page.say("ack")
+        if fits(robots):
+            return robots
+
+
+async def test_a_card_for_each_robot_that_one_may_see(open_fleet, robot, other_robot):
+    assert list(await shows(await open_fleet("observer"), lambda _: True)) == [robot.slug]
+    assert list(await shows(await open_fleet("staff"), lambda _: True)) == [robot.slug, other_robot.slug]
+    assert await shows(await open_fleet("stranger"), lambda _: True) == {}
+
+
+async def test_a_card_shows_the_state_or_why_it_is_not_known(open_fleet, robot, other_robot):
+    page = await open_fleet("staff")
+    robots = await shows(page, lambda robots: robots[robot.slug]["state"])
+    assert robots[robot.slug]["state"]["phase"] == "online"
+    assert robots[other_robot.slug]["refusal"]["code"] == "bridge_down"
+
+
+async def test_a_disabled_robot_is_said_to_be(open_fleet, robot, bridge):
+    await in_database(lambda: Robot.objects.update(enabled=False))
+    await bridge.close()
+    page = await open_fleet("staff")
+    await shows(page, lambda robots: robots[robot.slug]["refusal"]["code"] == "robot_disabled")
+
+
+async def test_news_is_shown_at_once(open_fleet, robot, bridge):
+    page = await open_fleet("observer")
+    await shows(page, lambda robots: robots[robot.slug]["state"])
+    bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
+    robots = await shows(page, lambda robots: robots[robot.slug]["state"]["holder"])
+    assert robots[robot.slug]["state"]["holder"] == "Olga Operator"
+
+
+async def test_without_an_answer_no_second_picture_is_sent(open_fleet, bridge):
+    page = await open_fleet("observer")
+    await page.hears("fleet")
+    await page.hears_nothing("fleet", within_s=1.5)
+
+
+async def test_stop_all_stops_every_robot_that_one_may_see(open_fleet, bridge, other_bridge):
+    page = await open_fleet("staff")
+    await page.hears("fleet")
+    await page.say("stop_all")
+    await bridge.hears(wire.LinkStop)
+    await other_bridge.hears(wire.LinkStop)
+
+
+async def test_stop_all_leaves_robots_alone_that_one_may_not_see(open_fleet, bridge, other_bridge):
+    page = await open_fleet("observer")
+    await page.hears("fleet")
+    await page.say("stop_all")
+    await bridge.hears(wire.LinkStop)
+    assert not other_bridge.all(wire.LinkStop)
+
+
+async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
+    page = await open_fleet("observer")
+    await page.say("stop", slug=robot.slug)
+    await bridge.hears(wire.LinkStop)
+    await page.say("stop", slug="tiago-2")
+    await page.refused("no_such_robot")
+
+
+async def test_a_role_taken_away_takes_the_card_away(open_fleet, robot, observer):
+    page = await open_fleet("observer")
+    await shows(page, lambda robots: robots)
+    await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
+    await shows(page, lambda robots: not robots)
+
+
+async def test_signing_out_elsewhere_closes_the_page(open_fleet, browsers, end_session):
+    page = await open_fleet("observer")
+    await in_database(end_session, browsers["observer"])
+    assert await page.is_closed() == CloseCode.SIGNED_OUT

@@ -1,0 +1,87 @@
+"""What needs a clock, with nobody looking."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from django.core.management import call_command
+from django.db import connection
+from django.utils import timezone
+
+from teleop import rules, services
+from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from teleop.rules import Tab
+from teleop.selectors import holding_of
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+MANAGE = Path(__file__).parents[2] / "manage.py"
+TAB = Tab("tab", "sign-in", "connection")
+
+
+@pytest.fixture
+def held(robot, operator):
+    """The operator has control."""
+    return services.lease_take(
+        robot_id=robot.id, user_id=operator.id, tab=TAB, highest_fence=0, now=timezone.now()
+    )
+
+
+def test_a_lease_whose_page_is_gone_for_good_is_ended(robot, held):
+    Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=rules.GRACE_S + 1))
+    call_command("run_housekeeping", "--once")
+    assert holding_of(robot.id) is None
+    assert ControlSession.objects.get().end_reason == EndReason.AWAY
+
+
+def test_a_lease_whose_term_is_over_is_ended(robot, held):
+    Lease.objects.update(term_ends_at=timezone.now())
+    call_command("run_housekeeping", "--once")
+    assert ControlSession.objects.get().end_reason == EndReason.TERM
+
+
+def test_a_lease_in_force_is_left_alone(robot, held):
+    call_command("run_housekeeping", "--once")
+    assert holding_of(robot.id).session == held.session
+
+
+def test_a_question_that_nobody_answered_lapses(robot, held, second_operator):
+    services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
+    ControlRequest.objects.update(asked_at=timezone.now() - timedelta(seconds=rules.ASK_S + 1))
+    call_command("run_housekeeping", "--once")
+    assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.LAPSED
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")
+@pytest.mark.parametrize("how", ["terminated", "parent gone"])
+def test_it_goes_round_until_it_is_told_to_end_or_its_parent_is_gone(how, robot, held):
+    Lease.objects.update(term_ends_at=timezone.now())
+    environment = os.environ | {
+        "DJANGO_SETTINGS_MODULE": "fleet.settings",
+        "FLEET_DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
+    }
+    with subprocess.Popen(
+        [sys.executable, MANAGE, "run_housekeeping"], stdin=subprocess.PIPE, env=environment
+    ) as process:
+        try:
+            until(lambda: holding_of(robot.id) is None)
+            if how == "terminated":
+                process.send_signal(signal.SIGTERM)
+            else:
+                process.stdin.close()
+            assert process.wait(10) == 0
+        finally:
+            process.kill()
+
+
+def until(done, timeout_s=20.0):
+    """Wait for what another process does to the database."""
+    ends_s = time.monotonic() + timeout_s
+    while not done():
+        assert time.monotonic() < ends_s
+        time.sleep(0.05)

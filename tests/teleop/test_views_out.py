@@ -1,0 +1,73 @@
+"""Pictures: the newest for whoever is ready, never a queue."""
+
+import asyncio
+
+import pytest
+
+from robots import wire
+from teleop.views_out import Viewer, Views
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+async def test_a_page_gets_the_next_picture_when_it_has_drawn_the_last_and_then_the_newest(open_page, bridge):
+    page = await open_page("observer")
+    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer"])
+    bridge.show(1)
+    assert (await page.hears("view"))["state"]["seq"] == 1
+
+    for number in (2, 3):
+        bridge.show(number)
+        await page.hears_nothing("view")
+    await page.say("ack")
+    assert (await page.hears("view"))["state"]["seq"] == 3
+
+
+async def test_a_page_that_is_ready_waits_for_the_next_picture(open_page, bridge):
+    page = await open_page("observer")
+    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer"])
+    bridge.show(1)
+    await page.hears("view")
+    await page.say("ack")
+    await page.hears_nothing("view")
+    bridge.show(2)
+    assert (await page.hears("view"))["state"]["seq"] == 2
+
+
+async def test_the_bridge_is_told_who_looks_and_when_nobody_does(open_page, bridge):
+    first, second = await open_page("observer"), await open_page("operator")
+    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer", "Olga Operator"])
+    await first.close()
+    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Olga Operator"])
+    await second.close()
+    await bridge.hears(wire.Watch, lambda watch: watch.watchers == [])
+
+
+async def test_a_picture_travels_as_the_bridge_encoded_it(open_page, bridge):
+    page = await open_page("observer")
+    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer"])
+    sent = bridge.show(1)
+    await page.hears("view")
+    assert page.last_raw == sent
+
+
+async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
+    views = Views()
+    sent = {"stalled": [], "lively": []}
+
+    def viewer(name):
+        async def send(event):
+            sent[name].append(event["text"])
+
+        return Viewer(views, send)
+
+    stalled, lively = viewer("stalled"), viewer("lively")
+    for number in range(1000):
+        views.publish(str(number))
+        await asyncio.sleep(0)
+        await lively.drawn()
+    await asyncio.sleep(0)
+    await views.close()
+    assert sent["stalled"] == ["0"]
+    assert len(sent["lively"]) > 900
+    assert stalled not in views.ready
