@@ -122,7 +122,8 @@ def gate_profile(robot: Robot) -> GateProfile:
         scan_poses={scan.topic: scan.pose for scan in interface.scans},
         sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
         sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
-        has_depth=interface.depth is not None,
+        # What the profile expects to be watched stays a limit where one robot lost its camera.
+        has_depth=interface.depth is not None or profile_topics(robot.profile).depth is not None,
         blind_mps=blind_mps(robot),
         parameters=parameters(robot),
     )

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from django.core.exceptions import ValidationError
 
-from robots.models import Robot
+from robots.models import Robot, RobotProfile
 from robots.selectors import bridge_config, robot_facts
 
 pytestmark = pytest.mark.django_db
@@ -63,7 +63,14 @@ def test_a_robot_without_a_sensor_of_its_profile_says_so_with_null(robot: Robot)
     robot.full_clean()
     config = bridge_config(robot)
     assert config.topics.depth is None and config.topics.sonars == []
-    assert not config.gate.has_depth and config.gate.sonar_poses == {}
+    assert config.gate.sonar_poses == {}
+
+
+def test_a_camera_taken_away_does_not_make_the_robot_faster(robot: Robot) -> None:
+    robot.overrides = {"topics": {"depth": None}}
+    assert bridge_config(robot).gate.has_depth
+    robot.profile = RobotProfile.objects.get(slug="pmb2")
+    assert not bridge_config(robot).gate.has_depth
 
 
 def test_the_drive_topic_is_the_robots_own_choice(robot: Robot) -> None:
