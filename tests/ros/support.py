@@ -6,6 +6,7 @@ master on a free port and at most one node of its own; robots run in processes o
 
 from __future__ import annotations
 
+import logging
 import os
 import queue
 import signal
@@ -28,6 +29,8 @@ import rospy
 REPOSITORY = Path(__file__).resolve().parents[2]
 ROSMASTER = "/usr/bin/rosmaster"
 PATIENCE_S = 20.0
+# rospy also logs as the interpreter exits, when pytest's streams are closed.
+logging.getLogger("rospy").setLevel(logging.WARNING)
 LAST_TOPIC = "/scan"  # what a simulator advertises last, whatever its base
 
 
@@ -77,6 +80,7 @@ class Master:
             "ROS_IP": "127.0.0.1",
             "ROS_HOME": str(self._folder),
             "ROS_LOG_DIR": str(self._folder / "log"),
+            "ROS_PYTHON_LOG_CONFIG_FILE": str(REPOSITORY / "robots/simulator/ros/logging.yaml"),
             "PYTHONWARNINGS": "ignore",
         }
 
@@ -203,7 +207,7 @@ class RosClient:
     def __init__(self, master: Master) -> None:
         self.master = master
         environment = master.environment()
-        for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME", "ROS_LOG_DIR"):
+        for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME", "ROS_LOG_DIR", "ROS_PYTHON_LOG_CONFIG_FILE"):
             os.environ[name] = environment[name]
         rospy.init_node("test", anonymous=True, disable_signals=True, disable_rosout=True)
 

@@ -52,12 +52,27 @@ def stands(message: Odometry) -> bool:
     return abs(message.twist.twist.linear.x) < 0.001
 
 
+def moves(message: Odometry) -> bool:
+    return message.twist.twist.linear.x > 0.1
+
+
 def drive(publisher: rospy.Publisher, twist: Twist, odometry, ticks: int) -> Odometry:
     """Publish once per odometry message, so that the pace is the robot's own; the last message."""
     for _ in range(ticks):
         publisher.publish(twist)
         last = odometry.next()
     return last
+
+
+def drive_until(condition, publisher: rospy.Publisher, twist: Twist, odometry, also=lambda: None) -> None:
+    """Publish once per odometry message until `condition` holds."""
+
+    def satisfied(message: Odometry) -> bool:
+        publisher.publish(twist)
+        also()
+        return condition(message)
+
+    odometry.until(satisfied)
 
 
 def test_it_drives_on_key_vel_and_stops_by_itself(ros, odometry):
@@ -86,31 +101,36 @@ def test_the_mux_speaks_on_the_controllers_own_topic(ros, odometry):
 
 
 def test_whoever_speaks_on_the_controllers_topic_bypasses_the_mux(ros, odometry):
-    with ros.speak("/emergency_brake", Bool) as brake, ros.speak(COMMANDS, Twist) as direct:
+    with (
+        ros.speak("/emergency_brake", Bool) as brake,
+        ros.speak(COMMANDS, Twist) as direct,
+        ros.speak("/key_vel", Twist) as keys,
+    ):
+        drive_until(moves, keys, forward(0.3), odometry)
         brake.publish(Bool(True))
-        odometry.settle()
-        assert drive(direct, forward(0.2), odometry, 30).twist.twist.linear.x > 0.1
+        drive_until(stands, keys, forward(0.3), odometry)
+        drive_until(moves, direct, forward(0.2), odometry)
         brake.publish(Bool(False))
 
 
 def test_the_labs_joystick_wins_over_the_keys(ros, odometry):
     with ros.speak("/joy_vel", Twist) as joystick, ros.speak("/key_vel", Twist) as keys:
-        for _ in range(40):
-            joystick.publish(forward(0.0))
-            moving = drive(keys, forward(0.3), odometry, 1)
-        assert stands(moving)
-        assert drive(keys, forward(0.3), odometry, 50).twist.twist.linear.x > 0.1, "0.5 s later, silent"
+        drive_until(moves, keys, forward(0.3), odometry)
+        joystick.publish(forward(0.0))
+        drive_until(stands, keys, forward(0.3), odometry, also=lambda: joystick.publish(forward(0.0)))
+        # The joystick falls silent: after 0.5 s the keys count again.
+        drive_until(moves, keys, forward(0.3), odometry)
 
 
 @pytest.mark.parametrize("lock", ["pause_navigation", "joy_priority", "emergency_brake", "stop_closing_loop"])
 def test_a_lock_masks_the_keys(ros, odometry, lock):
     with ros.speak(f"/{lock}", Bool) as locking, ros.speak("/key_vel", Twist) as keys:
+        drive_until(moves, keys, forward(0.3), odometry)
         locking.publish(Bool(True))
-        odometry.settle()
-        assert stands(drive(keys, forward(0.3), odometry, 15))
+        drive_until(stands, keys, forward(0.3), odometry)
+        assert stands(drive(keys, forward(0.3), odometry, 15)), "for as long as the lock is on"
         locking.publish(Bool(False))
-        odometry.settle()
-        assert not stands(drive(keys, forward(0.3), odometry, 15))
+        drive_until(moves, keys, forward(0.3), odometry)
 
 
 def test_not_a_number_is_ignored(ros, odometry):
