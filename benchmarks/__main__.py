@@ -35,12 +35,14 @@ def main() -> int:
 
 def known() -> dict[str, str]:
     """Benchmarks by name, each with the first line of what it says about itself."""
-    found = {}
-    for module in pkgutil.iter_modules(benchmarks.__path__):
-        if module.name.startswith("_") or module.name in ("harness", "parts"):
-            continue
-        found[module.name] = (import_module(f"benchmarks.{module.name}").__doc__ or "").splitlines()[0]
-    return found
+    modules = {
+        name: import_module(f"benchmarks.{name}") for _, name, _ in pkgutil.iter_modules(benchmarks.__path__)
+    }
+    return {
+        name: (module.__doc__ or "").splitlines()[0]
+        for name, module in modules.items()
+        if hasattr(module, "measure")
+    }
 
 
 if __name__ == "__main__":

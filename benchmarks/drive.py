@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 import gc
 import math
-import tempfile
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.chromium import ChromiumPage
@@ -16,7 +14,7 @@ from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from robots.bridge.commands import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
-from script.stack.stack import Stack
+from script.stack.stack import Stack, temporary_stack
 
 ROBOT = "tiago-1"
 PERIOD_S = 0.02
@@ -33,7 +31,7 @@ STEP = 1e-6
 
 def measure() -> list[Figure]:
     """Start a console with three robots and drive one."""
-    with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory, Stack(Path(directory)) as stack:
+    with temporary_stack() as stack:
         return asyncio.run(measure_on(stack))
 
 

@@ -9,12 +9,10 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from websockets.exceptions import ConnectionClosed
@@ -25,7 +23,7 @@ from benchmarks.parts.apart import UNSHARE, RobotApart
 from benchmarks.parts.cable import Cable
 from benchmarks.parts.observer import Observer
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
-from script.stack.stack import PRACTICE_ROBOTS, Stack
+from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "20"))
@@ -170,10 +168,7 @@ def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
 
 def measure() -> list[Figure]:
     """Every fault on one console; the cut to the robot on another, with a network of its own."""
-    with (
-        tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory,
-        Stack(Path(directory), robots=PRACTICE_ROBOTS[:1]) as stack,
-    ):
+    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         figures = asyncio.run(faults_of_the_console(stack))
     return figures + cut_to_the_robot()
 
@@ -372,11 +367,7 @@ def cut_to_the_robot() -> list[Figure]:
 
 def main() -> None:
     """The part that runs in there: figures as JSON on stdout."""
-    with (
-        RobotApart() as apart,
-        tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory,
-        Stack(Path(directory), robots=[apart.plan]) as stack,
-    ):
+    with RobotApart() as apart, temporary_stack([apart.plan]) as stack:
         figures = asyncio.run(cuts_of_the_robots_network(stack, apart))
     print(json.dumps([asdict(figure) for figure in figures]))
 

@@ -6,11 +6,9 @@ import argparse
 import asyncio
 import fcntl
 import io
-import shutil
 import signal
 import socket
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +18,7 @@ from typing import NoReturn, TextIO
 
 from script.stack.places import REPOSITORY
 from script.stack.processes import ChildDied, wait_for_any_end
-from script.stack.stack import Stack, StartError
+from script.stack.stack import Stack, StartError, temporary_stack
 
 FIRST_PORT = 8000
 PORTS_TRIED = 100
@@ -157,15 +155,9 @@ def smoke() -> int:
     from script.stack.smoke import drive_and_stop
 
     began_s = time.monotonic()
-    directory = Path(tempfile.mkdtemp(prefix="fleet-smoke-"))
-    try:
-        with Stack(directory) as stack:
-            ready_s = time.monotonic() - began_s
-            figures = asyncio.run(drive_and_stop(stack))
-    except (Exception, Ended):
-        say(f"Logs of the failed run are kept in {directory / 'log'}.")
-        raise
-    shutil.rmtree(directory)
+    with temporary_stack() as stack:
+        ready_s = time.monotonic() - began_s
+        figures = asyncio.run(drive_and_stop(stack))
     say(f"smoke: ready in {ready_s:.1f} s, {figures}, {time.monotonic() - began_s:.1f} s in all")
     return 0
 

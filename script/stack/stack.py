@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -394,6 +394,19 @@ class Stack:
         for left_over in self.run_directory.glob("*.sock"):
             left_over.unlink()
         self._closing.close()
+
+
+@contextmanager
+def temporary_stack(robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS) -> Iterator[Stack]:
+    """A stack on free ports, in a directory of its own that is kept only if something goes wrong."""
+    directory = Path(tempfile.mkdtemp(prefix="fleet-"))
+    try:
+        with Stack(directory, robots=robots) as stack:
+            yield stack
+    except BaseException:
+        print(f"Logs of the failed run are kept in {directory / 'log'}.", file=sys.stderr)
+        raise
+    shutil.rmtree(directory)
 
 
 def daphne() -> list[str]:

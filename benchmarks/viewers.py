@@ -1,0 +1,196 @@
+"""Watching a robot: delay of its pictures for 1, 10 and 50 viewers, what they cost, and one that stalls."""
+
+from __future__ import annotations
+
+import asyncio
+import bisect
+import time
+import zlib
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+
+from websockets.asyncio.client import unix_connect
+
+from benchmarks.harness import Figure, progress, quantile
+from benchmarks.parts import proc
+from benchmarks.parts.looking import Crowd
+from benchmarks.parts.observer import Observer
+from robots import wire
+from script.stack.client import sign_in
+from script.stack.stack import Stack, temporary_stack
+
+ROBOT = "tiago-1"
+CROWDS = (1, 10, 50)
+MEASURED_S = 20.0
+SETTLED_S = 2.0
+DELAY_P99_MS = 5.0  # with the largest crowd
+CORE_PERCENT = 5.0
+BRIDGE_MB = 90.0
+WEB_MB = 150.0
+GROWTH_MB = 2.0  # of the web process while one viewer stalls
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Processor time used so far, and memory now."""
+
+    web_s: float
+    bridge_s: float
+    web_mb: float
+    bridge_mb: float
+
+
+def measure() -> list[Figure]:
+    """Three robots run; one of them is watched."""
+    with temporary_stack() as stack:
+        return asyncio.run(measure_on(stack))
+
+
+async def measure_on(stack: Stack) -> list[Figure]:
+    """Every figure."""
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    bench = Bench(stack, cookie)
+    figures: list[Figure] = []
+    async with Observer(stack.robots[ROBOT], "scan") as observer:
+        await asyncio.sleep(SETTLED_S)
+        idle = await bench.idle()
+        figures += [
+            Figure("nobody looks: web", idle[0], "%"),
+            Figure("nobody looks: bridge", idle[1], "%"),
+        ]
+        for count in CROWDS:
+            progress(f"{count} viewers ...")
+            figures += await bench.crowd(count, observer)
+        progress("one viewer stalls ...")
+        figures += await bench.stalled(CROWDS[-1])
+    cost = bench.cost()
+    return [
+        *figures,
+        Figure("memory: bridge", cost.bridge_mb, "MB", BRIDGE_MB),
+        Figure("memory: web process", cost.web_mb, "MB", WEB_MB),
+    ]
+
+
+class Bench:
+    """The processes that are measured."""
+
+    def __init__(self, stack: Stack, cookie: str) -> None:
+        self._stack = stack
+        self._cookie = cookie
+        slug = stack.robots[ROBOT].plan.slug
+        [self._bridge] = [
+            child
+            for child in proc.children(stack.supervisor.pid)
+            if proc.arguments(child)[-2:] == ["run_bridge", slug]
+        ]
+
+    def cost(self) -> Cost:
+        """Now."""
+        web = self._stack.web.pid
+        return Cost(
+            proc.cpu_s(web), proc.cpu_s(self._bridge), proc.resident_mb(web), proc.resident_mb(self._bridge)
+        )
+
+    async def idle(self) -> tuple[float, float]:
+        """Percent of a core that web process and bridge use when nobody looks."""
+        return await self._used()
+
+    async def _used(self) -> tuple[float, float]:
+        before, began_s = self.cost(), time.monotonic()
+        await asyncio.sleep(MEASURED_S)
+        after, seconds = self.cost(), time.monotonic() - began_s
+        return (
+            100.0 * (after.web_s - before.web_s) / seconds,
+            100.0 * (after.bridge_s - before.bridge_s) / seconds,
+        )
+
+    async def crowd(self, count: int, observer: Observer) -> list[Figure]:
+        """Delays and cost with so many viewers."""
+        largest = count == CROWDS[-1]
+        async with Crowd(self._stack, ROBOT, self._cookie, count) as crowd, self._link() as drawn:
+            await asyncio.sleep(SETTLED_S)
+            observer.forget()
+            drawn.clear()
+            crowd.seen.clear()
+            web, bridge = await self._used()
+        fan_out_ms = [
+            1000.0 * (at_s - drawn[checksum])
+            for checksum, arrivals in crowd.seen.items()
+            if checksum in drawn
+            for at_s in arrivals.values()
+        ]
+        from_scan_ms = [
+            1000.0 * (at_s - scan_s)
+            for checksum, arrivals in crowd.seen.items()
+            if checksum in drawn and (scan_s := latest(observer.scans, drawn[checksum]))
+            for at_s in arrivals.values()
+        ]
+        name = f"{count} viewer{'s' if count > 1 else ''}"
+        return [
+            Figure(f"{name}: scan -> viewer p50", quantile(from_scan_ms, 0.50), "ms"),
+            Figure(f"{name}: scan -> viewer p99", quantile(from_scan_ms, 0.99), "ms"),
+            Figure(f"{name}: bridge -> viewer p50", quantile(fan_out_ms, 0.50), "ms"),
+            Figure(
+                f"{name}: bridge -> viewer p99",
+                quantile(fan_out_ms, 0.99),
+                "ms",
+                DELAY_P99_MS if largest else None,
+            ),
+            Figure(f"{name}: pictures each", len(fan_out_ms) / count / MEASURED_S, "/s"),
+            Figure(f"{name}: web", web, "%", CORE_PERCENT if largest else None),
+            Figure(f"{name}: bridge", bridge, "%", CORE_PERCENT if largest else None),
+        ]
+
+    async def stalled(self, count: int) -> list[Figure]:
+        """One of them reads nothing: do the others get everything, does memory stay?"""
+        crowd = Crowd(self._stack, ROBOT, self._cookie, count, one_stalls=True)
+        async with crowd, self._link() as drawn:
+            await asyncio.sleep(SETTLED_S)
+            drawn.clear()
+            crowd.seen.clear()
+            before = self.cost()
+            await asyncio.sleep(MEASURED_S)
+            after = self.cost()
+            complete = list(drawn)[:-2]  # the last ones may still be on their way
+        missed = sum(count - 1 - len(crowd.seen.get(checksum, {})) for checksum in complete)
+        return [
+            Figure(
+                "one stalls: pictures the others miss",
+                100.0 * missed / max(1, len(complete) * (count - 1)),
+                "%",
+                1.0,
+            ),
+            Figure("one stalls: web process grows", after.web_mb - before.web_mb, "MB", GROWTH_MB),
+        ]
+
+    @asynccontextmanager
+    async def _link(self) -> AsyncIterator[dict[int, float]]:
+        """A second link to the bridge, beside the web process's: when each picture was drawn."""
+        drawn: dict[int, float] = {}
+        path = self._stack.robots[ROBOT].link_path
+        async with unix_connect(path, compression=None, ping_interval=None) as link:
+            await link.send(wire.encode(wire.LinkHello(wire.PROTOCOL, "benchmark")), text=True)
+            # The name that the viewers have: the list of watchers, and so the picture, stays the same.
+            await link.send(
+                wire.encode(wire.Watch([self._stack.accounts["observer"].username.capitalize()])), text=True
+            )
+
+            async def read() -> None:
+                async for raw in link:
+                    if isinstance(raw, bytes):
+                        drawn[zlib.crc32(raw)] = time.monotonic()
+
+            reading = asyncio.create_task(read())
+            try:
+                yield drawn
+            finally:
+                reading.cancel()
+                with suppress(asyncio.CancelledError):
+                    await reading
+
+
+def latest(times: list[float], until_s: float) -> float | None:
+    """The last of these ascending times that is not after `until_s`."""
+    index = bisect.bisect_right(times, until_s)
+    return times[index - 1] if index else None
