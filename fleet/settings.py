@@ -206,5 +206,6 @@ LOGGING = {
         # One line for each request says nothing that the audit log does not say better.
         "django.channels.server": {"level": "WARNING"},
         "daphne": {"level": "WARNING"},
+        "websockets": {"level": "WARNING"},  # links come and go; robots.link and the bridge say what matters
     },
 }

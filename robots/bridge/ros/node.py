@@ -85,8 +85,6 @@ class RosBase:
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
-        if self._config.advertised_address:
-            os.environ["ROS_IP"] = self._config.advertised_address
         self._watcher.start()
 
     def stop(self) -> None:
