@@ -127,19 +127,7 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
 
 
 BrowserMessage = (
-    Hello
-    | Take
-    | TakeOver
-    | Renew
-    | Release
-    | Ask
-    | AskCancel
-    | HandOver
-    | Drive
-    | Stop
-    | Clear
-    | Ack
-    | Ping
+    Hello | Take | TakeOver | Renew | Release | Ask | AskCancel | HandOver | Drive | Stop | Clear | Ack | Ping
 )
 
 
