@@ -11,9 +11,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import rospy
-from geometry_msgs.msg import Pose2D
+from geometry_msgs.msg import Pose2D, WrenchStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, LaserScan, Range
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, JointState, LaserScan, Range
 from std_msgs.msg import Bool, Float32, String
 from tf2_msgs.msg import TFMessage
 
@@ -106,6 +106,12 @@ def test_frames_reach_from_odom_to_the_sensors(ros):
 
 def test_the_robot_describes_itself(ros):
     assert "<robot" in rospy.get_param("/robot_description")
+
+
+def test_the_base_feels_gravity_and_the_wrist_its_hand(ros):
+    with ros.listen("/base_imu", Imu) as imu, ros.listen("/wrist_ft", WrenchStamped) as wrist:
+        assert imu.next().linear_acceleration.z == pytest.approx(9.81, abs=0.5)
+        assert wrist.next().wrench.force.z < 0.0
 
 
 def test_the_battery_is_told(ros):

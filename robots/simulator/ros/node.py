@@ -17,6 +17,7 @@ from robots.simulator.frames import urdf
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.eyes import Eyes
+from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
 from robots.simulator.ros.motions import MotionServer
 from robots.simulator.ros.power import PowerTopics
@@ -47,6 +48,7 @@ class SimulatorNode:
         self._duties = [
             Duty(1, 0, BaseTopics(robot).publish),
             Duty(1, 0, JointTopics(robot).publish),
+            Duty(1, 0, InertialTopics(robot).publish),
             Duty(TICK_HZ, 7, PowerTopics(robot).publish),
             Duty(1, 0, self._truth.publish_contacts),
             Duty(1, 0, self._truth.publish_pose),
