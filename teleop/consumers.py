@@ -244,6 +244,8 @@ class RobotConsumer(MessageSocket):
             await self._welcome()
         await self._follow_lease(standing)
         await self._follow_permit()
+        if self.viewer:
+            self.viewer.drives = self.grip is not None
         await self._tell_control()
         await self._tell_of_asks(standing)
 
@@ -365,7 +367,7 @@ class RobotConsumer(MessageSocket):
         standing = self._standing
         if standing is None or self.tab is None or (self.grip and not self.grip.is_settled):
             return
-        control = control_for(standing, user=self.user.id, connection=self.id, rights=self.rights)
+        control = control_for(standing, user=self.user.id, tab=self.tab, rights=self.rights)
         now = gist(control, standing)
         if now != self._told:
             self._told = now

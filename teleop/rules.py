@@ -100,14 +100,18 @@ def open_asks(asks: Sequence[Ask], now: datetime) -> list[Ask]:
     return sorted((ask for ask in asks if ask.asked_at > asked_since), key=lambda ask: ask.asked_at)
 
 
+_ALREADY_YOURS = Refusal("already_yours", "You have control yourself.", "lease")
+
 # --- what is allowed --------------------------------------------------------------------------
 
 
-def may_take(holding: Holding | None, *, user: UUID, now: datetime) -> Refusal | None:
+def may_take(holding: Holding | None, *, user: UUID, tab: Tab, now: datetime) -> Refusal | None:
     """Take control: nobody else has it. From one's own other tab it moves here."""
-    if holding is None or lapse(holding, now) is not None or holding.user == user:
+    if holding is None or lapse(holding, now) is not None:
         return None
-    return _somebody_has_it(holding, now)
+    if holding.user != user:
+        return _somebody_has_it(holding, now)
+    return _ALREADY_YOURS if holding.tab.connection == tab.connection else None
 
 
 def may_resume(holding: Holding | None, *, user: UUID, tab: Tab, now: datetime) -> Refusal | None:
@@ -136,7 +140,7 @@ def may_ask(holding: Holding | None, *, user: UUID, now: datetime) -> Refusal | 
     if holding is None or lapse(holding, now) is not None:
         return Refusal("free", "Nobody has control: take it.", "lease")
     if holding.user == user:
-        return Refusal("already_yours", "You have control yourself.", "lease")
+        return _ALREADY_YOURS
     return None
 
 
@@ -158,7 +162,7 @@ def may_take_over(holding: Holding | None, *, user: UUID, supervises: bool, now:
     if holding is None or lapse(holding, now) is not None:
         return Refusal("free", "Nobody has control: take it.", "lease")
     if holding.user == user:
-        return Refusal("already_yours", "You have control yourself.", "lease")
+        return _ALREADY_YOURS
     return None
 
 

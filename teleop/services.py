@@ -51,7 +51,7 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
         robot, user = _robot(robot_id), _user(user_id)
         permit = _permit(user=user, robot=robot, now=now)
         before = holding_of(robot_id)
-        _require(rules.may_take(before, user=user_id, now=now))
+        _require(rules.may_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
             lapsed = rules.lapse(before, now)
             _end_session(before, EndReason(lapsed) if lapsed else EndReason.MOVED, "", now)

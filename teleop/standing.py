@@ -11,7 +11,7 @@ from robots import wire
 from robots.bridge.config import LinkAddress
 from teleop import rules
 from teleop.policy import Permit
-from teleop.rules import Ask, Holding, Phase
+from teleop.rules import Ask, Holding, Phase, Tab
 
 
 class Ending(Struct, frozen=True):
@@ -47,12 +47,12 @@ class Registered(Struct, frozen=True):
     link: LinkAddress
 
 
-def control_for(standing: Standing, *, user: UUID, connection: str, rights: Rights) -> wire.Control:
-    """Who has control, as the page on `connection` may see it."""
+def control_for(standing: Standing, *, user: UUID, tab: Tab, rights: Rights) -> wire.Control:
+    """Who has control, as the page in `tab` may see it."""
     now, holding = standing.read_at, standing.holding
     phase = rules.phase(holding, now)
     asks = rules.open_asks(standing.asks, now)
-    mine = holding is not None and holding.tab.connection == connection
+    mine = holding is not None and holding.tab.connection == tab.connection
     free = holding is None or phase is Phase.LAPSED
     if holding is None or free:
         return wire.Control("free", may_clear=rights.supervises, refusal=_refusal(rights))
@@ -68,11 +68,11 @@ def control_for(standing: Standing, *, user: UUID, connection: str, rights: Righ
         ]
         if mine or rights.supervises
         else [],
-        asking=next((ask.id for ask in asks if ask.tab.connection == connection), None),
+        asking=next((ask.id for ask in asks if ask.tab.connection == tab.connection), None),
         may_take_over=rules.may_take_over(holding, user=user, supervises=rights.supervises, now=now) is None
         and _refusal(rights) is None,
         may_clear=mine or rights.supervises,
-        refusal=_refusal(rights) or rules.may_take(holding, user=user, now=now),
+        refusal=_refusal(rights) or (None if mine else rules.may_take(holding, user=user, tab=tab, now=now)),
     )
 
 

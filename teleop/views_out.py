@@ -10,40 +10,63 @@ from typing import Any
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
+CROWD = 25  # onlookers who get every picture; of twice as many each gets every second one, and so on
+
+
 class Viewer:
     """One page that looks. At most one picture is on its way to it, and none is kept for it."""
 
     def __init__(self, views: Views, send: Send) -> None:
         self.send = send
         self.shown = 0  # number of the last picture sent
+        self.turn = views.admit(self)
+        self.drives = False  # whoever drives gets every picture
         self._views = views
-        views.ready.add(self)
 
     async def drawn(self) -> None:
-        """The page has drawn the last picture: send the newest at once, or as soon as there is one."""
-        if self._views.number > self.shown:
+        """The page has drawn the last picture: send the newest if it missed its turn, else in its turn."""
+        if self._views.number - self.shown >= self._views.every or (
+            self.drives and self._views.number > self.shown
+        ):
             await self._views.show(self)
         else:
             self._views.ready.add(self)
 
     def leave(self) -> None:
         """Look no more."""
-        self._views.ready.discard(self)
+        self._views.dismiss(self)
 
 
 class Views:
     """The newest picture of one robot, and who is ready for the next.
 
     A picture is encoded once, by the bridge; all viewers are handed the same text. Sending never waits under
-    Daphne, so one task serves them all.
+    Daphne, so one task serves them all. A crowd takes turns: what it costs stays the same however many they are.
     """
 
     def __init__(self) -> None:
         self.number = 0
+        self.every = 1  # an onlooker's turn comes with every so many pictures
         self.ready: set[Viewer] = set()
+        self._viewers: set[Viewer] = set()
+        self._admitted = 0
         self._newest: dict[str, Any] = {}
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._hand_out())
+
+    def admit(self, viewer: Viewer) -> int:
+        """Let a viewer in, ready for its first picture. Returns its place in the turns."""
+        self._viewers.add(viewer)
+        self.ready.add(viewer)
+        self._count()
+        self._admitted += 1
+        return self._admitted
+
+    def dismiss(self, viewer: Viewer) -> None:
+        """See a viewer out."""
+        self._viewers.discard(viewer)
+        self.ready.discard(viewer)
+        self._count()
 
     def publish(self, raw: str) -> None:
         """Make `raw` the newest picture."""
@@ -67,6 +90,15 @@ class Views:
         while True:
             await self._news.wait()
             self._news.clear()
-            ready, self.ready = self.ready, set()
-            for viewer in ready:
+            due = {viewer for viewer in self.ready if self._has_turn(viewer)}
+            self.ready -= due
+            for viewer in sorted(due, key=lambda viewer: not viewer.drives):
                 await self.show(viewer)
+
+    def _has_turn(self, viewer: Viewer) -> bool:
+        if viewer.drives or self.number - viewer.shown > self.every:
+            return True
+        return (self.number + viewer.turn) % self.every == 0
+
+    def _count(self) -> None:
+        self.every = 1 + max(0, len(self._viewers) - 1) // CROWD

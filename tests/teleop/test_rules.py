@@ -39,32 +39,36 @@ def code(refusal):
 
 
 def test_a_robot_that_nobody_has_may_be_taken():
-    assert rules.may_take(None, user=OLAF, now=NOW) is None
+    assert rules.may_take(None, user=OLAF, tab=HIS_TAB, now=NOW) is None
 
 
 def test_a_robot_that_somebody_has_may_not_be_taken_and_the_refusal_names_who():
-    refusal = rules.may_take(HELD, user=OLAF, now=NOW)
+    refusal = rules.may_take(HELD, user=OLAF, tab=HIS_TAB, now=NOW)
     assert refusal.code == "held"
     assert refusal.figures == {"holder": "Olga", "remaining_s": 900}
 
 
 def test_while_the_holders_page_is_gone_others_are_told_when_it_becomes_free():
-    refusal = rules.may_take(LOST, user=OLAF, now=after(4))
+    refusal = rules.may_take(LOST, user=OLAF, tab=HIS_TAB, now=after(4))
     assert refusal.code == "held_away"
     assert refusal.figures["resumable_s"] == 6.0
 
 
 def test_it_may_be_taken_once_the_grace_is_over():
-    assert rules.may_take(LOST, user=OLAF, now=after(10.001)) is None
+    assert rules.may_take(LOST, user=OLAF, tab=HIS_TAB, now=after(10.001)) is None
 
 
 def test_it_may_be_taken_once_the_term_is_over_though_the_page_is_there():
     still_there = msgspec.structs.replace(HELD, seen_at=after(900))
-    assert rules.may_take(still_there, user=OLAF, now=after(900)) is None
+    assert rules.may_take(still_there, user=OLAF, tab=HIS_TAB, now=after(900)) is None
 
 
 def test_the_holder_may_move_control_to_another_of_their_tabs():
-    assert rules.may_take(HELD, user=OLGA, now=NOW) is None
+    assert rules.may_take(HELD, user=OLGA, tab=HIS_TAB, now=NOW) is None
+
+
+def test_what_a_page_has_already_it_does_not_take_again():
+    assert code(rules.may_take(HELD, user=OLGA, tab=HER_TAB, now=NOW)) == "already_yours"
 
 
 # --- resume ---------------------------------------------------------------------------------------

@@ -1,11 +1,12 @@
 """Pictures: the newest for whoever is ready, never a queue."""
 
 import asyncio
+from collections import Counter
 
 import pytest
 
 from robots import wire
-from teleop.views_out import Viewer, Views
+from teleop.views_out import CROWD, Viewer, Views
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -71,3 +72,30 @@ async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
     assert sent["stalled"] == ["0"]
     assert len(sent["lively"]) > 900
     assert stalled not in views.ready
+
+
+async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_picture():
+    views = Views()
+    sent = {}
+
+    def viewer(name):
+        sent[name] = []
+
+        async def send(event):
+            sent[name].append(int(event["text"]))
+
+        return Viewer(views, send)
+
+    crowd = [viewer(name) for name in range(3 * CROWD)]
+    crowd[0].drives = True
+    for number in range(1, 101):
+        views.publish(str(number))
+        await asyncio.sleep(0)
+        for onlooker in crowd:
+            if onlooker.shown == number:
+                await onlooker.drawn()
+    await views.close()
+    assert len(sent[0]) == 100
+    assert all(33 <= len(sent[name]) <= 35 for name in range(1, len(crowd)))
+    newest = Counter(sent[name][-1] for name in range(1, len(crowd)))
+    assert max(newest.values()) <= CROWD + 1  # not all at once
