@@ -6,6 +6,7 @@ A context belongs to the thread that made it: make, use and close a `Camera` in 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -26,14 +27,8 @@ class Camera:
     """Takes pictures in colour; raises `NoCameraError` where that cannot be done."""
 
     def __init__(self, onlooker: Onlooker) -> None:
-        try:
-            from mujoco.egl import GLContext
-
-            self._context = GLContext(WIDTH, HEIGHT)
-            self._context.make_current()
-        # Without EGL's library PyOpenGL fails in one of these ways, depending on what is missing.
-        except (ImportError, AttributeError, RuntimeError, OSError) as error:
-            raise NoCameraError(str(error)) from error
+        self._context = _context()
+        self._context.make_current()
         self._onlooker = onlooker
         self._scene = mujoco.MjvScene(onlooker.model, maxgeom=_MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
@@ -78,3 +73,17 @@ class Camera:
             eye.frustum_bottom = -eye.frustum_top
             eye.frustum_center = 0.0
             eye.frustum_width = near * WIDTH / 2.0 / FOCAL_PX
+
+
+def _context() -> Any:
+    """An off-screen drawing context of mujoco.egl."""
+    try:
+        from mujoco.egl import GLContext
+        from OpenGL.error import Error as GraphicsError  # type: ignore[import-untyped]
+    # What PyOpenGL raises depends on which library it misses.
+    except (ImportError, AttributeError, OSError) as error:
+        raise NoCameraError(str(error)) from error
+    try:
+        return GLContext(WIDTH, HEIGHT)
+    except (ImportError, RuntimeError, GraphicsError) as error:
+        raise NoCameraError(str(error)) from error

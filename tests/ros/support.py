@@ -118,7 +118,9 @@ class Master:
 class SimulatorProcess:
     """One ``python -m robots.simulator`` against a master."""
 
-    def __init__(self, master: Master, log: Path, name: str, **options: Any) -> None:
+    def __init__(
+        self, master: Master, log: Path, name: str, environment: dict[str, str] | None = None, **options: Any
+    ) -> None:
         self.name = name
         self.node = f"/simulator_{name}".replace("-", "_")
         self.log = log
@@ -127,7 +129,7 @@ class SimulatorProcess:
         with open(log, "wb") as output:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "robots.simulator", f"--name={name}", "--exit-with-parent", *flags],
-                cwd=REPOSITORY, env=master.environment(),
+                cwd=REPOSITORY, env=master.environment() | (environment or {}),
                 stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT,
             )  # fmt: skip
 
