@@ -80,6 +80,7 @@ class Core:
         self.grants = Grants(left.fence)
         self.stop_state = StopState("stopped", left.by or None, left.reason) if left.latched else _CLEAR
         self.refused: Counter[str] = Counter()
+        self.on_scan: Callable[[], None] = lambda: None  # a scan is in: a picture drawn now is the freshest
         self._base = base
         self._gate = gate
         self._drives = drives
@@ -208,6 +209,7 @@ class Core:
         self._gate.observe_scan(
             source, stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
         )
+        self.on_scan()
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
         """One sonar reading."""

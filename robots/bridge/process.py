@@ -28,7 +28,8 @@ from robots.bridge.store import AlreadyRunning, Store
 log = logging.getLogger(__name__)
 
 TICK_S = 0.05
-_VIEW_TICKS = 2  # a view every 0.1 s while somebody looks
+_VIEW_GAP_S = 0.08  # while somebody looks, a view with each scan, but not more often than this
+_VIEW_LATEST_S = 0.15  # without scans too
 _STATUS_TICKS = 10  # a status every 0.5 s in any case
 _REFUSAL_GAP_S = 0.25  # refused drive messages of one code are answered this often
 
@@ -51,6 +52,8 @@ class Bridge:
         self._ended = asyncio.Event()
         self._answered: dict[str, float] = {}
         self._last_key: tuple[object, ...] = ()
+        self._viewed_s = float("-inf")
+        self._core.on_scan = lambda: self._view(_VIEW_GAP_S)
 
     async def run(self) -> None:
         """Until the supervisor goes or a signal comes; leaves the robot at zero."""
@@ -83,17 +86,27 @@ class Bridge:
                 await asyncio.wait_for(self._ended.wait(), due_s + TICK_S - time.monotonic())
 
     def _show(self, now_s: float, count: int) -> None:
-        watchers = sorted({name for link in self._links.links for name in link.watchers})
-        looked_at = [link for link in self._links.links if link.watchers]
-        if looked_at and count % _VIEW_TICKS == 0:
-            view = wire.encode(wire.View(self._core.state(now_s, watchers), self._core.scan(now_s)))
-            for link in looked_at:
-                link.show(view)
+        self._view(_VIEW_LATEST_S)
+        watchers = self._watchers()
         state = self._core.state(now_s, watchers)
         key = (state.phase, state.text, state.stop, state.fence, state.neutral_needed, tuple(watchers))
         if key != self._last_key or count % _STATUS_TICKS == 0:
             self._last_key = key
             self._announce(wire.Status(state))
+
+    def _view(self, gap_s: float) -> None:
+        """Show the robot to who looks, unless the last picture is younger than `gap_s`."""
+        now_s = time.monotonic()
+        looked_at = [link for link in self._links.links if link.watchers]
+        if not looked_at or now_s - self._viewed_s < gap_s:
+            return
+        self._viewed_s = now_s
+        view = wire.encode(wire.View(self._core.state(now_s, self._watchers()), self._core.scan(now_s)))
+        for link in looked_at:
+            link.show(view)
+
+    def _watchers(self) -> list[str]:
+        return sorted({name for link in self._links.links for name in link.watchers})
 
     # --- the link ----------------------------------------------------------------------------------
 
