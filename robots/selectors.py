@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
+from uuid import UUID
 
 from django.conf import settings
 from django.db.models import QuerySet
@@ -28,6 +30,14 @@ def role_on(user: User, robot: Robot) -> Role | None:
         return Role.STAFF
     role = RobotRole.objects.filter(user=user, robot=robot).values_list("role", flat=True).first()
     return Role(role) if role else None
+
+
+def roles_on(robot: Robot, users: Iterable[User]) -> dict[UUID, Role]:
+    """`role_on` for many people, in one query; who has none is left out."""
+    active = {user.id: user for user in users if user.is_active}
+    held = RobotRole.objects.filter(robot=robot, user_id__in=active).values_list("user_id", "role")
+    staff = {user.id: Role.STAFF for user in active.values() if user.is_staff}
+    return {user_id: Role(role) for user_id, role in held} | staff
 
 
 def robots_visible_to(user: User) -> QuerySet[Robot]:

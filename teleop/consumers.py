@@ -397,7 +397,7 @@ def _find(slug: str, person: SignIn) -> tuple[User, UUID, Registered, Rights] | 
     entry = registered(robot.id) if robot else None
     if robot is None or entry is None:
         return None
-    return user, robot.id, entry, rights_of(person, robot, timezone.now())
+    return user, robot.id, entry, rights_of([person], robot, timezone.now())[person]
 
 
 def _left(robot_id: UUID, connection: str, session: UUID | None) -> None:

@@ -28,26 +28,25 @@ class Permit(Struct, frozen=True):
 class Rule(Protocol):
     """One condition of control."""
 
-    def __call__(self, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal: ...
+    def __call__(self, *, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal: ...
 
 
-def account_is_active(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+def account_is_active(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
     """Closed accounts control nothing."""
     if user.is_active:
         return Permit()
     return Refusal("account_inactive", "This account is closed; ask the staff.", "account")
 
 
-def robot_is_enabled(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+def robot_is_enabled(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
     """A disabled robot is not driven by anybody, and no robot above its own share of speed."""
     if robot.enabled:
         return Permit(max_share=robot.max_share)
     return Refusal("robot_disabled", f"{robot.name} is switched off in the registry; ask the staff.", "robot")
 
 
-def role_suffices(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+def role_suffices(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
     """Control needs the role operator or more on this robot."""
-    role = role_on(user, robot)
     if role is not None and role >= Role.OPERATOR:
         return Permit()
     return Refusal(
@@ -62,9 +61,14 @@ RULES: tuple[Rule, ...] = (account_is_active, robot_is_enabled, role_suffices)
 
 def control_permitted(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
     """What all rules leave of the right to control, or the first refusal."""
+    return permitted_as(role_on(user, robot), user=user, robot=robot, now=now)
+
+
+def permitted_as(role: Role | None, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+    """`control_permitted`, for whoever has looked up the role already."""
     permit = Permit()
     for rule in RULES:
-        answer = rule(user=user, robot=robot, now=now)
+        answer = rule(user=user, robot=robot, role=role, now=now)
         if isinstance(answer, Refusal):
             return answer
         permit = permit.narrowed_by(answer)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from datetime import datetime
 from uuid import UUID
 
 from fleet.accounts.models import User
-from fleet.accounts.selectors import session_alive
+from fleet.accounts.selectors import sessions_alive
 from robots.models import Robot, Role
-from robots.selectors import link_address, robot_facts, role_on
+from robots.selectors import link_address, robot_facts, roles_on
 from robots.wire import Refusal
 from teleop.models import ControlRequest, ControlSession, Lease
-from teleop.policy import control_permitted
+from teleop.policy import permitted_as
 from teleop.rules import Ask, Holding, Tab
 from teleop.standing import Ending, Registered, Rights, Standing
 
@@ -48,7 +48,7 @@ def asks_of(robot_id: UUID) -> list[Ask]:
 
 
 def standing_of(
-    robot_id: UUID, *, people: Iterable[SignIn], sessions: Iterable[UUID], now: datetime
+    robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
 ) -> Standing:
     """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
     robot = Robot.objects.filter(pk=robot_id).first()
@@ -56,23 +56,33 @@ def standing_of(
         read_at=now,
         holding=holding_of(robot_id),
         asks=asks_of(robot_id),
-        endings=_endings(list(sessions)),
-        rights={person: rights_of(person, robot, now) for person in set(people)},
+        endings=_endings(sessions),
+        rights=rights_of(people, robot, now),
     )
 
 
-def rights_of(person: SignIn, robot: Robot | None, now: datetime) -> Rights:
-    """What this sign-in may do with the robot; nothing if the robot is None: it was deleted."""
-    user_id, session_key = person
-    user = User.objects.filter(pk=user_id).first()
+def rights_of(people: Collection[SignIn], robot: Robot | None, now: datetime) -> dict[SignIn, Rights]:
+    """What each sign-in may do with the robot; nothing if the robot is None: it was deleted.
+
+    Three queries, however many people look.
+    """
+    users = User.objects.in_bulk({user_id for user_id, _ in people})
+    alive = sessions_alive(people)
+    roles = roles_on(robot, users.values()) if robot else {}
+    return {
+        person: _rights(users.get(person[0]), person in alive, roles.get(person[0]), robot, now)
+        for person in set(people)
+    }
+
+
+def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | None, now: datetime) -> Rights:
     if user is None or not user.is_active:
         return _nothing(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
-    if not session_alive(session_key, user_id):
+    if not alive:
         return _nothing(Refusal("signed_out", "You are signed out: sign in again.", "account"))
-    role = role_on(user, robot) if robot else None
     if robot is None or role is None:
         return Rights(True, None, False, Refusal("no_role", "You have no role on this robot.", "account"))
-    permit = control_permitted(user=user, robot=robot, now=now)
+    permit = permitted_as(role, user=user, robot=robot, now=now)
     return Rights(True, role.value, role >= Role.SUPERVISOR, permit)
 
 
@@ -86,7 +96,7 @@ def _nothing(refusal: Refusal) -> Rights:
     return Rights(alive=False, role=None, supervises=False, permit=refusal)
 
 
-def _endings(sessions: list[UUID]) -> dict[UUID, Ending]:
+def _endings(sessions: Collection[UUID]) -> dict[UUID, Ending]:
     if not sessions:
         return {}
     over = ControlSession.objects.filter(pk__in=sessions, ended_at__isnull=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from uuid import UUID
 
 from django.db.models import QuerySet
@@ -16,12 +17,21 @@ def session_alive(session_key: str, user_id: UUID) -> bool:
 
     One query, cheap enough to be asked every half second by each live connection.
     """
-    sign_in = sign_ins_of(user_id).filter(session_id=session_key).select_related("user").first()
-    return (
-        sign_in is not None
-        and sign_in.user.is_active
+    return bool(sessions_alive([(user_id, session_key)]))
+
+
+def sessions_alive(people: Collection[tuple[UUID, str]]) -> set[tuple[UUID, str]]:
+    """Which of these sign-ins, (user, session key), still hold. One query for all."""
+    sign_ins = SignIn.objects.filter(
+        session_id__in={key for _user, key in people}, session__expire_date__gt=timezone.now()
+    ).select_related("user")
+    holding = {
+        (sign_in.user.id, sign_in.session_id)
+        for sign_in in sign_ins
+        if sign_in.user.is_active
         and constant_time_compare(sign_in.auth_hash, sign_in.user.get_session_auth_hash())
-    )
+    }
+    return holding & set(people)
 
 
 def account_alive(user_id: UUID) -> bool:
