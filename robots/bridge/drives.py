@@ -22,7 +22,8 @@ log = logging.getLogger(__name__)
 RECORD_PATIENCE_S = 2.0  # a record that takes longer stops the robot
 _RETRY_S = 0.5
 _STANDSTILL_S = 0.5
-_QUIET_CODES = frozenset({"idle", "free"})
+# Not interventions: nothing is held back, or what holds is a standing limit that the page shows all the time.
+_QUIET_CODES = frozenset({"idle", "free", "robot_limit", "depth_missing", "blind_direction"})
 _T = TypeVar("_T")
 
 WAITING = Refusal("recording", "The drive is being put on record.", "audit")
