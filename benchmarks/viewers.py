@@ -28,6 +28,7 @@ DELAY_P99_MS = 5.0  # with the largest crowd
 CORE_PERCENT = 5.0
 BRIDGE_MB = 90.0
 WEB_MB = 150.0
+OBSERVER_LATE_S = 0.005  # who watches may hear of a scan after the bridge did
 GROWTH_MB = 2.0  # of the web process while one viewer stalls
 
 
@@ -78,6 +79,7 @@ class Bench:
     def __init__(self, stack: Stack, cookie: str) -> None:
         self._stack = stack
         self._cookie = cookie
+        self.pictures_hz = 0.0  # that each of the last crowd got
         slug = stack.robots[ROBOT].plan.slug
         [self._bridge] = [
             child
@@ -114,52 +116,52 @@ class Bench:
             drawn.clear()
             crowd.seen.clear()
             web, bridge = await self._used()
-        fan_out_ms = [
-            1000.0 * (at_s - drawn[checksum])
+        shown = [
+            (drawn[checksum], at_s)
             for checksum, arrivals in crowd.seen.items()
             if checksum in drawn
             for at_s in arrivals.values()
         ]
+        fan_out_ms = [1000.0 * (at_s - drawn_s) for drawn_s, at_s in shown]
         from_scan_ms = [
             1000.0 * (at_s - scan_s)
-            for checksum, arrivals in crowd.seen.items()
-            if checksum in drawn and (scan_s := latest(observer.scans, drawn[checksum]))
-            for at_s in arrivals.values()
+            for drawn_s, at_s in shown
+            if (scan_s := latest(observer.scans, drawn_s + OBSERVER_LATE_S))
         ]
+        self.pictures_hz = len(shown) / count / MEASURED_S
         name = f"{count} viewer{'s' if count > 1 else ''}"
         return [
             Figure(f"{name}: scan -> viewer p50", quantile(from_scan_ms, 0.50), "ms"),
-            Figure(f"{name}: scan -> viewer p99", quantile(from_scan_ms, 0.99), "ms"),
-            Figure(f"{name}: bridge -> viewer p50", quantile(fan_out_ms, 0.50), "ms"),
             Figure(
-                f"{name}: bridge -> viewer p99",
-                quantile(fan_out_ms, 0.99),
+                f"{name}: scan -> viewer p99",
+                quantile(from_scan_ms, 0.99),
                 "ms",
                 DELAY_P99_MS if largest else None,
             ),
-            Figure(f"{name}: pictures each", len(fan_out_ms) / count / MEASURED_S, "/s"),
+            Figure(f"{name}: bridge -> viewer p50", quantile(fan_out_ms, 0.50), "ms"),
+            Figure(f"{name}: bridge -> viewer p99", quantile(fan_out_ms, 0.99), "ms"),
+            Figure(f"{name}: pictures each", self.pictures_hz, "/s"),
             Figure(f"{name}: web", web, "%", CORE_PERCENT if largest else None),
             Figure(f"{name}: bridge", bridge, "%", CORE_PERCENT if largest else None),
         ]
 
     async def stalled(self, count: int) -> list[Figure]:
-        """One of them reads nothing: do the others get everything, does memory stay?"""
+        """One of them reads nothing: do the others get as much as without it, does memory stay?"""
         crowd = Crowd(self._stack, ROBOT, self._cookie, count, one_stalls=True)
-        async with crowd, self._link() as drawn:
+        async with crowd:
             await asyncio.sleep(SETTLED_S)
-            drawn.clear()
             crowd.seen.clear()
             before = self.cost()
             await asyncio.sleep(MEASURED_S)
             after = self.cost()
-            complete = list(drawn)[:-2]  # the last ones may still be on their way
-        missed = sum(count - 1 - len(crowd.seen.get(checksum, {})) for checksum in complete)
+            pictures = sum(len(arrivals) for arrivals in crowd.seen.values())
+        pictures_hz = pictures / (count - 1) / MEASURED_S
         return [
             Figure(
-                "one stalls: pictures the others miss",
-                100.0 * missed / max(1, len(complete) * (count - 1)),
+                "one stalls: others get fewer pictures",
+                100.0 * (1.0 - pictures_hz / self.pictures_hz),
                 "%",
-                1.0,
+                2.0,
             ),
             Figure("one stalls: web process grows", after.web_mb - before.web_mb, "MB", GROWTH_MB),
         ]

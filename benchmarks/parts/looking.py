@@ -19,14 +19,17 @@ class Crowd:
 
     def __init__(self, stack: Stack, slug: str, cookie: str, count: int, *, one_stalls: bool = False) -> None:
         self._stack = stack
-        self._address = f"{stack.url.replace('http', 'ws', 1)}/ws/robots/{slug}/"
+        self._slug = slug
         self._cookie = cookie
         self._count = count
         self._one_stalls = one_stalls
         self.seen: dict[int, dict[int, float]] = defaultdict(dict)
 
     async def __aenter__(self) -> Crowd:
-        words = [self._address, self._stack.url, str(self._count), *(["--stall"] if self._one_stalls else [])]
+        stack = self._stack
+        words = [stack.hosts[0], str(stack.port), self._slug, stack.url, str(self._count)]
+        if self._one_stalls:
+            words.append("--stall")
         self._process = await asyncio.create_subprocess_exec(
             *("/usr/bin/setpriv", "--pdeathsig", "KILL"),
             *(sys.executable, "-m", "benchmarks.parts.crowd", *words),
