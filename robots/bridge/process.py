@@ -28,7 +28,7 @@ from robots.bridge.store import AlreadyRunning, Store
 log = logging.getLogger(__name__)
 
 TICK_S = 0.05
-_VIEW_GAP_S = 0.08  # while somebody looks, a view with each scan, but not more often than this
+_VIEW_GAP_S = 0.05  # while somebody looks, a view with each scan, but not more often than this
 _VIEW_LATEST_S = 0.15  # without scans too
 _STATUS_TICKS = 10  # a status every 0.5 s in any case
 _REFUSAL_GAP_S = 0.25  # refused drive messages of one code are answered this often
