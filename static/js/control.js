@@ -12,9 +12,10 @@ import { Joystick } from "./joystick.js";
 import { listenToKeys } from "./keyboard.js";
 import { Notices } from "./notices.js";
 import { Picture } from "./picture.js";
+import { question } from "./question.js";
 import { DriveSender } from "./sender.js";
 import { LiveSocket, socketUrl } from "./socket.js";
-import { banner, isHeld, isStale, standstillText, verdictText } from "./standing.js";
+import { banner, isHeld, isStale, limitsOf, standstillText, verdictText } from "./standing.js";
 import { Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
@@ -23,6 +24,15 @@ import { screenLock } from "./wake.js";
 const PING_MS = 1000;
 const SILENCE_MS = 4000; // without any answer the connection is given up and made anew
 const LOOK_MS = 250;
+
+// Refused commands of the stick that the delay or the banner speak of; they come by the dozen.
+const SHOWN_ELSEWHERE = new Set([
+  "too_old",
+  "out_of_order",
+  "stopped",
+  "neutral_needed",
+  "robot_offline",
+]);
 
 class ControlPage {
   #root;
@@ -33,6 +43,7 @@ class ControlPage {
   #stick = new Stick();
   #joystick;
   #sender;
+  #clear;
   #stopButton;
   #panel;
   #choices;
@@ -70,6 +81,7 @@ class ControlPage {
     this.#details = new Details(this.#parts);
     this.#notices = new Notices(this.#parts.notices);
     this.#announcer = new Announcer(this.#parts.live);
+    this.#clear = question(this.#parts["clear-dialog"], () => this.#socket.send({ t: "clear" }));
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: () => !this.#isCut() && this.#state !== null && this.#state.stop.state !== "clear",
@@ -99,6 +111,7 @@ class ControlPage {
       part.close();
     this.#sender.stop();
     this.#stopButton.close();
+    this.#clear.close();
     this.#joystick.close();
     this.#screen.close();
     this.#socket.close();
@@ -125,8 +138,7 @@ class ControlPage {
     });
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
     on(this.#stick, "change", ({ axes }) => this.#explainReverse(axes));
-    on(this.#parts.clear, "click", () => this.#parts["clear-dialog"].showModal());
-    on(this.#parts["clear-dialog"], "close", () => this.#cleared());
+    on(this.#parts.clear, "click", () => this.#clear.ask());
     on(document, "visibilitychange", () => document.hidden && this.#zero("hidden"));
     on(window, "blur", () => this.#zero("blurred"));
     on(window, "pagehide", () => this.#zero("closed"));
@@ -238,8 +250,7 @@ class ControlPage {
   }
 
   #onRefused({ of, refusal }) {
-    // A late command is dropped by design, and says nothing that the delay does not say.
-    if (of === "drive" && (refusal.code === "too_old" || refusal.code === "out_of_order")) return;
+    if (of === "drive" && SHOWN_ELSEWHERE.has(refusal.code)) return;
     this.#notices.add({ level: "warning", code: `${of} ${refusal.code}`, text: refusal.text });
   }
 
@@ -274,12 +285,6 @@ class ControlPage {
   #zero(reason) {
     this.#stick.neutralise(reason);
     this.#sender.zero();
-  }
-
-  #cleared() {
-    const dialog = this.#parts["clear-dialog"];
-    if (dialog.returnValue === "yes") this.#socket.send({ t: "clear" });
-    dialog.returnValue = "";
   }
 
   // --- what is shown ---------------------------------------------------------------------------
@@ -338,17 +343,21 @@ class ControlPage {
       say(stopState, "");
     }
     const text = this.#isCut() ? "" : verdictText(state.verdict);
-    say(words, text);
-    mark(words, "held", text !== "");
     if (text) this.#announcer.say(text, `${state.verdict.code} ${state.verdict.side}`);
-    fill(limits, state.verdict.limits ?? []);
+    const standing = limitsOf(state.verdict);
+    fill(
+      limits,
+      standing.map((limit) => limit.text),
+    );
+    for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
+    say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
   }
 
   #explainReverse({ x }) {
     const text =
       this.#facts?.reverse_steering === "car"
-        ? "Reversing: steers like a car, stick left swings the back to the left."
-        : "Reversing: stick left still turns the robot to its left.";
+        ? "Reversing: steers like a car."
+        : "Reversing: stick left still turns left.";
     say(this.#parts.hint, x < 0 ? text : "");
   }
 

@@ -3,6 +3,7 @@
 import { make, mark, say, show } from "./dom.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
 import { offers } from "./offers.js";
+import { question } from "./question.js";
 
 /** Events: "choose" (detail: a message for the server). */
 export class ControlPanel extends EventTarget {
@@ -10,6 +11,7 @@ export class ControlPanel extends EventTarget {
   #control = null;
   #heardMs = 0;
   #timer;
+  #takeOver;
   #listening = new AbortController();
 
   /** @param {Record<string, HTMLElement>} parts */
@@ -20,7 +22,9 @@ export class ControlPanel extends EventTarget {
     for (const button of parts.actions.querySelectorAll("button[data-action]")) {
       button.addEventListener("click", () => this.#act(button.dataset.action), { signal });
     }
-    parts["take-over-dialog"].addEventListener("close", () => this.#takeOver(), { signal });
+    this.#takeOver = question(parts["take-over-dialog"], (answer) =>
+      this.#choose({ t: "take_over", reason: answer.get("reason").trim() }),
+    );
     this.#timer = setInterval(() => this.#count(), 250);
   }
 
@@ -34,6 +38,7 @@ export class ControlPanel extends EventTarget {
   close() {
     clearInterval(this.#timer);
     this.#listening.abort();
+    this.#takeOver.close();
   }
 
   #count() {
@@ -73,16 +78,8 @@ export class ControlPanel extends EventTarget {
   }
 
   #act(action) {
-    if (action === "take_over") this.#parts["take-over-dialog"].showModal();
+    if (action === "take_over") this.#takeOver.ask();
     else this.#choose({ t: action });
-  }
-
-  #takeOver() {
-    const dialog = this.#parts["take-over-dialog"];
-    const reason = dialog.querySelector("[name=reason]");
-    if (dialog.returnValue === "yes") this.#choose({ t: "take_over", reason: reason.value.trim() });
-    dialog.returnValue = "";
-    reason.value = "";
   }
 
   #choose(message) {

@@ -27,7 +27,9 @@ export class Details {
   }
 
   set state(state) {
-    const { watchers, sensors, foreign, refusals } = this.#parts;
+    const { watchers, sensors, foreign, refusals, "all-limits": limits } = this.#parts;
+    const { limits: standing = [] } = state.verdict;
+    fill(limits, standing.length ? standing : ["None"]);
     say(watchers, state.watchers.join(", ") || "Nobody");
     this.#showSensors(sensors, state.sensors);
     show(foreign, state.foreign.length > 0);

@@ -29,7 +29,7 @@ export function cardOf({ state, refusal }) {
       state.battery_percent === null
         ? "–"
         : `${Math.round(state.battery_percent)} %${state.charging ? ", charging" : ""}`,
-    gate: verdictText(state.verdict) || (state.verdict.limits?.[0] ?? "Free"),
+    gate: verdictText(state.verdict) || "Free",
     stop: stop.state === "clear" ? "Clear" : stop.state === "stopping" ? "Stopping" : "Stopped",
     stopped: stop.state !== "clear",
     stopWhy:

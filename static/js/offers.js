@@ -21,7 +21,11 @@ export function offers(control, resumableS = null) {
     case "yours":
       return { headline: "You have control", reason: "", actions: ["renew", "release"] };
     case "elsewhere":
-      return { headline: "You have control in another tab", reason, actions: reason ? [] : ["take"] };
+      return {
+        headline: "You have control in another tab",
+        reason,
+        actions: reason ? [] : ["take"],
+      };
     case "away": {
       const wait =
         resumableS === null ? "" : ` Free in ${Math.ceil(resumableS)} s unless it returns.`;

@@ -75,9 +75,17 @@ function because(reason) {
   return `${reason.charAt(0).toUpperCase()}${reason.slice(1)}.`.replace("..", ".");
 }
 
+// Nothing holds back, or the banner says it already.
+const SILENT = new Set(["idle", "free", "stopped", "neutral_needed", "robot_offline"]);
+
 /** What the gate does now, in words; empty when it does nothing. */
 export function verdictText(verdict) {
-  return verdict.code === "idle" || verdict.code === "free" ? "" : verdict.text;
+  return SILENT.has(verdict.code) ? "" : verdict.text;
+}
+
+/** The standing limits, each with whether it is what holds back now. */
+export function limitsOf(verdict) {
+  return (verdict.limits ?? []).map((text) => ({ text, holds: text === verdictText(verdict) }));
 }
 
 /** Whether the gate lets nothing of what is asked through. */

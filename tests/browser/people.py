@@ -1,0 +1,213 @@
+"""A person in front of a browser: what they do, and what their page says to the console and hears from it."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from playwright.sync_api import Browser, Locator, Page, WebSocket
+
+from script.stack.stack import Stack
+
+PATIENCE_S = 15.0
+POLL_MS = 20
+
+
+class Person:
+    """Signed in as `role`, in a browser context of their own.
+
+    `heard` holds the newest message of each kind from the server, `drives` every stick that the page sent.
+    """
+
+    def __init__(
+        self,
+        stack: Stack,
+        browser: Browser,
+        role: str,
+        *,
+        width: int = 1440,
+        height: int = 900,
+        touch: bool = False,
+        theme: str = "light",
+    ) -> None:
+        self.stack = stack
+        self.account = stack.accounts[role]
+        self.context = browser.new_context(
+            viewport={"width": width, "height": height},
+            has_touch=touch,
+            color_scheme=theme,  # type: ignore[arg-type]
+            reduced_motion="reduce",
+        )
+        self.page: Page = self.context.new_page()
+        self.complaints: list[str] = []
+        self.heard: dict[str, Any] = {}
+        self.drives: list[dict[str, Any]] = []
+        self.sent: list[str] = []
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on(
+            "console", lambda line: self.complaints.append(line.text) if line.type == "error" else None
+        )
+        self.page.on("websocket", self._listen)
+
+    def leave(self) -> None:
+        """Close the browser context."""
+        self.context.close()
+
+    def _listen(self, socket: WebSocket) -> None:
+        socket.on("framereceived", self._received)
+        socket.on("framesent", self._sent)
+
+    def _received(self, frame: str | bytes) -> None:
+        message = json.loads(frame)
+        self.heard[message["t"]] = message
+
+    def _sent(self, frame: str | bytes) -> None:
+        message = json.loads(frame)
+        self.sent.append(message["t"])
+        if message["t"] == "drive":
+            self.drives.append(message)
+
+    # --- pages -----------------------------------------------------------------------------------
+
+    def open(self, path: str) -> None:
+        """Go to a page of the console."""
+        self.page.goto(self.stack.url + path)
+
+    def sign_in(self) -> None:
+        """By the sign-in page, as people do."""
+        self.open("/accounts/sign-in/")
+        self.page.get_by_label("User name").fill(self.account.username)
+        self.page.get_by_label("Password").fill(self.account.password)
+        self.page.get_by_role("button", name="Sign in", exact=True).click()
+        self.page.wait_for_url(self.stack.url + "/")
+
+    def watch(self, slug: str) -> None:
+        """Open a robot's page and wait for its first picture."""
+        self.heard.clear()
+        self.open(f"/robots/{slug}/")
+        self.until(lambda: "view" in self.heard and "control" in self.heard, "the first picture")
+
+    def part(self, name: str) -> Locator:
+        """The element that the page's script knows by this name."""
+        return self.page.locator(f"[data-part='{name}']")
+
+    def press(self, name: str) -> None:
+        """Press the visible button of this name."""
+        self.page.get_by_role("button", name=name).click()
+
+    # --- control ---------------------------------------------------------------------------------
+
+    def take(self, slug: str) -> None:
+        """Open a robot's page, with the latch clear, and take control."""
+        self.watch(slug)
+        self.press("Take control")
+        if self.state["stop"]["state"] != "clear":
+            self.clear()
+        self.until_in_control()
+
+    def until_in_control(self) -> None:
+        """Wait until the bridge would let this page drive."""
+        self.until(lambda: self.control["state"] == "yours", "control")
+        fence = self.control["fence"]
+        self.until(
+            lambda: self.state["fence"] == fence and self.state["neutral_needed"] is None, "a free stick"
+        )
+
+    def clear(self) -> None:
+        """Clear the stop through the dialog."""
+        self.press("Clear stop…")
+        self.page.get_by_role("dialog").get_by_role("button", name="Clear stop").click()
+        self.until(lambda: self.state["stop"]["state"] == "clear", "the latch to clear")
+
+    def release(self) -> None:
+        """Give control back."""
+        self.press("Release")
+        self.until(lambda: self.control["state"] == "free", "control to be free")
+
+    @property
+    def control(self) -> dict[str, Any]:
+        """Who has control, as the server last said."""
+        control: dict[str, Any] = self.heard["control"]
+        return control
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The robot, as its bridge last said."""
+        state: dict[str, Any] = self.heard["view"]["state"]
+        return state
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where odometry says that the robot is, metres."""
+        odometry = self.state["odometry"]
+        return odometry["x"], odometry["y"]
+
+    @property
+    def last_drive(self) -> tuple[float, float, float]:
+        """The stick that the page sent last: forward, left, turn."""
+        drive = self.drives[-1]
+        return drive["x"], drive["y"], drive["w"]
+
+    def middle_of(self, name: str) -> tuple[float, float]:
+        """The middle of an element, in pixels of the window."""
+        box = self.part(name).bounding_box()
+        assert box is not None, f"{name} is not on the page"
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    @property
+    def stick_reach(self) -> float:
+        """Pixels from the joystick's middle to well past full stick."""
+        box = self.part("zone").bounding_box()
+        assert box is not None
+        return 0.45 * min(box["width"], box["height"])
+
+    # --- waiting ---------------------------------------------------------------------------------
+
+    def until(self, condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> None:
+        """Let the page live until `condition` is true."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > deadline:
+                newest = self.heard.get("view", {}).get("state")
+                raise AssertionError(f"not within {timeout_s} s: {what}; robot: {newest}")
+            self.page.wait_for_timeout(POLL_MS)
+
+    def until_driven(self, start: tuple[float, float], metres: float) -> None:
+        """Wait until odometry is this far from where it was."""
+        self.until(lambda: math.dist(self.place, start) > metres, f"{metres} m by odometry")
+
+    def until_still(self) -> None:
+        """Wait until odometry says that nothing turns or moves."""
+        self.until(
+            lambda: all(abs(self.state["odometry"][axis]) < 0.02 for axis in ("vx", "vy", "w")), "standstill"
+        )
+
+
+class Fingers:
+    """Touches, several at once, as a touch screen sends them."""
+
+    def __init__(self, person: Person) -> None:
+        self._screen = person.context.new_cdp_session(person.page)
+        self._down: dict[int, tuple[float, float]] = {}
+
+    def put(self, finger: int, place: tuple[float, float]) -> None:
+        """A finger comes down."""
+        self._down[finger] = place
+        self._send("touchStart")
+
+    def move(self, finger: int, place: tuple[float, float]) -> None:
+        """A finger that is down goes elsewhere."""
+        self._down[finger] = place
+        self._send("touchMove")
+
+    def lift(self, finger: int) -> None:
+        """A finger leaves."""
+        del self._down[finger]
+        self._send("touchMove" if self._down else "touchEnd")  # what is no longer named was lifted
+
+    def _send(self, kind: str) -> None:
+        points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in self._down.items()]
+        self._screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})

@@ -1,0 +1,235 @@
+"""The main job in a real browser, on the real chain: sign in, take control, drive, be held by the gate, stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from script.stack.stack import Stack
+from tests.browser.people import Fingers, Person
+
+Arrive = Callable[..., Person]
+
+
+def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -> None:
+    operator = person("operator", width=390, height=844, touch=True)
+    operator.take("tiago-1")
+    fingers = Fingers(operator)
+    start = operator.place
+    x, y = operator.middle_of("zone")
+
+    fingers.put(1, (x, y))
+    fingers.move(1, (x, y - operator.stick_reach))
+    operator.until_driven(start, 0.3)
+    assert operator.last_drive == (1, 0, 0)
+
+    operator.until(lambda: operator.state["verdict"]["allowed"][0] == 0, "the gate to hold at the wall", 40)
+    operator.until_still()
+    verdict = operator.state["verdict"]
+    assert verdict["asked"][0] > 0
+    assert 0 < verdict["distance_m"] < 0.5  # at the wall, and not in it
+    assert "laser" in operator.part("words").inner_text()
+
+    # Along the wall it moves again; then the stop, with the first finger still on the stick.
+    fingers.move(1, (x, y + operator.stick_reach))
+    operator.until(lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
+    assert "Reversing" in operator.part("hint").inner_text()
+    fingers.put(2, operator.middle_of("stop"))
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "confirmed standstill")
+    operator.until_still()
+    assert operator.last_drive == (0, 0, 0)
+    standstill_ms = operator.state["stop"]["standstill_ms"]
+    assert f"{standstill_ms:.0f} ms" in operator.part("stop-state").inner_text()
+    assert operator.sent.count("stop") == 1
+
+    # The finger that is still down moves nothing, not even after the stop was cleared.
+    fingers.lift(2)
+    operator.clear()
+    fingers.move(1, (x, y + 0.8 * operator.stick_reach))
+    operator.page.wait_for_timeout(300)
+    assert operator.last_drive == (0, 0, 0)
+    assert "middle" in operator.part("banner").inner_text()
+    fingers.lift(1)
+    operator.release()
+    assert operator.complaints == []
+
+
+def test_a_second_person_asks_for_control_and_gets_it(person: Arrive) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    operator.take("tiago-2")
+    supervisor.watch("tiago-2")
+    assert supervisor.part("who").inner_text() == "Operator has control"
+
+    supervisor.press("Ask for control")
+    hand_over = operator.page.get_by_role("button", name="Hand over to Supervisor")
+    hand_over.wait_for()
+    hand_over.click()
+
+    supervisor.until_in_control()
+    operator.until(lambda: operator.control["state"] == "other", "control to be gone")
+    assert operator.part("who").inner_text() == "Supervisor has control"
+    start = supervisor.place
+    supervisor.page.keyboard.down("w")
+    supervisor.until_driven(start, 0.1)
+    supervisor.page.keyboard.up("w")
+    supervisor.release()
+
+
+def test_staff_take_over_with_a_reason(person: Arrive) -> None:
+    operator, staff = person("operator"), person("staff")
+    operator.take("tiago-2")
+    staff.watch("tiago-2")
+    staff.press("Take over…")
+    staff.page.get_by_label("Reason").fill("the door must be kept free")
+    staff.page.keyboard.press("Enter")
+    staff.until(lambda: staff.control["state"] == "yours", "control to be taken over")
+    operator.page.get_by_text("the door must be kept free").wait_for()
+    staff.release()
+
+
+def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
+    operator, observer = person("operator"), person("observer")
+    operator.take("tiago-2")
+    observer.watch("tiago-2")
+    observer.page.keyboard.press("Space")
+    observer.page.keyboard.press("w")
+
+    start = operator.place
+    operator.page.keyboard.down("ArrowUp")
+    operator.until_driven(start, 0.1)
+    assert operator.state["stop"]["state"] == "clear"
+    assert observer.drives == []
+    operator.page.keyboard.press("Space")
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    operator.page.keyboard.up("ArrowUp")
+    observer.until(lambda: observer.state["stop"]["state"] == "stopped", "the stop, for those who watch")
+    assert observer.part("banner-title").inner_text() == "Stopped by Operator"
+    assert not observer.part("clear").is_visible()
+    operator.clear()
+    operator.release()
+
+
+def test_an_observer_may_stop(person: Arrive) -> None:
+    operator, observer = person("operator"), person("observer")
+    operator.take("tiago-2")
+    observer.watch("tiago-2")
+    start = operator.place
+    operator.page.keyboard.down("w")
+    operator.until_driven(start, 0.1)
+    observer.page.get_by_role("button", name="Stop").click()
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    assert operator.last_drive == (0, 0, 0)
+    operator.page.keyboard.up("w")
+    operator.clear()
+    operator.release()
+
+
+@pytest.mark.parametrize(
+    "happening",
+    [
+        "window.dispatchEvent(new Event('blur'))",
+        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange'))",
+    ],
+    ids=["blurred", "hidden"],
+)
+def test_zero_goes_out_at_once_when_the_page_is_left(person: Arrive, happening: str) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    x, y = operator.middle_of("zone")
+    mouse = operator.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x + operator.stick_reach, y)
+    operator.until(lambda: operator.drives and operator.last_drive == (0, 0, -1), "a turn to the right")
+    operator.page.evaluate(happening)
+    mouse.move(x + operator.stick_reach, y + 3)
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero", timeout_s=1)
+    operator.page.wait_for_timeout(250)
+    assert operator.last_drive == (0, 0, 0)
+    operator.until_still()
+    mouse.up()
+    operator.release()
+
+
+def test_changing_the_input_means_zero_until_both_have_rested(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    x, y = operator.middle_of("zone")
+    mouse, keyboard = operator.page.mouse, operator.page.keyboard
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x - operator.stick_reach, y)
+    operator.until(lambda: operator.drives and operator.last_drive == (0, 0, 1), "a turn to the left")
+    keyboard.down("d")
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero", timeout_s=1)
+    mouse.up()
+    keyboard.up("d")
+    keyboard.down("d")
+    operator.until(lambda: operator.last_drive == (0, 0, -1), "a turn to the right")
+    keyboard.up("d")
+    operator.release()
+
+
+def test_a_sticky_stick_stays_and_ends_with_any_other_input(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    operator.press("Sticky")
+    x, y = operator.middle_of("zone")
+    mouse = operator.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x + operator.stick_reach, y)
+    mouse.up()
+    operator.until(lambda: operator.drives and operator.last_drive == (0, 0, -1), "a turn to the right")
+    operator.page.wait_for_timeout(400)
+    assert operator.last_drive == (0, 0, -1)
+    operator.page.keyboard.press("w")
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero", timeout_s=1)
+    operator.release()
+
+
+def test_a_reload_keeps_control_and_the_robot_stands_meanwhile(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    fence = operator.control["fence"]
+    operator.page.keyboard.down("a")
+    operator.until(lambda: operator.state["odometry"]["w"] > 0.1, "a turn to the left")
+    operator.page.keyboard.up("a")
+    operator.watch("tiago-2")
+    operator.until_in_control()
+    assert operator.control["fence"] == fence
+    operator.page.keyboard.down("a")
+    operator.until(lambda: operator.state["odometry"]["w"] > 0.1, "a turn to the left again")
+    operator.page.keyboard.up("a")
+    operator.release()
+
+
+def test_the_stop_goes_another_way_when_there_is_no_live_connection(person: Arrive) -> None:
+    operator, observer = person("operator"), person("observer")
+    operator.take("tiago-2")
+    observer.page.route_web_socket("**/ws/**", lambda socket: socket.close())
+    observer.open("/robots/tiago-2/")
+    observer.part("banner-title").get_by_text("No connection").wait_for()
+    observer.page.get_by_role("button", name="Stop").click()
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    assert operator.state["stop"]["by"] == "Observer"
+    operator.clear()
+    operator.release()
+
+
+def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: Stack) -> None:
+    staff = person("staff")
+    staff.until(lambda: "fleet" in staff.heard, "the cards")
+    staff.press("Stop all")
+
+    def stopped() -> bool:
+        cards = staff.heard["fleet"]["robots"].values()
+        return all(card["state"] and card["state"]["stop"]["state"] == "stopped" for card in cards)
+
+    staff.until(stopped, "every robot to be stopped")
+    assert staff.page.locator(".robot[data-stopped]").count() == len(stack.robots)
+    for slug in stack.robots:
+        staff.watch(slug)
+        staff.clear()

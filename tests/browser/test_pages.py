@@ -1,0 +1,143 @@
+"""How the pages look: nothing out of sight, nothing that axe-core complains of, nothing that CSP blocks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator
+
+from tests.browser.people import Person
+
+Arrive = Callable[..., Person]
+
+AXE = Path(__file__).resolve().parents[2] / "node_modules/axe-core/axe.min.js"
+PAGES = [
+    "/",
+    "/robots/tiago-1/",
+    "/robots/tiago-1/check/",
+    "/accounts/sessions/",
+    "/accounts/sign-in/",
+    "/nowhere/",
+]
+SIZES = [(360, 640), (844, 390), (1440, 900)]
+
+
+def found_by_axe(person: Person) -> list[str]:
+    """What axe-core has against the page, as lines."""
+    if not person.page.evaluate("'axe' in window"):
+        person.page.evaluate(AXE.read_text())
+    result: dict[str, Any] = person.page.evaluate("axe.run()")
+    return [
+        f"{violation['id']}: {json.dumps(node['target'])} {node['failureSummary']}"
+        for violation in result["violations"]
+        for node in violation["nodes"]
+    ]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_has_nothing_against_any_page(person: Arrive, theme: str) -> None:
+    staff = person("staff", theme=theme)
+    for path in PAGES:
+        staff.open(path)
+        staff.page.wait_for_timeout(300)
+        assert found_by_axe(staff) == [], path
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_has_nothing_against_a_page_in_control_a_stopped_one_or_its_dialogs(
+    person: Arrive, theme: str
+) -> None:
+    staff = person("staff", theme=theme, width=360, height=640)
+    staff.take("tiago-1")
+    assert found_by_axe(staff) == []
+    staff.press("Details")
+    assert found_by_axe(staff) == []
+    staff.page.keyboard.press("Escape")
+    staff.page.get_by_role("button", name="Stop").click()
+    staff.until(lambda: staff.state["stop"]["state"] == "stopped", "the stop")
+    assert found_by_axe(staff) == []
+    staff.press("Clear stop…")
+    assert found_by_axe(staff) == []
+    staff.page.get_by_role("dialog").get_by_role("button", name="Clear stop").click()
+    staff.release()
+
+
+@pytest.mark.parametrize("sides", ["plain", "swapped"])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_joystick_and_stop_are_in_sight_whatever_the_window(
+    person: Arrive, width: int, height: int, sides: str
+) -> None:
+    operator = person("operator", width=width, height=height, touch=width < 1000)
+    operator.take("tiago-1")
+    if sides == "swapped":
+        operator.press("Swap")
+        assert operator.page.locator("[data-sides=swapped]").count() == 1
+    page_size = "[document.scrollingElement.scrollWidth, document.scrollingElement.scrollHeight]"
+    assert operator.page.evaluate(page_size) == [width, height]  # nothing to scroll
+
+    stick, stop = box_of(operator.part("zone")), box_of(operator.page.locator("form.stop .stop-button"))
+    picture = box_of(operator.part("picture"))
+    for box in (stick, stop, picture):
+        assert box["x"] >= 0
+        assert box["y"] >= 0
+        assert box["x"] + box["width"] <= width
+        assert box["y"] + box["height"] <= height
+    assert not overlap(stick, stop)
+    assert not overlap(stick, picture)
+    assert min(stick["width"], stick["height"]) >= 180
+    assert stop["width"] >= 120
+    assert stop["height"] >= 56
+    if width > height:
+        assert (stick["x"] < stop["x"]) == (sides == "plain")
+    assert operator.part("zone").evaluate("zone => getComputedStyle(zone).touchAction") == "none"
+    operator.release()
+
+
+def test_the_page_asks_nothing_of_the_internet_and_breaks_no_rule_of_its_own(person: Arrive) -> None:
+    staff = person("staff")
+    asked: list[str] = []
+    staff.page.on("request", lambda request: asked.append(request.url))
+    for path in PAGES[:4]:
+        staff.open(path)
+        staff.page.wait_for_timeout(300)
+    assert asked
+    assert [url for url in asked if not url.startswith(staff.stack.url)] == []
+    assert staff.complaints == []
+
+
+def test_the_theme_is_kept(person: Arrive) -> None:
+    staff = person("staff", theme="light")
+    background = "getComputedStyle(document.documentElement).backgroundColor"
+    light = staff.page.evaluate(background)
+    staff.page.locator("summary").click()
+    staff.press("Light or dark")
+    dark = staff.page.evaluate(background)
+    staff.open("/accounts/sessions/")
+    assert staff.page.evaluate(background) == dark != light
+
+
+def test_cards_say_how_each_robot_is(person: Arrive) -> None:
+    operator = person("operator")
+    card = operator.page.locator("[data-robot=tiago-1]")
+    card.get_by_text("Online").wait_for()
+    assert card.get_by_text("practice").is_visible()
+    card.get_by_role("link", name="Open TIAGo One").click()
+    operator.page.wait_for_url("**/robots/tiago-1/")
+
+
+def box_of(element: Locator) -> dict[str, float]:
+    """Its place in the window, pixels."""
+    box = element.bounding_box()
+    assert box is not None
+    return {"x": box["x"], "y": box["y"], "width": box["width"], "height": box["height"]}
+
+
+def overlap(a: dict[str, float], b: dict[str, float]) -> bool:
+    """Whether two boxes share a pixel."""
+    beside = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
+    above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
+    return not (beside or above)
