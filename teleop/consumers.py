@@ -22,7 +22,7 @@ from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
 from teleop.models import EndReason
-from teleop.policy import Permit
+from teleop.policy import ROBOT_DISABLED, Permit
 from teleop.rules import Phase, Tab, open_asks, phase
 from teleop.selectors import SignIn, registered, rights_of
 from teleop.services import ControlRefused
@@ -32,7 +32,7 @@ from teleop.views_out import Viewer
 
 log = logging.getLogger(__name__)
 
-LINK_WAIT_S = 1.0  # for a link that is just being made
+LINK_WAIT_S = 0.5  # for a link that is just being made
 
 
 class RobotConsumer(MessageSocket):
@@ -51,7 +51,6 @@ class RobotConsumer(MessageSocket):
         self.tab: Tab | None = None
         self.viewer: Viewer | None = None
         self.grip: Grip | None = None
-        self.dropped = 0  # drive messages that the link could not take at once
         self._gave_up: UUID | None = None  # never gripped again, whatever an older look says
         self._standing: Standing | None = None
         self._told: tuple[object, ...] | None = None
@@ -97,8 +96,9 @@ class RobotConsumer(MessageSocket):
     async def heard(self, raw: str) -> None:
         """One message. A drive message takes no detour, a stop waits for nothing."""
         message = browser_message(raw)
-        if isinstance(message, wire.Stop):
-            self._press_stop()
+        if isinstance(message, wire.Stop) and not self._pressing:
+            self._pressing = True
+            beside(self._stop())
         elif not await self.within_budget(_tag(message)):
             return
         elif isinstance(message, wire.Drive):
@@ -108,6 +108,8 @@ class RobotConsumer(MessageSocket):
                 await self.viewer.drawn()
         elif isinstance(message, wire.Ping):
             await self.tell(wire.Pong(message.sent_ms))
+        elif isinstance(message, wire.Stop):  # pressed again and again: sent each time, recorded once
+            self.room.link.send(wire.LinkStop(self.name))
         elif not self.errands.add(lambda: self._do(message)):
             text = "Too much at once: wait for the answers."
             await self.refuse(_tag(message), Refusal("busy", text, "wire"))
@@ -116,7 +118,7 @@ class RobotConsumer(MessageSocket):
         grip = self.grip
         if grip is not None and grip.fence == drive.fence:
             if not await self.room.link.forward(raw):
-                self.dropped += 1
+                self.refused["link_busy"] += 1  # a newer one follows in a moment
             return
         if grip is None:
             refusal = Refusal("no_lease", "You do not have control: take it first.", "lease")
@@ -149,8 +151,11 @@ class RobotConsumer(MessageSocket):
                 await in_database(services.lease_resume, **self._me(), now=timezone.now())
                 await self.room.changed()
         self.viewer = Viewer(self.room.views, self.asgi_send)
+        self.viewer.drives = self.grip is not None
         self.looks = True
         self.room.watchers_changed()
+        await self._link_settles()
+        self._tell_if_gone()
 
     async def _change(self, message: wire.BrowserMessage, tab: Tab) -> None:
         """Change who has control, or the stop latch; then everybody is told."""
@@ -202,21 +207,17 @@ class RobotConsumer(MessageSocket):
 
     async def _bridge_fence(self) -> int:
         """The highest fencing number that the bridge knows; nobody gets control of a robot out of reach."""
-        with suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self.room.link_is_up.wait(), LINK_WAIT_S)
+        await self._link_settles()
         link = self.room.link
         if not link.up and link.refusal:
             raise LinkRefused(link.refusal)
         return link.highest_fence
 
-    # --- stop --------------------------------------------------------------------------------------
+    async def _link_settles(self) -> None:
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self.room.link_is_up.wait(), LINK_WAIT_S)
 
-    def _press_stop(self) -> None:
-        if self._pressing:  # pressed again and again: sent each time, recorded once
-            self.room.link.send(wire.LinkStop(self.name))
-            return
-        self._pressing = True
-        beside(self._stop())
+    # --- stop --------------------------------------------------------------------------------------
 
     async def _stop(self) -> None:
         try:
@@ -252,13 +253,13 @@ class RobotConsumer(MessageSocket):
     async def edited(self, entry: Registered) -> None:
         """The robot was edited."""
         await self._welcome()
+        self._tell_if_gone()
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
         """Say that the bridge is away, or grip again when it is back."""
         if up and self.grip:
             self.grip.renew_soon()
-        if refusal and not up and self.tab:
-            beside(self.tell(wire.BridgeGone(refusal)))
+        self._tell_if_gone()
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """Look what came in between, and grip again if nothing did."""
@@ -354,6 +355,7 @@ class RobotConsumer(MessageSocket):
         if grip is None:
             return None
         self._gave_up = grip.holding.session
+        self._told = None  # say how control stands, even if the page was never told that it had it
         grip.revoke(reason)
         return grip.holding.session
 
@@ -362,6 +364,12 @@ class RobotConsumer(MessageSocket):
     async def _welcome(self) -> None:
         if self.tab is not None and self.rights.role:
             await self.tell(wire.Welcome(wire.PROTOCOL, self.name, self.rights.role, self.room.entry.facts))
+
+    def _tell_if_gone(self) -> None:
+        link = self.room.link
+        refusal = link.refusal if self.room.entry.enabled else ROBOT_DISABLED
+        if refusal and not link.up and self.tab is not None:
+            beside(self.tell(wire.BridgeGone(refusal)))
 
     async def _tell_control(self) -> None:
         standing = self._standing

@@ -20,6 +20,7 @@ from robots.selectors import link_address, robots_visible_to
 from robots.wire import Ended, FleetCard, Refusal, Refused, State, fleet_message
 from teleop import stopping
 from teleop.database import in_database
+from teleop.policy import ROBOT_DISABLED
 from teleop.selectors import SignIn
 from teleop.socket import CloseCode, MessageSocket, beside
 
@@ -29,7 +30,6 @@ RIGHTS_S = 2.0
 CALM_S = 1.0  # between two pictures when nothing of note changed
 BUSY_S = 0.1  # and when it did
 
-_DISABLED = Refusal("robot_disabled", "Switched off in the registry.", "robot")
 _UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
 
 
@@ -79,10 +79,10 @@ class FleetConsumer(MessageSocket):
             case wire.StopAll():
                 for robot in self._robots.values():
                     if robot.enabled:
-                        self._press_stop(robot.slug)
+                        await self._press_stop(robot.slug)
             case wire.StopRobot(slug=slug):
                 if slug in self._robots:
-                    self._press_stop(slug)
+                    await self._press_stop(slug)
                 else:
                     await self.refuse("stop", _UNKNOWN)
             case wire.Ack():
@@ -92,12 +92,12 @@ class FleetConsumer(MessageSocket):
                 if await self.within_budget("ping"):
                     await self.tell(wire.Pong(sent_ms))
 
-    def _press_stop(self, slug: str) -> None:
-        if slug in self._pressing:  # pressed again and again: sent each time, recorded once
+    async def _press_stop(self, slug: str) -> None:
+        if slug not in self._pressing:
+            self._pressing.add(slug)
+            beside(self._stop(slug))
+        elif await self.within_budget("stop"):  # pressed again and again: sent each time, recorded once
             self._links[slug].send(wire.LinkStop(self.user.display_name))
-            return
-        self._pressing.add(slug)
-        beside(self._stop(slug))
 
     async def _stop(self, slug: str) -> None:
         try:
@@ -124,7 +124,7 @@ class FleetConsumer(MessageSocket):
         link = self._links[slug]
         if link.up:
             return FleetCard(link.state)
-        return FleetCard(None, link.refusal if self._robots[slug].enabled else _DISABLED)
+        return FleetCard(None, link.refusal if self._robots[slug].enabled else ROBOT_DISABLED)
 
     def _note(self) -> None:
         if self._drawn and self._of_note() != self._noted:

@@ -10,7 +10,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from uuid import UUID
+from uuid import UUID, uuid4
 
 from channels.layers import get_channel_layer
 
@@ -25,6 +25,7 @@ class Hints:
     def __init__(self, robot_id: UUID, on_hint: Callable[[], Awaitable[None]]) -> None:
         self._group = f"control.{robot_id.hex}"
         self._on_hint = on_hint
+        self._name = uuid4().hex
         self._task = asyncio.create_task(self._listen())
 
     async def give(self) -> None:
@@ -33,7 +34,7 @@ class Hints:
         if layer is None:
             return
         try:
-            await layer.group_send(self._group, {"type": "control.changed"})
+            await layer.group_send(self._group, {"type": "control.changed", "by": self._name})
         except Exception as error:  # noqa: BLE001 - each backend has its own; the slow look makes up for it
             log.warning("a hint was not sent: %s", error)
 
@@ -51,8 +52,9 @@ class Hints:
                 await layer.group_add(self._group, channel)
                 try:
                     while True:
-                        await layer.receive(channel)
-                        await self._on_hint()
+                        hint = await layer.receive(channel)
+                        if hint["by"] != self._name:
+                            await self._on_hint()
                 finally:
                     await layer.group_discard(self._group, channel)
             except Exception as error:  # noqa: BLE001 - the edge of the loop: it begins again

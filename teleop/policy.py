@@ -12,6 +12,8 @@ from robots.models import Robot, Role
 from robots.selectors import role_on
 from robots.wire import Refusal
 
+ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
+
 
 class Permit(Struct, frozen=True):
     """Leave to control. `until` None: as far as this rule goes, for any time."""
@@ -42,7 +44,7 @@ def robot_is_enabled(*, user: User, robot: Robot, role: Role | None, now: dateti
     """A disabled robot is not driven by anybody, and no robot above its own share of speed."""
     if robot.enabled:
         return Permit(max_share=robot.max_share)
-    return Refusal("robot_disabled", f"{robot.name} is switched off in the registry; ask the staff.", "robot")
+    return ROBOT_DISABLED
 
 
 def role_suffices(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:

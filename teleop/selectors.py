@@ -89,7 +89,7 @@ def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | No
 def registered(robot_id: UUID) -> Registered | None:
     """What pages and the link need to know of the robot; None if it was deleted."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
-    return None if robot is None else Registered(robot_facts(robot), link_address(robot))
+    return None if robot is None else Registered(robot.enabled, robot_facts(robot), link_address(robot))
 
 
 def _nothing(refusal: Refusal) -> Rights:

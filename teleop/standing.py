@@ -43,6 +43,7 @@ class Standing(Struct, frozen=True):
 class Registered(Struct, frozen=True):
     """What the registry says of a robot."""
 
+    enabled: bool
     facts: wire.RobotFacts
     link: LinkAddress
 

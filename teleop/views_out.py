@@ -10,7 +10,7 @@ from typing import Any
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
-CROWD = 25  # onlookers who get every picture; of twice as many each gets every second one, and so on
+CROWD = 30  # onlookers who get every picture; of twice as many each gets every second one, and so on
 
 
 class Viewer:

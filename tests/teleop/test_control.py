@@ -8,9 +8,13 @@ from django.utils import timezone
 from fleet import audit
 from fleet.audit.models import Record
 from robots import wire
+from robots.models import Robot
 from robots.wire import Refusal
+from teleop import services
 from teleop.database import in_database
+from teleop.hints import Hints
 from teleop.models import ControlSession, EndReason, Lease
+from teleop.rules import Tab
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -298,3 +302,49 @@ async def test_the_grip_is_renewed_when_the_link_comes_back(open_page, bridge):
     await bridge.hears(wire.Grant, lambda grant: grant.fence == fence, count=granted + 1)
     await page.say("drive", **drive(fence))
     await bridge.hears(wire.Drive)
+
+
+# --- several web processes --------------------------------------------------------------------------------
+
+
+def taken_elsewhere(robot, person):
+    """Somebody takes control in another web process."""
+    tab = Tab("their-tab-0123456789", "their-sign-in", "their-connection")
+    return in_database(
+        services.lease_take,
+        robot_id=robot.id,
+        user_id=person.id,
+        tab=tab,
+        highest_fence=0,
+        now=timezone.now(),
+    )
+
+
+async def test_what_another_process_changed_is_seen_at_the_next_look(open_page, robot, operator):
+    page = await open_page("observer")
+    await taken_elsewhere(robot, operator)
+    assert (await page.hears("control", state="other"))["holder"] == "Olga Operator"
+
+
+async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot, operator, monkeypatch):
+    page = await open_page("observer")
+    monkeypatch.setattr("teleop.rooms.LOOK_HOLDER_S", 60)
+    await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
+    await taken_elsewhere(robot, operator)
+    elsewhere = Hints(robot.id, on_hint=lambda: pytest.fail("its own hint"))
+    await elsewhere.give()
+    await page.hears("control", state="other")
+    await elsewhere.close()
+
+
+async def test_a_page_that_comes_while_the_bridge_is_away_is_told(open_page, bridge):
+    await bridge.close()
+    page = await open_page("observer")
+    assert (await page.hears("bridge_gone"))["refusal"]["code"] == "bridge_down"
+
+
+async def test_a_robot_out_of_service_is_said_to_be(open_page, bridge, robot):
+    await in_database(lambda: Robot.objects.update(enabled=False))
+    await bridge.close()
+    page = await open_page("observer")
+    assert (await page.hears("bridge_gone"))["refusal"]["code"] == "robot_disabled"
