@@ -138,6 +138,9 @@ class RobotConsumer(MessageSocket):
                 await self._change(message, self.tab)
         except (ControlRefused, LinkRefused) as refused:
             await self.refuse(_tag(message), refused.refusal)
+        except DatabaseError as error:
+            log.error("%s on %s: %s", _tag(message), self.scope["path"], error)
+            await self.refuse(_tag(message), services.DATABASE_UNAVAILABLE)
 
     async def _hello(self, hello: wire.Hello) -> None:
         if self.tab is not None:

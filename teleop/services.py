@@ -31,6 +31,10 @@ from teleop.policy import Permit, control_permitted
 from teleop.rules import Ask, Holding, Tab
 from teleop.selectors import asks_of, holding_of
 
+DATABASE_UNAVAILABLE = Refusal(
+    "database_unavailable", "Not done, because the database does not answer. Try again.", "lease"
+)
+
 T = TypeVar("T")
 
 
@@ -247,8 +251,7 @@ def _change() -> Iterator[None]:
     except audit.AuditUnavailable as error:
         raise ControlRefused(Refusal(error.code, error.text, error.rule)) from error
     except DatabaseError as error:
-        text = "Not done, because the database does not answer. Try again."
-        raise ControlRefused(Refusal("database_unavailable", text, "lease")) from error
+        raise ControlRefused(DATABASE_UNAVAILABLE) from error
 
 
 def _require(refusal: Refusal | None) -> None:
