@@ -111,6 +111,7 @@ def numbers_for(driver: Driver) -> Numbers:
 async def drive(driver: Driver, observer: Observer) -> list[float]:
     """Delays of commands at 50 Hz. A command that never arrives counts as endless."""
     numbers = numbers_for(driver)
+    await driver.drive(0.0, 0.0)  # through the middle: nobody drove since the last phase
     observer.forget()
     sent: dict[int, float] = {}
     due_s = time.monotonic()
@@ -148,6 +149,7 @@ async def flood(driver: Driver, observer: Observer) -> list[Figure]:
 
 async def hold_turn(driver: Driver, numbers: Numbers) -> None:
     """Turn until the base has its speed, so that rate limits change nothing."""
+    await driver.drive(0.0, 0.0)
     for _ in range(WARM_UP):
         await driver.drive(0.0, numbers.turn(0), SHARE)
         await asyncio.sleep(PERIOD_S)
@@ -157,8 +159,8 @@ async def drive_in_chromium(page: ChromiumPage, observer: Observer) -> list[floa
     """The same from a real browser."""
     observer.forget()
     numbers = Numbers(page.full_turn_radps)
-    turns = [numbers.turn(number) for number in range(WARM_UP + SAMPLES)]
-    sent = await page.drive(turns, PERIOD_S, SHARE)
+    turns = [0.0, *(numbers.turn(number) for number in range(WARM_UP + SAMPLES))]
+    _, *sent = await page.drive(turns, PERIOD_S, SHARE)
     await asyncio.sleep(0.2)
     arrived = numbers.arrivals(observer.commands)
     return [arrived.get(number, math.inf) - sent[number] for number in range(WARM_UP, WARM_UP + SAMPLES)]

@@ -69,7 +69,7 @@ def show(name: str, figures: Sequence[Figure], facts: dict[str, str | int], *, a
         rows = [
             {
                 "name": figure.name,
-                "value": None if np.isnan(figure.value) else figure.value,
+                "value": figure.value if np.isfinite(figure.value) else None,
                 "unit": figure.unit,
                 "limit": figure.limit,
                 "holds": figure.holds,
