@@ -24,6 +24,8 @@ import { screenLock } from "./wake.js";
 const PING_MS = 1000;
 const SILENCE_MS = 4000; // without any answer the connection is given up and made anew
 const LOOK_MS = 250;
+const STOP_SAID_MS = 3000;
+const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it
 
 // Refused commands of the stick that the delay or the banner speak of; they come by the dozen.
 const SHOWN_ELSEWHERE = new Set([
@@ -61,7 +63,9 @@ class ControlPage {
   #state = null;
   #gone = null;
   #viewMs = -Infinity;
-  #heardMs = 0;
+  #unansweredMs = null; // since when a ping waits for any word
+  #stopSaid = { text: "", untilMs: 0 };
+  #freeMs = 0; // when the stick was last not asked to return to the middle
   #timers = [];
   #endings = [];
   #listening = new AbortController();
@@ -85,7 +89,11 @@ class ControlPage {
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: () => !this.#isCut() && this.#state !== null && this.#state.stop.state !== "clear",
-      say: (text) => say(this.#parts["stop-state"], text),
+      say: (text) => this.#stopSays(text),
+      fail: (text) => {
+        this.#stopSays("Not confirmed");
+        this.#notices.add({ level: "error", code: "stop", text });
+      },
     });
     this.#listen();
     this.#socket.connect();
@@ -174,7 +182,7 @@ class ControlPage {
   // --- connection ------------------------------------------------------------------------------
 
   #opened() {
-    this.#heardMs = performance.now();
+    this.#unansweredMs = null;
     this.#pings.clear();
     this.#socket.send({ t: "hello", tab: this.#tab });
     this.#look();
@@ -182,6 +190,7 @@ class ControlPage {
 
   #lost(code) {
     this.#control = null;
+    this.#panel.control = null;
     this.#follow();
     this.#look();
     if (code === 4401) location.reload(); // signed out: the server leads to the sign-in page
@@ -189,8 +198,10 @@ class ControlPage {
 
   #ping() {
     if (!this.#socket.open) return;
-    if (performance.now() - this.#heardMs > SILENCE_MS) this.#socket.reset();
-    else this.#socket.send({ t: "ping", sent_ms: performance.now() });
+    const now = performance.now();
+    this.#unansweredMs ??= now;
+    if (now - this.#unansweredMs > SILENCE_MS) this.#socket.reset();
+    else this.#socket.send({ t: "ping", sent_ms: now });
   }
 
   #isCut() {
@@ -198,7 +209,7 @@ class ControlPage {
   }
 
   #heard(message) {
-    this.#heardMs = performance.now();
+    this.#unansweredMs = null;
     switch (message.t) {
       case "view":
         return this.#onView(message);
@@ -251,7 +262,8 @@ class ControlPage {
 
   #onRefused({ of, refusal }) {
     if (of === "drive" && SHOWN_ELSEWHERE.has(refusal.code)) return;
-    this.#notices.add({ level: "warning", code: `${of} ${refusal.code}`, text: refusal.text });
+    const level = of === "stop" ? "error" : "warning";
+    this.#notices.add({ level, code: `${of} ${refusal.code}`, text: refusal.text });
   }
 
   // --- the robot -------------------------------------------------------------------------------
@@ -277,9 +289,15 @@ class ControlPage {
     if (this.#joystick.sticks && isHeld(verdict)) this.#stick.neutralise("held");
   }
 
+  /** Over the socket; true only if an answer can be expected there. */
   #sendStop() {
     this.#zero("stop");
-    return !this.#isCut() && this.#socket.send({ t: "stop" });
+    return this.#socket.send({ t: "stop" }) && !this.#isCut();
+  }
+
+  #stopSays(text) {
+    this.#stopSaid = { text, untilMs: performance.now() + STOP_SAID_MS };
+    say(this.#parts["stop-state"], text);
   }
 
   #zero(reason) {
@@ -292,6 +310,8 @@ class ControlPage {
   #look() {
     const sinceViewMs = performance.now() - this.#viewMs;
     const connected = this.#socket.open;
+    const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
+    if (!asksNeutral || !this.#drives) this.#freeMs = performance.now();
     this.#picture.stale = this.#isCut();
     this.#showBanner(
       banner({
@@ -299,8 +319,7 @@ class ControlPage {
         gone: this.#gone,
         state: this.#state,
         sinceViewMs,
-        drives: this.#drives,
-        waitsForNeutral: this.#stick.waitsForNeutral,
+        asksNeutral: performance.now() - this.#freeMs > NEUTRAL_SAID_AFTER_MS,
       }),
     );
     this.#showFacts(connected);
@@ -337,11 +356,8 @@ class ControlPage {
       mark(battery, "level", state.battery_percent < 20 ? "warn" : "ok");
     }
     mark(this.#root, "stop", state.stop.state);
-    if (state.stop.state !== "clear") {
-      say(stopState, state.stop.state === "stopping" ? "Stopping" : stoppedText(state.stop));
-    } else if (stopState.textContent !== "Stop sent" || performance.now() - this.#viewMs > 1000) {
-      say(stopState, "");
-    }
+    const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
+    say(stopState, stopText(state.stop) || said);
     const text = this.#isCut() ? "" : verdictText(state.verdict);
     if (text) this.#announcer.say(text, `${state.verdict.code} ${state.verdict.side}`);
     const standing = limitsOf(state.verdict);
@@ -372,7 +388,10 @@ class ControlPage {
   }
 }
 
-function stoppedText(stop) {
+/** On the button itself: what the robot reports, in two words; empty while the latch is clear. */
+function stopText(stop) {
+  if (stop.state === "clear") return "";
+  if (stop.state === "stopping") return "Stopping";
   return standstillText(stop) ? `Standstill after ${Math.round(stop.standstill_ms)} ms` : "Stopped";
 }
 

@@ -5,10 +5,12 @@ import { clockText, isLastCall, remaining } from "./lease.js";
 import { offers } from "./offers.js";
 import { question } from "./question.js";
 
+const UNKNOWN = { state: "unknown", requests: [] };
+
 /** Events: "choose" (detail: a message for the server). */
 export class ControlPanel extends EventTarget {
   #parts;
-  #control = null;
+  #control = UNKNOWN;
   #heardMs = 0;
   #timer;
   #takeOver;
@@ -28,11 +30,12 @@ export class ControlPanel extends EventTarget {
     this.#timer = setInterval(() => this.#count(), 250);
   }
 
+  /** The server's newest `control`; null while there is no connection to hear it from. */
   set control(control) {
-    this.#control = control;
+    this.#control = control ?? UNKNOWN;
     this.#heardMs = performance.now();
     this.#count();
-    this.#showRequests(control.requests);
+    this.#showRequests(this.#control.requests);
   }
 
   close() {
@@ -42,7 +45,6 @@ export class ControlPanel extends EventTarget {
   }
 
   #count() {
-    if (!this.#control) return;
     const now = performance.now();
     const left = remaining(this.#control.remaining_s, this.#heardMs, now);
     const resumable = remaining(this.#control.resumable_s, this.#heardMs, now);

@@ -43,6 +43,7 @@ class FleetPage {
   #socket;
   #cards = new Map();
   #connection;
+  #stopAllState;
   #heardMs = performance.now();
   #robots = {};
   #timer;
@@ -52,13 +53,15 @@ class FleetPage {
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     const page = parts(document);
     this.#connection = page.connection;
+    this.#stopAllState = page["stop-all-state"];
     for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
     this.#stops.push(
       new StopButton(page["stop-all"], {
         send: () => this.#socket.send({ t: "stop_all" }),
         answered: () =>
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
-        say: (text) => say(page["stop-all-state"], text),
+        say: (text) => say(this.#stopAllState, text),
+        fail: (text) => say(this.#stopAllState, text),
       }),
     );
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
@@ -83,11 +86,13 @@ class FleetPage {
         send: () => this.#socket.send({ t: "stop", slug }),
         answered: () => (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
         say: (text) => say(own["stop-state"], text),
+        fail: (text) => say(this.#stopAllState, text),
       }),
     );
   }
 
   #heard(message) {
+    if (message.t === "refused") say(this.#stopAllState, message.refusal.text);
     if (message.t !== "fleet") return;
     this.#heardMs = performance.now();
     this.#robots = message.robots;

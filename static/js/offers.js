@@ -16,6 +16,8 @@ export function offers(control, resumableS = null) {
   const force = control.may_take_over ? ["take_over"] : [];
   const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
   switch (control.state) {
+    case "unknown":
+      return { headline: "Control is not known", reason: "", actions: [] };
     case "free":
       return { headline: "Nobody has control", reason, actions: reason ? [] : ["take"] };
     case "yours":

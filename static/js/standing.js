@@ -29,11 +29,10 @@ function stopBanner(stop) {
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
  * @param {object | null} now.state the robot's newest `State`
  * @param {number} now.sinceViewMs age of that state
- * @param {boolean} now.drives this page has control
- * @param {boolean} now.waitsForNeutral the page itself ignores an input that is still deflected
+ * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first
  * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, info
  */
-export function banner({ connected, gone, state, sinceViewMs, drives, waitsForNeutral }) {
+export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
   if (!connected) {
     return {
       level: "fault",
@@ -50,7 +49,7 @@ export function banner({ connected, gone, state, sinceViewMs, drives, waitsForNe
   if (state.stop.state !== "clear") return stopBanner(state.stop);
   if (state.phase !== "online")
     return { level: "warning", title: phaseTitle(state.phase), text: state.text };
-  if (drives && (state.neutral_needed || waitsForNeutral)) {
+  if (asksNeutral) {
     return {
       level: "info",
       title: "Let the stick return to the middle",

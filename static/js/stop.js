@@ -5,7 +5,7 @@
 
 const ANSWER_MS = 400;
 const SAME_PRESS_MS = 1000;
-const NO_WAY = "The stop could not be sent. Use the robot's red button.";
+const NO_WAY = "The stop could not be sent. Use the red button on the robot.";
 
 export class StopButton {
   #form;
@@ -13,6 +13,7 @@ export class StopButton {
   #send;
   #answered;
   #say;
+  #fail;
   #timer = null;
   #pressedMs = -Infinity;
   #listening = new AbortController();
@@ -22,14 +23,16 @@ export class StopButton {
    * @param {object} ways
    * @param {() => boolean} ways.send over the socket; false if there is none
    * @param {() => boolean} ways.answered whether the robot's side has reported a stop since
-   * @param {(text: string) => void} ways.say what became of it, in words
+   * @param {(text: string) => void} ways.say that it is on its way
+   * @param {(text: string) => void} ways.fail that it did not arrive, and what to do
    */
-  constructor(form, { send, answered, say }) {
+  constructor(form, { send, answered, say, fail }) {
     this.#form = form;
     this.#button = form.querySelector("button");
     this.#send = send;
     this.#answered = answered;
     this.#say = say;
+    this.#fail = fail;
     const { signal } = this.#listening;
     this.#button.addEventListener("pointerdown", () => this.press(), { signal });
     form.addEventListener("submit", (event) => this.#submitted(event), { signal });
@@ -67,9 +70,18 @@ export class StopButton {
         headers: { Accept: "application/json" },
         keepalive: true,
       });
-      this.#say(answer.ok ? "Stop sent" : NO_WAY);
+      if (!answer.ok) this.#fail(await reasonIn(answer));
     } catch {
-      this.#say(NO_WAY);
+      this.#fail(NO_WAY);
     }
+  }
+}
+
+/** The server names the robots that it did not reach. */
+async function reasonIn(answer) {
+  try {
+    return (await answer.json()).text ?? NO_WAY;
+  } catch {
+    return NO_WAY;
   }
 }

@@ -9,8 +9,7 @@ const WELL = {
   gone: null,
   state: ONLINE,
   sinceViewMs: 50,
-  drives: true,
-  waitsForNeutral: false,
+  asksNeutral: false,
 };
 const CONTROL = { state: "free", holder: null, asking: null, may_take_over: false, refusal: null };
 
@@ -28,7 +27,7 @@ describe("the banner", () => {
     expect(banner({ ...WELL, gone: { text: "The bridge is not running." } }).text).toBe(
       "The bridge is not running.",
     );
-    expect(banner({ ...WELL, state: stopped, waitsForNeutral: true })).toMatchObject({
+    expect(banner({ ...WELL, state: stopped, asksNeutral: true })).toMatchObject({
       level: "stop",
       title: "Stopped by Bo",
       text: "Standstill confirmed after 412 ms.",
@@ -53,14 +52,14 @@ describe("the banner", () => {
     });
   });
 
-  it("asks for a neutral stick, with the reason, but only of the one who drives", () => {
-    const state = { ...ONLINE, neutral_needed: "you have just taken control" };
-    expect(banner({ ...WELL, state })).toMatchObject({
+  it("asks for a neutral stick, with the bridge's reason if it has one", () => {
+    const state = { ...ONLINE, neutral_needed: "the stop was cleared" };
+    expect(banner({ ...WELL, state, asksNeutral: true })).toMatchObject({
       title: "Let the stick return to the middle",
-      text: "You have just taken control.",
+      text: "The stop was cleared.",
     });
-    expect(banner({ ...WELL, state, drives: false })).toBeNull();
-    expect(banner({ ...WELL, waitsForNeutral: true })).not.toBeNull();
+    expect(banner({ ...WELL, asksNeutral: true }).text).toBe("");
+    expect(banner({ ...WELL, state })).toBeNull();
   });
 });
 
