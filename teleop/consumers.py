@@ -277,11 +277,9 @@ class RobotConsumer(MessageSocket):
     # --- control on this connection ------------------------------------------------------------------
 
     async def _follow_lease(self, standing: Standing) -> None:
-        holding = standing.holding
-        if holding is None or phase(holding, standing.read_at) is Phase.LAPSED:
+        ours = standing.holding if self._is_ours(standing) else None
+        if ours and ours.session == self._gave_up:
             ours = None
-        else:
-            ours = holding if holding.tab.connection == self.id and holding.session != self._gave_up else None
         if self.grip and (ours is None or ours.session != self.held_session):
             await self._lost(standing)
         if ours and self.grip is None and isinstance(self.rights.permit, Permit):
@@ -295,6 +293,15 @@ class RobotConsumer(MessageSocket):
                 settled=self._tell_control,
                 refused=self._refused_by_bridge,
             )
+
+    def _is_ours(self, standing: Standing) -> bool:
+        """Whether this connection has the lease, by the table."""
+        holding = standing.holding
+        return (
+            holding is not None
+            and holding.tab.connection == self.id
+            and phase(holding, standing.read_at) is not Phase.LAPSED
+        )
 
     async def _lost(self, standing: Standing) -> None:
         """Control went elsewhere, or ended, by another door than this connection."""
@@ -376,7 +383,10 @@ class RobotConsumer(MessageSocket):
 
     async def _tell_control(self) -> None:
         standing = self._standing
-        if standing is None or self.tab is None or (self.grip and not self.grip.is_settled):
+        if standing is None or self.tab is None:
+            return
+        # Just got, and the bridge has not answered; or just lost, and the lease not ended yet: said in a moment.
+        if self._is_ours(standing) and not (self.grip and self.grip.is_settled):
             return
         control = control_for(standing, user=self.user.id, tab=self.tab, rights=self.rights)
         now = gist(control, standing)

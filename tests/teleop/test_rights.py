@@ -42,6 +42,7 @@ async def test_without_the_role_control_ends_and_one_may_still_look(driving, bri
     await driving.hears("notice", code="role_too_low")
     told = await driving.hears("control", state="free")
     assert told["refusal"]["code"] == "role_too_low"
+    assert "yours" not in [message.get("state") for message in driving.inbox]
     assert (
         await in_database(lambda: Record.objects.get(kind="control.end").parameters["why"]) == "role_too_low"
     )
