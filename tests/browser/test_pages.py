@@ -97,6 +97,36 @@ def test_joystick_and_stop_are_in_sight_whatever_the_window(
     operator.release()
 
 
+@pytest.mark.parametrize("sides", ["plain", "swapped"])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_nothing_that_opens_covers_the_stop(person: Arrive, width: int, height: int, sides: str) -> None:
+    operator, staff = person("operator"), person("staff", width=width, height=height)
+    operator.take("tiago-1")
+    staff.watch("tiago-1")
+    if sides == "swapped":
+        staff.press("Swap")
+    box = box_of(staff.page.locator("form.stop .stop-button"))
+    spots = [[box["x"] + share * box["width"], box["y"] + box["height"] / 2] for share in (0.05, 0.5, 0.95)]
+
+    def is_free() -> bool:
+        hits = "spots => spots.every(([x, y]) => document.elementFromPoint(x, y)?.closest('.stop-button'))"
+        return bool(staff.page.evaluate(hits, spots))
+
+    assert is_free()
+    if width < 1000:
+        staff.press("Details")
+        assert is_free()
+        staff.page.keyboard.press("Escape")
+    staff.page.locator("summary").click()
+    assert is_free()
+    staff.page.locator("summary").click()
+    staff.press("Take over…")
+    assert is_free()
+    staff.page.keyboard.press("Escape")
+    assert not staff.page.get_by_role("dialog").is_visible()
+    operator.release()
+
+
 def test_the_page_asks_nothing_of_the_internet_and_breaks_no_rule_of_its_own(person: Arrive) -> None:
     staff = person("staff")
     asked: list[str] = []
