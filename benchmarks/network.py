@@ -110,11 +110,12 @@ class Trip:
             await asyncio.sleep(PERIOD_S)
 
     async def _late_after_stall(self) -> int:
-        """Commands that were carried out though they were older than a command lives (beyond the way itself)."""
+        """Commands from the stall that were carried out older than a command lives (beyond the way itself)."""
         fastest_s = min(
             (at_s - self._sent[number] for number, at_s in self._arrivals().items() if number in self._sent),
             default=self._profile.round_trip_ms / 2000.0,
         )
+        first = len(self._sent)
         self._cable.freeze()
         thaw = asyncio.get_running_loop().call_later(STALL_S, self._cable.thaw)
         await self._drive(STALL_S + 2.0)
@@ -124,7 +125,9 @@ class Trip:
         return sum(
             command.at_s - self._sent[number] > allowed_s
             for command in self._observer.commands
-            if (number := self._numbers.number(command)) in self._sent and number is not None
+            if (number := self._numbers.number(command)) in self._sent
+            and number is not None
+            and number >= first
         )
 
     def _arrivals(self) -> dict[int, float]:
