@@ -356,6 +356,7 @@ class ControlPage {
       mark(battery, "level", state.battery_percent < 20 ? "warn" : "ok");
     }
     mark(this.#root, "stop", state.stop.state);
+    if (state.stop.state !== "clear") this.#stopSaid.untilMs = 0; // the robot itself has the word
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
     say(stopState, stopText(state.stop) || said);
     const text = this.#isCut() ? "" : verdictText(state.verdict);

@@ -127,6 +127,13 @@ def test_nothing_that_opens_covers_the_stop(person: Arrive, width: int, height: 
     operator.release()
 
 
+def test_no_page_is_wider_than_a_small_phone(person: Arrive) -> None:
+    staff = person("staff", width=360, height=640, touch=True)
+    for path in PAGES:
+        staff.open(path)
+        assert staff.page.evaluate("document.scrollingElement.scrollWidth") == 360, path
+
+
 def test_the_page_asks_nothing_of_the_internet_and_breaks_no_rule_of_its_own(person: Arrive) -> None:
     staff = person("staff")
     asked: list[str] = []
