@@ -23,11 +23,11 @@ from teleop.database import in_database
 from teleop.grip import Grip
 from teleop.models import EndReason
 from teleop.policy import ROBOT_DISABLED, Permit
-from teleop.rules import Phase, Tab, open_asks, phase
+from teleop.rules import Phase, Tab, lapse, open_asks, phase
 from teleop.selectors import SignIn, registered, rights_of
 from teleop.services import ControlRefused
 from teleop.socket import CloseCode, Errands, MessageSocket, beside
-from teleop.standing import Registered, Rights, Standing, control_for, gist
+from teleop.standing import Ending, Registered, Rights, Standing, control_for, gist
 from teleop.views_out import Viewer
 
 log = logging.getLogger(__name__)
@@ -307,12 +307,16 @@ class RobotConsumer(MessageSocket):
         """Control went elsewhere, or ended, by another door than this connection."""
         if self.grip is None:
             return
-        session = self.grip.holding.session
-        ending = standing.endings.get(session)
-        if ending is None:
+        session, now_held = self.grip.holding.session, standing.holding
+        if now_held and now_held.session == session and now_held.tab.connection not in ("", self.id):
             self.grip.pass_on()
-        else:
-            self.grip.revoke(ending.note or EndReason(ending.reason).label)
+            self.grip = None
+            await self.tell(notices.GOES_ON_ELSEWHERE)
+            return
+        # Over by the clock counts, even while that cannot be recorded.
+        lapsed = lapse(now_held or self.grip.holding, standing.read_at) or "term"
+        ending = standing.endings.get(session) or Ending(lapsed, "")
+        self.grip.revoke(ending.note or EndReason(ending.reason).label)
         self.grip = None
         await self.tell(notices.control_ended(ending))
 

@@ -22,10 +22,11 @@ _TEXTS = {
 }
 
 
-def control_ended(ending: Ending | None) -> Notice:
-    """Why control ended, to the page that had it. `ending` None: it went on elsewhere."""
-    if ending is None:
-        return Notice("info", "elsewhere", "Control goes on in another tab.")
+GOES_ON_ELSEWHERE = Notice("info", "elsewhere", "Control goes on in another tab.")
+
+
+def control_ended(ending: Ending) -> Notice:
+    """Why control ended, to the page that had it."""
     reason = EndReason(ending.reason)
     text = _TEXTS.get(reason, ending.note) or reason.label
     return Notice(_LEVELS.get(reason, "error"), reason.value, text)

@@ -29,6 +29,11 @@ def drive(fence, seq=1):
     return {"fence": fence, "seq": seq, "sent_ms": 5.0, "x": 0.5, "w": 0.0}
 
 
+def unavailable(*_args, **_kwargs):
+    """Stands in for `audit.record` when the database cannot be written."""
+    raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+
 def moves_on(**fields):
     """Change the lease as if time had passed."""
     return in_database(lambda: Lease.objects.update(**fields))
@@ -90,9 +95,6 @@ async def test_the_grant_is_renewed_every_second_for_three(open_page, bridge):
 
 
 async def test_nothing_reaches_the_bridge_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
-    def unavailable(*_args, **_kwargs):
-        raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
-
     page = await open_page("operator")
     monkeypatch.setattr(audit, "record", unavailable)
     await page.say("take")
@@ -211,6 +213,16 @@ async def test_control_ends_with_its_term(open_page, bridge):
     await page.hears("notice", code="term")
     await page.hears("control", state="free")
     assert await count("control.expire") == 1
+
+
+async def test_control_ends_with_its_term_even_if_that_cannot_be_recorded(open_page, bridge, monkeypatch):
+    page = await open_page("operator")
+    fence = (await take(page))["fence"]
+    monkeypatch.setattr(audit, "record", unavailable)
+    await moves_on(term_ends_at=timezone.now())
+    assert (await bridge.hears(wire.Revoke)).fence == fence
+    await page.hears("notice", code="term")
+    await page.hears("control", state="free")
 
 
 async def test_renewing_begins_a_fresh_term(open_page):
