@@ -193,6 +193,8 @@ class Core:
         self._skew_s = skew_s if self._skew_s is None else self._skew_s + 0.1 * (skew_s - self._skew_s)
         self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity)
         self._drives.moved(pose.x, pose.y, velocity)
+        if self.grants.current:
+            self._gate.obstacles(arrival_s)  # carried to the new pose now, so that no command waits for it
 
     def laser(
         self,
