@@ -220,7 +220,8 @@ class Stack:
         return {role: Account(role, role, passwords[role]) for role in ROLES}
 
     def _environment(self) -> dict[str, str]:
-        kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "ROS_"))}
+        foreign = ("FLEET_", "ROS_", "DJANGO_")
+        kept = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
         scheme = "https" if self.certificate else "http"
         return {
             **kept,
