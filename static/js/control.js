@@ -1,31 +1,30 @@
 /** The control page: wires the modules together. One `ControlPage` per page; `close()` ends all of it. */
 
-import { Announcer } from "./announce.js";
 import { SpeedChart } from "./chart.js";
 import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
 import { Echoes, RoundTrips } from "./delay.js";
-import { Details, fill } from "./details.js";
-import { mark, parts, say, show } from "./dom.js";
+import { mark, parts } from "./dom.js";
+import { Face } from "./face.js";
 import { listenToGamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { listenToKeys } from "./keyboard.js";
 import { Notices } from "./notices.js";
 import { Picture } from "./picture.js";
+import { Pulse } from "./pulse.js";
 import { question } from "./question.js";
 import { DriveSender } from "./sender.js";
 import { LiveSocket, socketUrl } from "./socket.js";
-import { banner, isHeld, isStale, limitsOf, standstillText, verdictText } from "./standing.js";
+import { isHeld, isStale } from "./standing.js";
 import { Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
 import { screenLock } from "./wake.js";
 
-const PING_MS = 1000;
-const SILENCE_MS = 4000; // without any answer the connection is given up and made anew
 const LOOK_MS = 250;
-const STOP_SAID_MS = 3000;
 const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it
+const SIGNED_OUT = 4401;
+const NOT_PERMITTED = 4403;
 
 // Refused commands of the stick that the delay or the banner speak of; they come by the dozen.
 const SHOWN_ELSEWHERE = new Set([
@@ -42,20 +41,19 @@ class ControlPage {
   #tab;
   #clock = tabClock();
   #socket;
+  #pulse;
   #stick = new Stick();
   #joystick;
   #sender;
-  #clear;
   #stopButton;
+  #clear;
   #panel;
   #choices;
   #picture;
   #chart;
-  #details;
+  #face;
   #notices;
-  #announcer;
   #screen = screenLock();
-  #pings = new RoundTrips();
   #echoes = new Echoes();
   #echoTrips = new RoundTrips();
   #control = null;
@@ -63,10 +61,8 @@ class ControlPage {
   #state = null;
   #gone = null;
   #viewMs = -Infinity;
-  #unansweredMs = null; // since when a ping waits for any word
-  #stopSaid = { text: "", untilMs: 0 };
   #freeMs = 0; // when the stick was last not asked to return to the middle
-  #timers = [];
+  #timer;
   #endings = [];
   #listening = new AbortController();
 
@@ -76,22 +72,22 @@ class ControlPage {
     this.#tab = tab;
     this.#parts = parts(document);
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
+    this.#pulse = new Pulse(this.#socket);
     this.#joystick = new Joystick(this.#parts.zone, this.#stick);
     this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
     this.#choices = new Choices(root, this.#parts);
     this.#picture = new Picture(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
-    this.#details = new Details(this.#parts);
+    this.#face = new Face(root, this.#parts);
     this.#notices = new Notices(this.#parts.notices);
-    this.#announcer = new Announcer(this.#parts.live);
     this.#clear = question(this.#parts["clear-dialog"], () => this.#socket.send({ t: "clear" }));
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: () => !this.#isCut() && this.#state !== null && this.#state.stop.state !== "clear",
-      say: (text) => this.#stopSays(text),
+      say: (text) => this.#face.stopSays(text),
       fail: (text) => {
-        this.#stopSays("Not confirmed");
+        this.#face.stopSays("Not confirmed");
         this.#notices.add({ level: "error", code: "stop", text });
       },
     });
@@ -105,24 +101,27 @@ class ControlPage {
 
   close() {
     this.#zero("closed");
-    for (const timer of this.#timers) clearInterval(timer);
-    for (const end of this.#endings) end();
+    this.#sender.stop();
+    clearInterval(this.#timer);
     this.#listening.abort();
-    for (const part of [
+    for (const end of this.#endings) end();
+    const opened = [
       this.#panel,
       this.#choices,
       this.#picture,
       this.#chart,
+      this.#face,
       this.#notices,
-      this.#announcer,
-    ])
-      part.close();
-    this.#sender.stop();
-    this.#stopButton.close();
-    this.#clear.close();
-    this.#joystick.close();
-    this.#screen.close();
-    this.#socket.close();
+    ];
+    const others = [
+      this.#stopButton,
+      this.#clear,
+      this.#joystick,
+      this.#screen,
+      this.#pulse,
+      this.#socket,
+    ];
+    for (const part of [...opened, ...others]) part.close();
   }
 
   // --- wiring ----------------------------------------------------------------------------------
@@ -145,7 +144,7 @@ class ControlPage {
       this.#joystick.sticky = sticky;
     });
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
-    on(this.#stick, "change", ({ axes }) => this.#explainReverse(axes));
+    on(this.#stick, "change", ({ axes }) => this.#face.hint(this.#reverseHint(axes)));
     on(this.#parts.clear, "click", () => this.#clear.ask());
     on(document, "visibilitychange", () => document.hidden && this.#zero("hidden"));
     on(window, "blur", () => this.#zero("blurred"));
@@ -158,10 +157,7 @@ class ControlPage {
       stop: () => this.#stopButton.press(),
     };
     this.#endings.push(listenToKeys(host), listenToGamepad(host));
-    this.#timers.push(
-      setInterval(() => this.#ping(), PING_MS),
-      setInterval(() => this.#look(), LOOK_MS),
-    );
+    this.#timer = setInterval(() => this.#look(), LOOK_MS);
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -182,8 +178,7 @@ class ControlPage {
   // --- connection ------------------------------------------------------------------------------
 
   #opened() {
-    this.#unansweredMs = null;
-    this.#pings.clear();
+    this.#pulse.begin();
     this.#socket.send({ t: "hello", tab: this.#tab });
     this.#look();
   }
@@ -193,15 +188,8 @@ class ControlPage {
     this.#panel.control = null;
     this.#follow();
     this.#look();
-    if (code === 4401) location.reload(); // signed out: the server leads to the sign-in page
-  }
-
-  #ping() {
-    if (!this.#socket.open) return;
-    const now = performance.now();
-    this.#unansweredMs ??= now;
-    if (now - this.#unansweredMs > SILENCE_MS) this.#socket.reset();
-    else this.#socket.send({ t: "ping", sent_ms: now });
+    // The server leads to the sign-in page, or says that this page is not for them.
+    if (code === SIGNED_OUT || code === NOT_PERMITTED) location.reload();
   }
 
   #isCut() {
@@ -209,7 +197,7 @@ class ControlPage {
   }
 
   #heard(message) {
-    this.#unansweredMs = null;
+    this.#pulse.heard(message);
     switch (message.t) {
       case "view":
         return this.#onView(message);
@@ -224,8 +212,6 @@ class ControlPage {
       case "bridge_gone":
         this.#gone = message.refusal;
         return this.#look();
-      case "pong":
-        return this.#pings.add(performance.now() - message.sent_ms);
     }
   }
 
@@ -233,8 +219,7 @@ class ControlPage {
     this.#facts = robot;
     this.#choices.facts = robot;
     this.#picture.facts = robot;
-    say(this.#parts["drive-topic"], robot.drive_topic);
-    say(this.#parts.profile, robot.profile);
+    this.#face.facts = robot;
   }
 
   #onControl(control) {
@@ -277,7 +262,6 @@ class ControlPage {
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     this.#chart.add(view.state);
-    this.#details.state = view.state;
     this.#followGate(view.state, before);
     this.#look();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
@@ -295,11 +279,6 @@ class ControlPage {
     return this.#socket.send({ t: "stop" }) && !this.#isCut();
   }
 
-  #stopSays(text) {
-    this.#stopSaid = { text, untilMs: performance.now() + STOP_SAID_MS };
-    say(this.#parts["stop-state"], text);
-  }
-
   #zero(reason) {
     this.#stick.neutralise(reason);
     this.#sender.zero();
@@ -308,74 +287,29 @@ class ControlPage {
   // --- what is shown ---------------------------------------------------------------------------
 
   #look() {
-    const sinceViewMs = performance.now() - this.#viewMs;
-    const connected = this.#socket.open;
+    const now = performance.now();
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
-    if (!asksNeutral || !this.#drives) this.#freeMs = performance.now();
-    this.#picture.stale = this.#isCut();
-    this.#showBanner(
-      banner({
-        connected,
-        gone: this.#gone,
-        state: this.#state,
-        sinceViewMs,
-        asksNeutral: performance.now() - this.#freeMs > NEUTRAL_SAID_AFTER_MS,
-      }),
-    );
-    this.#showFacts(connected);
-    if (this.#state) this.#showState(this.#state);
+    if (!asksNeutral || !this.#drives) this.#freeMs = now;
+    const cut = this.#isCut();
+    this.#picture.stale = cut;
+    this.#face.show({
+      connected: this.#socket.open,
+      gone: this.#gone,
+      state: this.#state,
+      sinceViewMs: now - this.#viewMs,
+      asksNeutral: now - this.#freeMs > NEUTRAL_SAID_AFTER_MS,
+      cut,
+      mayClear: Boolean(this.#control?.may_clear),
+      delayMs: this.#pulse.delayMs,
+      echoMs: this.#echoTrips.median,
+    });
   }
 
-  #showBanner(shown) {
-    const { banner: box, "banner-title": title, "banner-text": text, clear } = this.#parts;
-    show(box, shown !== null);
-    if (!shown) return;
-    mark(box, "level", shown.level);
-    say(title, shown.title);
-    say(text, shown.text);
-    show(clear, Boolean(shown.clear && this.#control?.may_clear));
-    this.#announcer.say(`${shown.title}. ${shown.text}`, shown.title);
-  }
-
-  #showFacts(connected) {
-    const { connection, delay } = this.#parts;
-    const cut = !connected || this.#gone !== null;
-    mark(connection, "level", cut ? "fail" : "ok");
-    say(connection, connected ? (this.#gone ? "No link" : "Connected") : "Offline");
-    const trip = connected ? this.#pings.median : null;
-    say(delay, trip === null ? "– ms" : `${Math.max(1, Math.round(trip))} ms`);
-    const echo = this.#echoTrips.median;
-    say(this.#parts.echo, echo === null ? "–" : `${Math.round(echo)} ms`);
-  }
-
-  #showState(state) {
-    const { battery, words, limits, "stop-state": stopState } = this.#parts;
-    show(battery, state.battery_percent !== null);
-    if (state.battery_percent !== null) {
-      say(battery, `${Math.round(state.battery_percent)} %${state.charging ? ", charging" : ""}`);
-      mark(battery, "level", state.battery_percent < 20 ? "warn" : "ok");
-    }
-    mark(this.#root, "stop", state.stop.state);
-    if (state.stop.state !== "clear") this.#stopSaid.untilMs = 0; // the robot itself has the word
-    const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
-    say(stopState, stopText(state.stop) || said);
-    const text = this.#isCut() ? "" : verdictText(state.verdict);
-    if (text) this.#announcer.say(text, `${state.verdict.code} ${state.verdict.side}`);
-    const standing = limitsOf(state.verdict);
-    fill(
-      limits,
-      standing.map((limit) => limit.text),
-    );
-    for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
-    say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
-  }
-
-  #explainReverse({ x }) {
-    const text =
-      this.#facts?.reverse_steering === "car"
-        ? "Reversing: steers like a car."
-        : "Reversing: stick left still turns left.";
-    say(this.#parts.hint, x < 0 ? text : "");
+  #reverseHint({ x }) {
+    if (x >= 0) return "";
+    return this.#facts?.reverse_steering === "car"
+      ? "Reversing: steers like a car."
+      : "Reversing: stick left still turns left.";
   }
 
   #stickReleased(reason) {
@@ -387,13 +321,6 @@ class ControlPage {
       });
     }
   }
-}
-
-/** On the button itself: what the robot reports, in two words; empty while the latch is clear. */
-function stopText(stop) {
-  if (stop.state === "clear") return "";
-  if (stop.state === "stopping") return "Stopping";
-  return standstillText(stop) ? `Standstill after ${Math.round(stop.standstill_ms)} ms` : "Stopped";
 }
 
 const root = document.querySelector("[data-page=control]");

@@ -6,6 +6,7 @@ import { phaseTitle, standstillText, verdictText } from "./standing.js";
 import { StopButton } from "./stop.js";
 
 const STALE_MS = 3000;
+const SIGNED_OUT = 4401;
 
 /** What a card says of one robot. Pure. */
 export function cardOf({ state, refusal }) {
@@ -121,7 +122,7 @@ class FleetPage {
   }
 
   #lost(code) {
-    if (code === 4401) location.reload(); // signed out: the server leads to the sign-in page
+    if (code === SIGNED_OUT) location.reload(); // signed out: the server leads to the sign-in page
     this.#look();
   }
 

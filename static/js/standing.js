@@ -13,6 +13,13 @@ export function standstillText(stop) {
   return `Standstill confirmed after ${Math.round(stop.standstill_ms)} ms.`;
 }
 
+/** The same in two words, for the stop button itself; empty while the latch is clear. */
+export function stopText(stop) {
+  if (stop.state === "clear") return "";
+  if (stop.state === "stopping") return "Stopping";
+  return standstillText(stop) ? `Standstill after ${Math.round(stop.standstill_ms)} ms` : "Stopped";
+}
+
 function stopBanner(stop) {
   const by = stop.by ? ` by ${stop.by}` : "";
   return {
