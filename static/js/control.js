@@ -23,8 +23,9 @@ import { screenLock } from "./wake.js";
 
 const LOOK_MS = 250;
 const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it
-const SIGNED_OUT = 4401;
-const NOT_PERMITTED = 4403;
+
+// Closed for good: signed out, not permitted, no such robot. The server's page says so, or leads to the sign-in page.
+const CLOSED_FOR_GOOD = new Set([4401, 4403, 4404]);
 
 // Refused commands of the stick that the delay or the banner speak of; they come by the dozen.
 const SHOWN_ELSEWHERE = new Set([
@@ -188,8 +189,7 @@ class ControlPage {
     this.#panel.control = null;
     this.#follow();
     this.#look();
-    // The server leads to the sign-in page, or says that this page is not for them.
-    if (code === SIGNED_OUT || code === NOT_PERMITTED) location.reload();
+    if (CLOSED_FOR_GOOD.has(code)) location.reload();
   }
 
   #isCut() {

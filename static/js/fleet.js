@@ -47,6 +47,7 @@ class FleetPage {
   #stopAllState;
   #heardMs = performance.now();
   #robots = {};
+  #slugs = null; // as first heard
   #timer;
   #stops = [];
 
@@ -96,10 +97,17 @@ class FleetPage {
     if (message.t === "refused") say(this.#stopAllState, message.refusal.text);
     if (message.t !== "fleet") return;
     this.#heardMs = performance.now();
+    this.#followRegistry(Object.keys(message.robots).sort().join());
     this.#robots = message.robots;
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
     this.#look();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
+  }
+
+  /** Robots that come and go while the page is open bring the page anew. */
+  #followRegistry(slugs) {
+    this.#slugs ??= slugs;
+    if (slugs !== this.#slugs) location.reload();
   }
 
   #show(slug, robot) {

@@ -189,6 +189,22 @@ def test_a_sticky_stick_stays_and_ends_with_any_other_input(person: Arrive) -> N
     operator.release()
 
 
+def test_a_sticky_stick_ends_where_the_gate_holds_the_robot(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-1")
+    operator.press("Sticky")
+    x, y = operator.middle_of("zone")
+    mouse = operator.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x, y - operator.stick_reach)
+    mouse.up()
+    operator.until(lambda: operator.state["verdict"]["asked"][0] > 0, "the stick to stay")
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "the stick to let go at the wall", timeout_s=40)
+    operator.until_still()
+    operator.release()
+
+
 def test_a_reload_keeps_control_and_the_robot_stands_meanwhile(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
