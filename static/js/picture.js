@@ -7,7 +7,7 @@ import { arc, carried, reach, spanFor } from "./path.js";
 
 const PATH_S = 2;
 const PATH_STEPS = 24;
-const ROBOT_AT = 0.66; // of the height: more is seen ahead than behind
+const ROBOT_AT = 0.6; // of the height: more is seen ahead than behind
 const COARSEST = 36; // pixels of the page per metre: in a small picture rather less room than a tiny robot
 const SLOWEST_SHOWN = 0.01; // m/s or rad/s
 
