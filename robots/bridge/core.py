@@ -298,8 +298,8 @@ class Core:
                 self._need_neutral(verdict.text)
         if refusal:
             verdict = verdict._replace(asked=asked, code=refusal.code, text=refusal.text)
-        if self.stop_state.state == "clear":
-            self._verdict = verdict
+        stopped = self.stop_state.state != "clear"
+        self._verdict = self._verdict._replace(limits=verdict.limits) if stopped else verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
 
