@@ -65,14 +65,24 @@ class Environment:
         return seconds
 
     def directory(self, name: str, default: Path) -> Path:
-        """A directory, made for its owner only if it is not there: the database and the sockets live in such."""
-        path = Path(self.text(name) or default).expanduser().absolute()
+        """A directory for its owner only: who reads the database in it may be anybody, by their session keys.
+
+        Our own default is closed to others; one that somebody named may serve others too, and is left as it is.
+        """
+        named = self.text(name)
+        path = Path(named or default).expanduser().absolute()
         try:
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if named is None and path.stat().st_mode & 0o077:
+                path.chmod(0o700)
         except OSError as error:
             raise ImproperlyConfigured(
-                f"{name}: cannot make the directory {path}: {error.strerror}."
+                f"{name}: cannot make the directory {path} for its owner only: {error.strerror}."
             ) from error
+        if path.stat().st_mode & 0o077:
+            raise ImproperlyConfigured(
+                f"{name}: other accounts of this computer may open the directory {path}. Run: chmod 700 {path}"
+            )
         return path
 
     def file(self, name: str) -> str | None:

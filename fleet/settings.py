@@ -15,6 +15,8 @@ from django.core.management.utils import get_random_secret_key
 from fleet import environment
 from fleet.environment import Environment
 
+os.umask(0o077)  # what our processes write is for their own account: the database holds session keys
+
 BASE_DIR = Path(__file__).resolve().parent.parent
 _env = Environment(os.environ)
 

@@ -84,7 +84,7 @@ def demo(port: int | None, *, lan: bool) -> int:
     began_s = time.monotonic()
     listener = listen("0.0.0.0" if lan else "127.0.0.1", port)  # noqa: S104 - that is what --lan asks for
     directory = REPOSITORY / "var" / f"demo-{listener.getsockname()[1]}"
-    directory.mkdir(parents=True, exist_ok=True)
+    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (directory / "lock").open("w") as lock:
         lock_or_fail(lock, directory)
         with lan_stack(directory, listener) if lan else Stack(directory, listener=listener) as stack:

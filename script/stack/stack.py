@@ -197,7 +197,8 @@ class Stack:
             raise
 
     def _prepare(self) -> None:
-        self.directory.mkdir(parents=True, exist_ok=True)
+        self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        self.directory.chmod(0o700)  # also one from before: its database holds session keys
         self.logs = self.directory / "log"
         shutil.rmtree(self.logs, ignore_errors=True)
         self.logs.mkdir()

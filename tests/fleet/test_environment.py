@@ -35,6 +35,33 @@ def test_a_key_and_hosts_are_enough(tmp_path):
     assert (tmp_path / "var/run").stat().st_mode & 0o777 == 0o700
 
 
+def test_nothing_that_is_written_can_be_read_by_other_accounts(tmp_path):
+    environ = {"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **SOUND}
+    command = [sys.executable, "manage.py", "migrate", "audit", "--verbosity", "0"]
+    subprocess.run(command, env=environ, cwd=ROOT, check=True, umask=0o022)
+    database = tmp_path / "var/fleet.sqlite3"
+    assert database.stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize("variable", ["FLEET_VAR", "FLEET_RUN_DIR"])
+@pytest.mark.parametrize("mode", [0o750, 0o705])
+def test_a_named_directory_that_others_may_open_is_refused_and_left_alone(variable, mode, tmp_path):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(mode)
+    trouble = _start(tmp_path, **{**SOUND, variable: str(shared)})
+    assert variable in trouble and f"chmod 700 {shared}" in trouble
+    assert shared.stat().st_mode & 0o777 == mode
+
+
+def test_a_directory_of_our_own_that_others_may_open_is_closed_to_them(tmp_path):
+    (tmp_path / "var/run").mkdir(parents=True)
+    (tmp_path / "var").chmod(0o700)
+    (tmp_path / "var/run").chmod(0o755)
+    assert _start(tmp_path, **SOUND) is None
+    assert (tmp_path / "var/run").stat().st_mode & 0o777 == 0o700
+
+
 def test_debug_needs_neither(tmp_path):
     assert _start(tmp_path, FLEET_DEBUG="1") is None
 
