@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import ipaddress
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from script.stack.demo import Ended, ended_by_signals, say
@@ -29,20 +31,37 @@ def main() -> int:
         return 1
 
 
-def arguments() -> argparse.Namespace:
+def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     """What was asked on the command line."""
     parser = argparse.ArgumentParser(prog="script/serve", description="The console for real robots.")
     parser.add_argument(
         "--bind", default="127.0.0.1", help="address to serve on (default: this machine only)"
     )
     parser.add_argument("--port", type=int, default=8000)
+    parser.add_argument(
+        "--behind-proxy",
+        action="store_true",
+        help="believe the X-Forwarded headers of a proxy on this machine; it must overwrite what browsers send",
+    )
     parser.add_argument("--certificate", type=Path, help="serve TLS with this PEM file; set FLEET_TLS=1 too")
     parser.add_argument("--private-key", type=Path)
     parser.add_argument("--authority", type=Path, help="the chain above the certificate")
-    asked = parser.parse_args()
+    asked = parser.parse_args(words)
     if bool(asked.certificate) != bool(asked.private_key):
         parser.error("--certificate and --private-key go together")
+    if asked.behind_proxy and (asked.certificate or not is_loopback(asked.bind)):
+        parser.error(
+            "--behind-proxy serves plain http to this machine only: without --certificate or other --bind"
+        )
     return asked
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine can connect there, where X-Forwarded headers can be believed."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
 
 
 def serve(asked: argparse.Namespace) -> int:
@@ -59,7 +78,7 @@ def serve(asked: argparse.Namespace) -> int:
     try:
         for name, line in (
             ("supervisor", [sys.executable, "manage.py", "run_fleet"]),
-            ("web", [*daphne(), *endpoint(asked)]),
+            ("web", web_command(asked)),
         ):
             children.append(Child(name, line, env=os.environ))
         say(f"Serving on {asked.bind}:{asked.port}. Ctrl-C or SIGTERM ends it.")
@@ -68,12 +87,13 @@ def serve(asked: argparse.Namespace) -> int:
         end_all(children)
 
 
-def endpoint(asked: argparse.Namespace) -> list[str]:
-    """Where Daphne listens."""
-    if asked.certificate is None:
-        return ["--bind", asked.bind, "--port", str(asked.port)]
-    certificate = Certificate(asked.certificate, asked.private_key, asked.authority)
-    return ["--endpoint", tls_endpoint(certificate, asked.bind, asked.port)]
+def web_command(asked: argparse.Namespace) -> list[str]:
+    """Daphne, where it listens, and whom it believes."""
+    if asked.certificate:
+        certificate = Certificate(asked.certificate, asked.private_key, asked.authority)
+        return [*daphne(), "--endpoint", tls_endpoint(certificate, asked.bind, asked.port)]
+    believed = ["--proxy-headers"] if asked.behind_proxy else []
+    return [*daphne(), *believed, "--bind", asked.bind, "--port", str(asked.port)]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,110 @@
+"""`script/serve --behind-proxy`: a proxy that ends TLS stands before the real web process."""
+
+import http.client
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from http.cookies import SimpleCookie
+from pathlib import Path
+
+import pytest
+
+from script.stack.processes import Child, end_all
+from script.stack.serve import arguments, web_command
+
+ROOT = Path(__file__).resolve().parents[2]
+HOST = "fleet.example"
+PAGE = "/accounts/sign-in/"
+PASSWORD = "a long walk on the beach"
+FROM_THE_PROXY = {"Host": HOST, "X-Forwarded-Proto": "https", "X-Forwarded-For": "10.0.0.7"}
+
+
+@pytest.fixture
+def environ(tmp_path):
+    """Debug spares the collecting of static files; what is tested here is the same."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "DJANGO_"))}
+    return {
+        **kept,
+        "FLEET_VAR": str(tmp_path / "var"),
+        "FLEET_SECRET_KEY": "k" * 50,
+        "FLEET_HOSTS": HOST,
+        "FLEET_TLS": "1",
+        "FLEET_DEBUG": "1",
+    }
+
+
+@pytest.fixture
+def port(environ, tmp_path):
+    """Where the web process listens; somebody named "first" has an account."""
+    manage = [sys.executable, "manage.py"]
+    account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
+    with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
+    subprocess.run([*manage, "migrate", "--verbosity", "0"], cwd=ROOT, env=environ, check=True)
+    subprocess.run([*manage, *account], cwd=ROOT, env=with_password, check=True)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        number = free.getsockname()[1]
+    command = web_command(arguments(["--behind-proxy", "--port", str(number)]))
+    web = Child("web", command, env=environ, log=tmp_path / "web.log")
+    try:
+        _wait_until_it_listens(number, web)
+        yield number
+    finally:
+        end_all([web])
+
+
+def _wait_until_it_listens(port, web):
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and web.running:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+            return
+        except ConnectionRefusedError:
+            time.sleep(0.05)
+    pytest.fail(f"no web process: {web.last_lines()}")
+
+
+def _ask(port, method, path, body=None, **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    try:
+        connection.request(method, path, body, FROM_THE_PROXY | headers)
+        response = connection.getresponse()
+        cookies = SimpleCookie()
+        for line in response.headers.get_all("Set-Cookie", []):
+            cookies.load(line)
+        return (
+            response.status,
+            response.read().decode(),
+            {name: morsel.value for name, morsel in cookies.items()},
+        )
+    finally:
+        connection.close()
+
+
+def test_people_sign_in_through_it_and_are_listed_by_their_own_address(port):
+    _status, page, cookies = _ask(port, "GET", PAGE)
+    token = re.search(r'name="csrfmiddlewaretoken" value="(\w+)"', page)[1]
+    form = f"csrfmiddlewaretoken={token}&username=first&password={PASSWORD.replace(' ', '+')}"
+    sent = {"Content-Type": "application/x-www-form-urlencoded", "Origin": f"https://{HOST}"}
+    status, _page, given = _ask(port, "POST", PAGE, form, Cookie=_cookie(cookies), **sent)
+    assert status == 302
+    assert "10.0.0.7" in _ask(port, "GET", "/accounts/sessions/", Cookie=_cookie(given))[1]
+
+
+def _cookie(cookies):
+    return "; ".join(f"{name}={value}" for name, value in cookies.items())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--bind", "10.0.0.7"], ["--bind", "192.168.1.20"], ["--certificate", "a.crt", "--private-key", "a.key"]],
+)
+def test_nobody_but_this_machine_is_believed(words):
+    with pytest.raises(SystemExit):
+        arguments(["--behind-proxy", *words])
+
+
+def test_without_it_no_header_is_believed():
+    assert "--proxy-headers" not in web_command(arguments([]))
