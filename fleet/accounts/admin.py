@@ -20,8 +20,20 @@ from fleet.audit import record
 admin.site.unregister(Group)
 
 
+class ListedLookups(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Lists that addresses can filter by what is offered as a filter, and by nothing else.
+
+    Django lets them filter by every column and by the keys of what refers to it, also by their beginning: who may
+    see a list could find out other people's session keys character by character.
+    """
+
+    def lookup_allowed(self, lookup: str, value: str, request: HttpRequest | None = None) -> bool:
+        """Whether an address may filter by this."""
+        return lookup in {f"{name}__exact" for name in self.list_filter}
+
+
 @admin.register(User)
-class PersonAdmin(UserAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
     """Accounts. Nobody is deleted, for the audit log speaks of them: clear "active" instead."""
 
     list_display = ["username", "full_name", "email", "is_staff", "is_active", "last_login"]
@@ -67,7 +79,7 @@ class PersonAdmin(UserAdmin):  # type: ignore[type-arg]  # not subscriptable at 
 
 
 @admin.register(SignIn)
-class SignInAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class SignInAdmin(ListedLookups):
     """Who is signed in, and from where: to read."""
 
     list_display = ["user", "address", "device", "started_at", "seen_at"]

@@ -97,3 +97,28 @@ def test_sign_ins_are_to_be_read_only(admin, staff):
     assert admin.get(f"{SIGN_INS}{sign_in.pk}/change/").status_code == 200
     assert admin.post(f"{SIGN_INS}{sign_in.pk}/delete/", {"post": "yes"}).status_code == 403
     assert sign_in.session_id not in admin.get(f"{SIGN_INS}{sign_in.pk}/change/").content.decode()
+
+
+@pytest.mark.parametrize(
+    "page_and_lookup",
+    [
+        f"{SIGN_INS}?session__session_key__startswith=",
+        f"{SIGN_INS}?session_id__startswith=",
+        f"{SIGN_INS}?session__startswith=",
+        f"{SIGN_INS}?auth_hash__startswith=",
+        f"{SIGN_INS}?user__password__startswith=",
+        f"{PEOPLE}?sign_ins__session__session_key__startswith=",
+        f"{PEOPLE}?sign_ins__auth_hash__startswith=",
+        f"{PEOPLE}?password__startswith=",
+        "/admin/robots/robotrole/?user__password__startswith=",
+        "/admin/robots/robotrole/?user__sign_ins__session__session_key__startswith=",
+    ],
+)
+def test_a_list_cannot_be_asked_for_keys_character_by_character(page_and_lookup, admin, operator, signed_in):
+    signed_in(operator)
+    assert admin.get(f"{page_and_lookup}a").status_code == 400
+
+
+def test_what_is_offered_as_a_filter_filters(admin, operator):
+    response = admin.get(f"{PEOPLE}?is_staff__exact=0")
+    assert [person.pk for person in response.context["cl"].result_list] == [operator.pk]

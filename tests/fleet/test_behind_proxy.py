@@ -99,7 +99,11 @@ def _cookie(cookies):
 
 @pytest.mark.parametrize(
     "words",
-    [["--bind", "10.0.0.7"], ["--bind", "192.168.1.20"], ["--certificate", "a.crt", "--private-key", "a.key"]],
+    [
+        ["--bind", "10.0.0.7"],
+        ["--bind", "192.168.1.20"],
+        ["--certificate", "a.crt", "--private-key", "a.key"],
+    ],
 )
 def test_nobody_but_this_machine_is_believed(words):
     with pytest.raises(SystemExit):
