@@ -7,6 +7,9 @@ import gc
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
+
+from websockets.exceptions import ConnectionClosed
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.chromium import ChromiumPage
@@ -132,9 +135,10 @@ async def flood(driver: Driver, observer: Observer) -> list[Figure]:
     observer.forget()
     sent: dict[int, float] = {}
     began_s = time.monotonic()
-    while (now_s := time.monotonic()) < began_s + FLOOD_S:
-        sent[len(sent)] = now_s
-        await driver.drive(0.0, numbers.turn(len(sent) - 1), SHARE)
+    with suppress(ConnectionClosed):  # the console does not listen to a flood for long
+        while (now_s := time.monotonic()) < began_s + FLOOD_S:
+            sent[len(sent)] = now_s
+            await driver.drive(0.0, numbers.turn(len(sent) - 1), SHARE)
     await asyncio.sleep(1.0)
     ages_s = [
         command.at_s - sent[number]
