@@ -69,6 +69,7 @@ MIDDLEWARE = [
     "fleet.accounts.middleware.SignInRequired",
     "fleet.accounts.middleware.sign_in_seen",
     "django.contrib.messages.middleware.MessageMiddleware",
+    "fleet.unavailable.UnavailableInWords",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
 ]
 

@@ -9,7 +9,6 @@ from django.contrib.auth.forms import AuthenticationForm
 from django.core.exceptions import ValidationError
 
 from fleet.accounts import services, throttle
-from fleet.audit import AuditUnavailable
 
 THROTTLED = "throttled"
 
@@ -30,7 +29,4 @@ class SignInForm(AuthenticationForm):
                 f"Too many failed attempts for this name. Try again in {minutes} minute{'s' if minutes > 1 else ''}.",
                 code=THROTTLED,
             )
-        try:
-            return super().clean()
-        except AuditUnavailable as error:  # a failure that cannot be recorded would not be counted either
-            raise ValidationError(error.text, code=error.code) from error
+        return super().clean()

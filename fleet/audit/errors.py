@@ -1,16 +1,16 @@
-"""What can go wrong with the audit log."""
+"""What can go wrong with the database, and so with the audit log."""
 
 from __future__ import annotations
 
 # Words of SQLite's and PostgreSQL's messages, and what they mean for the reader. First match counts.
 CAUSES = [
-    ("locked", "audit_locked", "another process keeps the database locked"),
-    ("lock timeout", "audit_locked", "another process keeps the database locked"),
-    ("full", "audit_disk_full", "the disk of the database is full"),
-    ("no space left", "audit_disk_full", "the disk of the database is full"),
-    ("readonly", "audit_read_only", "the database is read-only"),
-    ("read-only", "audit_read_only", "the database is read-only"),
-    ("no such table", "audit_no_table", "its table is missing: run manage.py migrate"),
+    ("locked", "locked", "another process keeps the database locked"),
+    ("lock timeout", "locked", "another process keeps the database locked"),
+    ("full", "disk_full", "the disk of the database is full"),
+    ("no space left", "disk_full", "the disk of the database is full"),
+    ("readonly", "read_only", "the database is read-only"),
+    ("read-only", "read_only", "the database is read-only"),
+    ("no such table", "no_table", "a table is missing: run manage.py migrate"),
 ]
 
 
@@ -30,12 +30,17 @@ class AuditUnavailable(Exception):
     @classmethod
     def because(cls, error: Exception) -> AuditUnavailable:
         """The refusal that explains a database error."""
-        said = str(error).lower()
-        code, cause = next(
-            ((code, cause) for words, code, cause in CAUSES if words in said),
-            ("audit_unreachable", "the database does not answer"),
-        )
-        return cls(code, f"Not done, because it could not be recorded: {cause}.")
+        code, cause = cause_of(error)
+        return cls(f"audit_{code}", f"Not done, because it could not be recorded: {cause}.")
+
+
+def cause_of(error: Exception) -> tuple[str, str]:
+    """A database error in a word for programs and in words for people."""
+    said = str(error).lower()
+    return next(
+        ((code, cause) for words, code, cause in CAUSES if words in said),
+        ("unreachable", "the database does not answer"),
+    )
 
 
 class AppendOnly(TypeError):

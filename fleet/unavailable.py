@@ -1,0 +1,58 @@
+"""A database that is locked, full or away is said in words: 503, a page for people, JSON for scripts."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable
+
+from django.db import InterfaceError, OperationalError
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
+from django.shortcuts import render
+from django.views.defaults import server_error
+
+from fleet.audit import AuditUnavailable
+from fleet.audit.errors import cause_of
+
+logger = logging.getLogger(__name__)
+
+RETRY_AFTER_S = 5
+
+
+class UnavailableInWords:
+    """Middleware: pages that fail because the database does."""
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
+        self._get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponseBase:
+        """Nothing to do unless the page fails."""
+        return self._get_response(request)
+
+    def process_exception(self, request: HttpRequest, error: Exception) -> HttpResponse | None:
+        """503 and why, or None for every other error."""
+        return answer(request, error)
+
+
+def error_page(request: HttpRequest) -> HttpResponse:
+    """Django's handler of uncaught errors: what fails between the pages, such as the loading of a session."""
+    return answer(request, sys.exc_info()[1]) or server_error(request)
+
+
+def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | None:
+    """The answer to a request that the database has let down."""
+    match error:
+        case AuditUnavailable():
+            refusal = {"code": error.code, "text": error.text, "rule": error.rule}
+        case OperationalError() | InterfaceError():
+            code, cause = cause_of(error)
+            refusal = {"code": f"database_{code}", "text": f"Not done: {cause}.", "rule": "database"}
+        case _:
+            return None
+    logger.error("%s %s: %s", request.method, request.path, error)
+    if request.get_preferred_type(["text/html", "application/json"]) == "application/json":
+        response: HttpResponse = JsonResponse(refusal, status=503)
+    else:
+        response = render(request, "503.html", refusal, status=503)
+    response.headers["Retry-After"] = str(RETRY_AFTER_S)
+    return response
