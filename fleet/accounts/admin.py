@@ -6,13 +6,16 @@ from typing import Any
 from urllib.parse import urlencode
 
 from django.contrib import admin
+from django.contrib.admin.utils import unquote
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.models import Group
+from django.db import transaction
 from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.urls import reverse
 from django.utils.html import format_html
 
+from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
 from fleet.audit import record
 
@@ -67,11 +70,20 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         _record("account.change" if change else "account.create", request, obj, changes)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
-        """Another person's password; that it changed goes on record, not what it is."""
-        response = super().user_change_password(request, id, form_url)
-        if request.method == "POST" and response.status_code == 302:
-            _record("account.change", request, User.objects.get(pk=id), [{"field": "password"}])
+        """Somebody's password; that it changed goes on record, not what it is. What cannot be recorded is not done."""
+        with transaction.atomic():
+            before = self.get_object(request, unquote(id))
+            response = super().user_change_password(request, id, form_url)
+            after = self.get_object(request, unquote(id))
+            if before and after and before.password != after.password:
+                self._password_changed(request, after)
         return response
+
+    def _password_changed(self, request: HttpRequest, person: User) -> None:
+        if request.user == person:
+            services.own_password_changed(request, person)
+        else:
+            _record("account.change", request, person, [{"field": "password"}])
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Accounts are closed, not deleted."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from django.contrib.auth.middleware import LoginRequiredMiddleware
-from django.db import OperationalError
+from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponseBase, JsonResponse
 
 from fleet.accounts import services
@@ -38,8 +38,8 @@ def sign_in_seen(
         response = get_response(request)
         if isinstance(request.user, User):
             try:
-                services.sign_in_seen(request, request.user)
-            except OperationalError as error:  # a stop must not fail because a disk is full
+                services.sign_in_seen(request)
+            except (OperationalError, InterfaceError) as error:  # a stop must not fail because a disk is full
                 logger.warning("The list of sign-ins could not be brought up to date: %s", error)
         return response
 

@@ -16,6 +16,7 @@ from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
 from fleet.audit import record
 
+FROM_THE_LIST = "ended from the session list"
 SEEN_EVERY = timedelta(minutes=1)
 
 
@@ -37,13 +38,14 @@ def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
     return sign_in
 
 
-def sign_in_seen(request: HttpRequest, user: User) -> None:
-    """Note that the session of this request was used, at most once a minute; its expiry moves along."""
+def sign_in_seen(request: HttpRequest) -> None:
+    """Note that the session of this request was used, at most once a minute; its expiry moves along.
+
+    A session that was ended elsewhere while the request was under way stays ended.
+    """
     sign_in = SignIn.objects.filter(session_id=request.session.session_key)
     seen_at = sign_in.values_list("seen_at", flat=True).first()
-    if seen_at is None:  # Django gave the session a new key: the person has just changed their password
-        sign_in_begun(request, user)
-    elif timezone.now() - seen_at > SEEN_EVERY:
+    if seen_at is not None and timezone.now() - seen_at > SEEN_EVERY:
         sign_in.update(seen_at=timezone.now())
         request.session.modified = True
 
@@ -53,20 +55,31 @@ def sign_in_end(*, user: User, sign_in_id: UUID) -> bool:
     return _end(user, sign_ins_of(user.pk).filter(pk=sign_in_id)) == 1
 
 
-def sign_ins_end_others(*, user: User, session_key: str) -> int:
+def sign_ins_end_others(*, user: User, session_key: str, why: str = FROM_THE_LIST) -> int:
     """End all of the person's sign-ins but this one; how many there were."""
-    return _end(user, sign_ins_of(user.pk).exclude(session_id=session_key))
+    return _end(user, sign_ins_of(user.pk).exclude(session_id=session_key), why)
+
+
+def own_password_changed(request: HttpRequest, user: User) -> None:
+    """Put it on record; only the sign-in of this request goes on, under the new key that Django gave its session."""
+    record(
+        "account.change",
+        actor=user,
+        parameters={"user": str(user.pk), "name": user.display_name, "changes": [{"field": "password"}]},
+    )
+    sign_in = sign_in_begun(request, user)
+    sign_ins_end_others(user=user, session_key=sign_in.session_id, why="password changed")
 
 
 @transaction.atomic
-def _end(user: User, sign_ins: QuerySet[SignIn]) -> int:
+def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> int:
     ending = list(sign_ins)
     Session.objects.filter(pk__in=[sign_in.session_id for sign_in in ending]).delete()
     for sign_in in ending:
         record(
             "account.sign_out",
             actor=user,
-            outcome="ended from the session list",
+            outcome=why,
             parameters={"address": sign_in.address, "browser": sign_in.user_agent},
         )
     return len(ending)

@@ -1,4 +1,4 @@
-"""Signing in, and the list of one's own sign-ins."""
+"""Signing in, one's own password, and the list of one's own sign-ins."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from math import ceil
 from uuid import UUID
 
 from django.contrib import messages
-from django.contrib.auth.forms import AuthenticationForm
-from django.contrib.auth.models import AnonymousUser
-from django.contrib.auth.views import LoginView
-from django.contrib.sessions.backends.db import SessionStore
-from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied, ValidationError
+from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
+from django.contrib.auth.views import LoginView, PasswordChangeView
+from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.urls import reverse_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
@@ -21,7 +20,6 @@ from fleet.accounts import services
 from fleet.accounts.forms import THROTTLED, SignInForm
 from fleet.accounts.models import User
 from fleet.accounts.selectors import sign_ins_of
-from fleet.audit import AuditUnavailable
 
 
 class SignInView(LoginView):
@@ -32,15 +30,8 @@ class SignInView(LoginView):
 
     def form_valid(self, form: AuthenticationForm) -> HttpResponse:
         """Sign in; what cannot be recorded is not done."""
-        try:
-            with transaction.atomic():
-                return super().form_valid(form)
-        except AuditUnavailable as error:
-            # The session row was rolled back; what this request still holds of it must not be saved again.
-            self.request.session = SessionStore()
-            self.request.user = AnonymousUser()
-            form.add_error(None, ValidationError(error.text, code=error.code))
-            return self.render_to_response(self.get_context_data(form=form), status=503)
+        with transaction.atomic():
+            return super().form_valid(form)
 
     def form_invalid(self, form: AuthenticationForm) -> HttpResponse:
         """Show the form again; 429 while the name must wait."""
@@ -48,6 +39,21 @@ class SignInView(LoginView):
         if isinstance(form, SignInForm) and form.has_error(NON_FIELD_ERRORS, THROTTLED):
             response.status_code = 429
             response.headers["Retry-After"] = str(ceil(form.wait_s))
+        return response
+
+
+class PasswordView(PasswordChangeView):
+    """One's own password."""
+
+    template_name = "accounts/password.html"
+    success_url = reverse_lazy("sessions")
+
+    def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
+        """Change it; what cannot be recorded is not done."""
+        with transaction.atomic():
+            response = super().form_valid(form)
+            services.own_password_changed(self.request, _person(self.request))
+        messages.success(self.request, "Your password is changed. Every other browser has to sign in again.")
         return response
 
 

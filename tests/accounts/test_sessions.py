@@ -5,12 +5,14 @@ from datetime import timedelta
 import pytest
 from django.contrib.sessions.models import Session
 from django.db import OperationalError
-from django.test import Client
+from django.http import HttpResponse
+from django.test import Client, RequestFactory
 from django.utils import timezone
 
 from fleet.accounts import services
+from fleet.accounts.middleware import sign_in_seen
 from fleet.accounts.models import SignIn
-from fleet.accounts.selectors import account_alive, session_alive
+from fleet.accounts.selectors import account_alive, session_alive, sign_ins_of
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
 
@@ -134,10 +136,22 @@ def test_changing_ones_own_password_keeps_this_sign_in_and_ends_the_others(staff
         "new_password1": "another long walk",
         "new_password2": "another long walk",
     }
-    assert here.post("/admin/password_change/", form).status_code == 302
+    assert here.post("/accounts/password/", form).status_code == 302
     staff.refresh_from_db()
     assert _alive(here, staff)
     assert not _alive(there, staff)
+    assert [sign_in.pk for sign_in in sign_ins_of(staff.pk)] == [_sign_in_of(here).pk]
+
+
+def test_a_session_that_was_ended_while_its_page_was_under_way_stays_ended(transactional_db, desk, operator):
+    def ended_meanwhile(_request):
+        Session.objects.all().delete()
+        return HttpResponse()
+
+    request = RequestFactory().get(PAGE)
+    request.user, request.session = operator, desk.session
+    assert sign_in_seen(ended_meanwhile)(request).status_code == 200
+    assert not SignIn.objects.exists()
 
 
 # --- last seen --------------------------------------------------------------------------------

@@ -1,0 +1,89 @@
+"""Changing a password: everybody their own, staff anybody's; and only if it can be recorded."""
+
+from unittest import mock
+
+import pytest
+
+from fleet.accounts.models import User
+from fleet.accounts.selectors import session_alive
+from fleet.audit import AuditUnavailable
+from fleet.audit.models import Record
+from tests.conftest import PASSWORD
+
+PAGE = "/accounts/password/"
+NEW = "another long walk"
+FORM = {"old_password": PASSWORD, "new_password1": NEW, "new_password2": NEW}
+ADMIN_FORM = {"usable_password": "true", "password1": NEW, "password2": NEW}
+FULL = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+
+def _has(person: User, password: str) -> bool:
+    return User.objects.get(pk=person.pk).check_password(password)
+
+
+@pytest.mark.django_db
+def test_everybody_can_change_their_own_and_it_goes_on_record(stranger, signed_in):
+    response = signed_in(stranger).post(PAGE, FORM, follow=True)
+    assert "Your password is changed." in response.content.decode()
+    assert _has(stranger, NEW)
+    entry = Record.objects.get(kind="account.change")
+    assert (entry.actor_id, entry.parameters["changes"]) == (str(stranger.pk), [{"field": "password"}])
+    assert NEW not in str(entry.parameters)
+
+
+@pytest.mark.django_db
+def test_the_menu_leads_there(stranger, signed_in):
+    assert f'href="{PAGE}"' in signed_in(stranger).get("/").content.decode()
+
+
+@pytest.mark.django_db
+def test_the_admin_leads_there(staff, signed_in):
+    assert signed_in(staff).get("/admin/password_change/").headers["Location"] == PAGE
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"old_password": "wrong"}, "Your old password was entered incorrectly"),
+        ({"new_password2": "yet another"}, "match"),
+        ({"new_password1": "short", "new_password2": "short"}, "too short"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_is_changed(change, said, stranger, signed_in):
+    response = signed_in(stranger).post(PAGE, FORM | change)
+    assert said in response.content.decode()
+    assert _has(stranger, PASSWORD)
+    assert not Record.objects.filter(kind="account.change").exists()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_ones_own_is_not_changed_without_a_record(stranger, signed_in):
+    desk = signed_in(stranger)
+    with mock.patch("fleet.accounts.services.record", autospec=True, side_effect=FULL):
+        assert desk.post(PAGE, FORM).status_code == 503
+    assert _has(stranger, PASSWORD)
+    assert session_alive(desk.session.session_key, stranger.pk)
+
+
+@pytest.mark.django_db(transaction=True)
+def test_another_persons_is_not_changed_without_a_record(operator, staff, signed_in):
+    admin = signed_in(staff)
+    with mock.patch("fleet.accounts.admin.record", autospec=True, side_effect=FULL):
+        assert admin.post(f"/admin/accounts/user/{operator.pk}/password/", ADMIN_FORM).status_code == 503
+    assert _has(operator, PASSWORD)
+
+
+@pytest.mark.django_db
+def test_staff_who_change_their_own_among_the_accounts_stay_signed_in(staff, signed_in):
+    desk = signed_in(staff)
+    assert desk.post(f"/admin/accounts/user/{staff.pk}/password/", ADMIN_FORM).status_code == 302
+    assert session_alive(desk.session.session_key, staff.pk)
+    assert Record.objects.filter(kind="account.change").count() == 1
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("nobody", ["00000000-0000-0000-0000-000000000000", "nobody"])
+def test_nobodys_password_is_not_changed(nobody, staff, signed_in):
+    response = signed_in(staff).post(f"/admin/accounts/user/{nobody}/password/", ADMIN_FORM)
+    assert response.status_code == 404
