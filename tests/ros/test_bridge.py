@@ -7,9 +7,13 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 # isort: split
 import os
 import signal
+import socket
 import stat
+import struct
 import time
+from contextlib import contextmanager
 from pathlib import Path
+from xmlrpc.client import ServerProxy
 
 import msgspec
 import pytest
@@ -192,6 +196,54 @@ def test_another_publisher_on_the_drive_topic_is_shown(ros, hand):
         state = hand.state_until(lambda state: state.foreign, "the foreign publisher")
     assert len(state.foreign) == 1
     assert state.foreign[0].startswith("/test")
+
+
+def test_a_listener_that_does_not_read_is_cut_off_and_holds_nobody_up(ros, hand):
+    with (
+        ros.listen("/key_vel", Twist) as twists,
+        ros.listen(ODOMETRY, Odometry) as odometry,
+        deaf_subscriber("/key_vel", Twist, ros.master.uri) as bridge_node,
+    ):
+        hand.stick(0.0, 0.1)
+        twists.until(lambda twist: twist.angular.z > 0.0)
+        longest_s = 0.0
+        while serves_deaf(bridge_node):  # the test's time limit is its end, if never
+            odometry.next()
+            twists.drain()
+            before_s = time.monotonic()
+            for _ in range(10):
+                hand.stick(0.0, 0.1)
+                twists.next()
+            longest_s = max(longest_s, time.monotonic() - before_s)
+        twists.next()
+    assert longest_s < 0.25
+
+
+@contextmanager
+def deaf_subscriber(topic: str, kind: type, master_uri: str):
+    """Shakes hands as a subscriber with the smallest buffer there is, and never reads again."""
+    master = ServerProxy(master_uri)
+    _, _, publishers = master.registerSubscriber("/deaf", topic, kind._type, "http://127.0.0.1:9/")
+    node = next(uri for uri in publishers if uri == master.lookupNode("/deaf", "/fleet_bridge")[2])
+    _, _, (_, host, port) = ServerProxy(node).requestTopic("/deaf", topic, [["TCPROS"]])
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        connection.connect((host, port))
+        fields = {"callerid": "/deaf", "topic": topic, "type": kind._type, "md5sum": kind._md5sum}
+        lines = [f"{key}={value}".encode() for key, value in fields.items()]
+        header = b"".join(struct.pack("<I", len(line)) + line for line in lines)
+        connection.sendall(struct.pack("<I", len(header)) + header)
+        try:
+            until(lambda: serves_deaf(node), "the deaf listener among the bridge's connections")
+            yield node
+        finally:
+            master.unregisterSubscriber("/deaf", topic, "http://127.0.0.1:9/")
+
+
+def serves_deaf(node: str) -> bool:
+    """Whether the bridge writes to the deaf listener, by what the bridge's node says of its connections."""
+    _, _, connections = ServerProxy(node).getBusInfo("/test")
+    return any("/deaf" in connection for connection in connections)
 
 
 def test_rubbish_on_the_link_is_answered_and_the_link_stays(hand):

@@ -13,8 +13,10 @@ import logging
 import math
 import os
 import socket
+import struct
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,6 +39,8 @@ NODE = "/fleet_bridge"  # the same from every console: the second one is refused
 RETRY_S = 0.5
 SURVEY_S = 2.0
 FLUSH_S = 0.1
+SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
+SEND_PATIENCE = struct.pack("@ll", 0, 20_000)  # 20 ms, as a timeval: by then a buffer is not full by chance
 
 
 class Namesake(Exception):
@@ -93,7 +97,7 @@ class RosBase:
         if self._drive is None:
             return
         self.publish(STILL)
-        time.sleep(FLUSH_S)  # rospy's writer thread gives no sign that a message is out
+        time.sleep(FLUSH_S)  # the last bytes leave before the socket is closed
         leaving = threading.Thread(target=rospy.signal_shutdown, args=("bridge ends",), daemon=True)
         leaving.start()
         leaving.join(1.0)
@@ -156,12 +160,16 @@ class RosBase:
         self._cancels = [
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
         ]
-        self._drive = rospy.Publisher(
-            topics.drive.name,
-            TwistStamped if self._stamped else Twist,
-            subscriber_listener=_NoDelay(),
-            queue_size=1,  # without a queue a stalled robot would block this process
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore", SyntaxWarning
+            )  # rospy takes no queue for an oversight; see _AtOnce
+            self._drive = rospy.Publisher(
+                topics.drive.name,
+                TwistStamped if self._stamped else Twist,
+                subscriber_listener=_AtOnce(),
+                queue_size=None,
+            )
         self._publishers = [self._drive, *self._cancels]
 
     def _register_again(self, own_uri: str) -> None:
@@ -251,12 +259,19 @@ class RosBase:
             self._loop.call_soon_threadsafe(call)
 
 
-class _NoDelay(rospy.SubscribeListener):  # type: ignore[misc]
-    """rospy's subscribers ask for Nagle's algorithm and the publisher obeys; a twist must not wait for an ACK."""
+class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
+    """A twist goes out at once, without a queue and its thread; whoever does not read is cut off, not waited for.
+
+    rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
+    listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the
+    connection, which the listener's own side makes anew when it wakes.
+    """
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         for connection in topic_publish.__self__.connections:
             connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, SEND_PATIENCE)
 
 
 def _yaw(q: Any) -> float:
