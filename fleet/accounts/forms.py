@@ -26,7 +26,8 @@ class SignInForm(AuthenticationForm):
         if self.wait_s > 0:
             minutes = ceil(self.wait_s / 60)
             raise ValidationError(
-                f"Too many failed attempts for this name. Try again in {minutes} minute{'s' if minutes > 1 else ''}.",
+                "Too many failed attempts for this name, or from this address. "
+                f"Try again in {minutes} minute{'s' if minutes > 1 else ''}.",
                 code=THROTTLED,
             )
         return super().clean()

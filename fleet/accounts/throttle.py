@@ -1,12 +1,13 @@
-"""Guessing passwords is slow: few failures for each name from each address.
+"""Guessing passwords is slow: few failures for each name from each address, and not many more from one address.
 
 The failures are counted in the audit log, so that several web processes count together.
 """
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 
+from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
@@ -14,7 +15,8 @@ from fleet.accounts.models import User
 from fleet.audit import record
 from fleet.audit.models import Record
 
-FAILURES = 10
+FAILURES = 10  # of one name from one address
+FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address
 WINDOW = timedelta(minutes=5)
 KIND = "account.sign_in_failed"
 
@@ -39,10 +41,14 @@ def failure_recorded(*, username: str, address: str) -> None:
 def wait_s(*, username: str, address: str) -> float:
     """Seconds until this name may be tried again from this address; 0 if it may be now."""
     now = timezone.now()
-    failures = Record.objects.filter(
-        kind=KIND, at__gt=now - WINDOW, parameters__name_digest=_digest(username), parameters__address=address
-    ).order_by("-at")
-    oldest_that_counts = failures.values_list("at", flat=True)[FAILURES - 1 : FAILURES].first()
+    from_there = Record.objects.filter(kind=KIND, at__gt=now - WINDOW, parameters__address=address)
+    of_name = from_there.filter(parameters__name_digest=_digest(username))
+    return max(_wait_s(of_name, FAILURES, now), _wait_s(from_there, FAILURES_OF_ADDRESS, now))
+
+
+def _wait_s(failures: QuerySet[Record], most: int, now: datetime) -> float:
+    """Seconds until fewer than `most` of these failures count."""
+    oldest_that_counts = failures.order_by("-at").values_list("at", flat=True)[most - 1 : most].first()
     return (oldest_that_counts + WINDOW - now).total_seconds() if oldest_that_counts else 0.0
 
 

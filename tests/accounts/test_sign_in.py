@@ -145,6 +145,13 @@ def test_names_that_nobody_has_are_throttled_alike(db):
     assert _try("nobody", "wrong").status_code == 429
 
 
+def test_one_address_cannot_try_name_after_name(operator):
+    for number in range(throttle.FAILURES_OF_ADDRESS):
+        throttle.failure_recorded(username=f"name-{number}", address="10.0.0.66")
+    assert _try("operator", PASSWORD, REMOTE_ADDR="10.0.0.66").status_code == 429
+    assert _try("operator", PASSWORD, REMOTE_ADDR="10.0.0.67").status_code == 302
+
+
 # --- what cannot be recorded is not done ------------------------------------------------------
 
 
