@@ -10,7 +10,9 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
+from django.conf import settings
 from django.core.management import CommandError, call_command
+from django.db import OperationalError
 from websockets.sync.server import ServerConnection, unix_serve
 
 from fleet.audit import AuditUnavailable
@@ -107,6 +109,41 @@ def test_a_stop_that_cannot_be_recorded_is_made_all_the_same(
         call_command("stop", "tiago-1", stdout=StringIO(), stderr=errors)
     assert len(stopped.stops) == 1
     assert "not recorded: the disk is full" in errors.getvalue()
+
+
+@pytest.fixture
+def no_database(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on no robot can be looked up."""
+
+    def away(**_: object) -> None:
+        raise OperationalError("connection refused")
+
+    monkeypatch.setattr(Robot.objects, "filter", away)
+
+
+def test_without_database_every_bridge_on_this_computer_is_stopped(
+    robot: Robot,
+    other_robot: Robot,
+    bridge: Callable[[Robot], Bridge],
+    no_database: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
+    (tmp_path / "left-over.sock").touch()
+    bridges, out = [bridge(robot), bridge(other_robot)], StringIO()
+    with pytest.raises(
+        CommandError, match=r"database does not answer .*: 2 robots are stopping, 1 did not"
+    ) as said:
+        call_command("stop", "--all", "--reason", "smoke", stdout=out)
+    assert "Nothing was recorded" in str(said.value)
+    assert [[stop.reason for stop in stopped.stops] for stopped in bridges] == [["smoke"], ["smoke"]]
+    assert out.getvalue().count(": stopping") == 2
+
+
+def test_without_database_nobody_is_known_by_name(no_database: None) -> None:
+    with pytest.raises(CommandError, match="Say --all"):
+        call_command("stop", "tiago-1", stdout=StringIO())
 
 
 @pytest.mark.parametrize("arguments", [[], ["tiago-1", "--all"]])

@@ -6,13 +6,16 @@ It does not replace a robot's red button.
 from __future__ import annotations
 
 import getpass
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError
 
 from fleet.audit import AuditUnavailable, record
+from robots.bridge.config import LinkAddress
 from robots.link import LinkRefused, stop_once
 from robots.models import Robot
 from robots.selectors import link_address
@@ -35,10 +38,15 @@ class Command(BaseCommand):
         slugs: list[str] = options["slugs"]
         if options["all"] == bool(slugs):
             raise CommandError("Name robots, or say --all.")
-        robots = list(Robot.objects.filter(slug__in=slugs) if slugs else Robot.objects.filter(enabled=True))
         by, reason = f"{getpass.getuser()} (command line)", options["reason"][:200]
-        with ThreadPoolExecutor(max(len(robots), 1)) as pool:
-            outcomes = list(pool.map(lambda robot: stop(robot, by, reason), robots))
+        try:
+            robots = list(
+                Robot.objects.filter(slug__in=slugs) if slugs else Robot.objects.filter(enabled=True)
+            )
+        except DatabaseError as error:
+            self._stop_without_database(slugs, by, reason, error)
+            return
+        outcomes = stop([link_address(robot) for robot in robots], by, reason)
         for robot, failure in zip(robots, outcomes, strict=True):
             self._record(robot, by, reason, failure)
             self.stdout.write(f"{robot.slug}: {failure or 'stopping'}")
@@ -48,6 +56,23 @@ class Command(BaseCommand):
         unknown = sorted(set(slugs) - {robot.slug for robot in robots})
         if unknown:
             raise CommandError(f"There is no robot {', '.join(unknown)}.")
+
+    def _stop_without_database(self, slugs: list[str], by: str, reason: str, error: DatabaseError) -> None:
+        """Stop whatever listens on this computer: only the database knows names, and robots elsewhere."""
+        if slugs:
+            raise CommandError(
+                f"The database does not answer, so no robot is known by name ({error}). Say --all."
+            )
+        sockets = sorted(settings.FLEET_RUN_DIR.glob("*.sock"))
+        outcomes = stop([LinkAddress(unix_path=str(path)) for path in sockets], by, reason)
+        for path, failure in zip(sockets, outcomes, strict=True):
+            self.stdout.write(f"{path.name}: {failure or 'stopping'}")
+        stopped = outcomes.count("")
+        raise CommandError(
+            f"The database does not answer ({error}). Every bridge on this computer was told: {stopped} robots are "
+            f"stopping, {len(outcomes) - stopped} did not answer. Nothing was recorded, and bridges on other computers "
+            "were not reached. Use the red button on the other robots."
+        )
 
     def _record(self, robot: Robot, by: str, reason: str, failure: str) -> None:
         """Afterwards: a stop waits for nothing and is never refused."""
@@ -63,10 +88,15 @@ class Command(BaseCommand):
             self.stderr.write(f"{robot.slug}: not recorded: {error}")
 
 
-def stop(robot: Robot, by: str, reason: str) -> str:
-    """Press; returns why it did not reach the bridge, "" if it did."""
+def stop(addresses: Sequence[LinkAddress], by: str, reason: str) -> list[str]:
+    """Press everywhere at once; returns why each was not reached, "" if it was."""
+    with ThreadPoolExecutor(max(len(addresses), 1)) as pool:
+        return list(pool.map(lambda address: _stop_one(address, by, reason), addresses))
+
+
+def _stop_one(address: LinkAddress, by: str, reason: str) -> str:
     try:
-        stop_once(link_address(robot), by, reason)
+        stop_once(address, by, reason)
     except LinkRefused as error:
         return error.refusal.text
     return ""
