@@ -39,10 +39,7 @@ class Crowd:
         )
         assert self._process.stdin and self._process.stdout  # noqa: S101 - we asked for pipes
         self._process.stdin.write(f"{self._cookie}\n".encode())
-        async with asyncio.timeout(READY_S):
-            while await self._process.stdout.readline() != b"ready\n":
-                if self._process.returncode is not None:
-                    raise RuntimeError("The viewers could not be opened.")
+        await asyncio.wait_for(self._opened(self._process.stdout), READY_S)
         self._reader = asyncio.create_task(self._read(self._process.stdout))
         return self
 
@@ -52,6 +49,11 @@ class Crowd:
         self._process.kill()
         await self._process.wait()
         await self._reader
+
+    async def _opened(self, lines: asyncio.StreamReader) -> None:
+        while await lines.readline() != b"ready\n":
+            if self._process.returncode is not None:
+                raise RuntimeError("The viewers could not be opened.")
 
     async def _read(self, lines: asyncio.StreamReader) -> None:
         async for line in lines:

@@ -79,7 +79,13 @@ class Observer:
 
     async def until(self, condition: Callable[[], object], timeout_s: float = 10.0) -> None:
         """Wait until `condition()` is true; it is asked again after every message."""
-        async with asyncio.timeout(timeout_s), self._news:
+        try:
+            await asyncio.wait_for(self._become(condition), timeout_s)
+        except asyncio.TimeoutError:  # Python 3.10 has two kinds
+            raise TimeoutError(f"Waited {timeout_s:g} s in vain for the robot.") from None
+
+    async def _become(self, condition: Callable[[], object]) -> None:
+        async with self._news:
             await self._news.wait_for(lambda: bool(condition()))
 
     async def _read(self) -> None:

@@ -190,10 +190,13 @@ class Driver:
     async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
         """Wait until `condition()` is true; it is asked again after every message."""
         try:
-            async with asyncio.timeout(timeout_s), self._news:
-                await self._news.wait_for(condition)
-        except TimeoutError:
+            await asyncio.wait_for(self._become(condition), timeout_s)
+        except asyncio.TimeoutError:
             raise TimeoutError(f"Waited {timeout_s:g} s in vain; {self.said_last()}") from None
+
+    async def _become(self, condition: Callable[[], Any]) -> None:
+        async with self._news:
+            await self._news.wait_for(condition)
 
     def said_last(self) -> str:
         """The console's last word, for error messages."""
