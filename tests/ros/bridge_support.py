@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import socket
 import subprocess
 import sys
@@ -104,6 +105,8 @@ class BridgeProcess:
         end(self.process)
         assert self.process.stdin is not None
         self.process.stdin.close()
+        assert self.config.link.unix_path is not None
+        shutil.rmtree(Path(self.config.link.unix_path).parent, ignore_errors=True)
 
 
 def _listens(path: str) -> bool:
