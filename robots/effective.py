@@ -15,6 +15,7 @@ import msgspec
 from robots.bridge.config import Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits, Parameters
 from robots.described import (
+    CAREFUL_WHEN_SMALL,
     Footprint,
     Overrides,
     Problems,
@@ -80,11 +81,29 @@ def overrides(robot: Robot) -> Overrides:
 def topics(robot: Robot) -> Topics:
     """The robot's ROS interface."""
     merged = {**robot.profile.topics, **overrides(robot).topics}
-    return _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
+    own = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
+    return first_of(lambda given: _taken_away(given, profile_topics(robot.profile)), own)
+
+
+def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
+    """Sensors that watch the way: a robot may name others, not have fewer."""
+    for kind in ("scans", "sonars"):
+        mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
+        if mine < theirs:
+            yield f"{kind}: {mine} here, {theirs} in the profile; what watches the way may be renamed, not removed"
 
 
 def parameters(robot: Robot) -> Parameters:
-    """The gate's parameters for this robot."""
+    """The gate's parameters for this robot: of profile and robot the more careful, one by one."""
+    theirs, own = profile_parameters(robot.profile), _own_parameters(robot)
+    careful = {
+        name: (min if name in CAREFUL_WHEN_SMALL else max)(getattr(own, name), getattr(theirs, name))
+        for name in Parameters.__struct_fields__
+    }
+    return Parameters(**careful)
+
+
+def _own_parameters(robot: Robot) -> Parameters:
     own = {**robot.profile.gate, **overrides(robot).gate}
     return first_of(parameter_problems, parsed(Parameters, own))
 
@@ -101,9 +120,18 @@ def blind_mps(robot: Robot) -> float:
 
 
 def default_share(robot: Robot) -> float:
-    """The speed share a page begins with; never above the largest share of this robot."""
-    share = robot.profile.default_share if robot.default_share is None else robot.default_share
-    return min(share, robot.max_share)
+    """The speed share a page begins with; above neither the largest share of this robot nor `BEGINNER_MPS`."""
+    fastest_mps = _fastest_mps(limits(robot))
+    beginner = BEGINNER_MPS / fastest_mps if fastest_mps > BEGINNER_MPS else 1.0
+    return min(_asked_share(robot), robot.max_share, beginner)
+
+
+def _asked_share(robot: Robot) -> float:
+    return robot.profile.default_share if robot.default_share is None else robot.default_share
+
+
+def _fastest_mps(given: Limits) -> float:
+    return max(given.forward_mps, given.reverse_mps, given.lateral_mps)
 
 
 def outline(robot: Robot) -> tuple[tuple[float, float], ...] | None:
@@ -145,7 +173,7 @@ def check_overrides(robot: Robot) -> None:
     with _under("topics"):
         topics(robot)
     with _under("gate"):
-        tuned = parameters(robot)
+        tuned = _own_parameters(robot)
     lines = [*_loosened_limits(own.limits, robot.profile)]
     lines += loosened_parameters(tuned, profile_parameters(robot.profile))
     if lines:
@@ -179,9 +207,9 @@ def check_profile_share(profile: RobotProfile) -> None:
 
 
 def check_robot_share(robot: Robot) -> None:
-    """Nobody begins faster than `BEGINNER_MPS` on this robot."""
-    own = limits(robot)
-    _check_share(default_share(robot), max(own.forward_mps, own.reverse_mps, own.lateral_mps))
+    """Nobody begins faster than `BEGINNER_MPS` on this robot. One out of service may stay as it is."""
+    if robot.enabled:
+        _check_share(min(_asked_share(robot), robot.max_share), _fastest_mps(limits(robot)))
 
 
 def _check_share(share: float, fastest_mps: float) -> None:

@@ -362,7 +362,7 @@ def _uri(address: LinkAddress) -> str:
 
 
 def _headers(address: LinkAddress) -> dict[str, str]:
-    return {"Authorization": f"Bearer {address.secret}"}
+    return {"Authorization": f"Bearer {address.secret}"} if address.secret else {}
 
 
 def _tls(address: LinkAddress) -> ssl.SSLContext:

@@ -13,6 +13,7 @@ from django.db.models import QuerySet
 
 from robots import effective
 from robots.bridge.config import BridgeConfig, LinkAddress
+from robots.described import Problems
 from robots.models import Robot, RobotRole, Role
 from robots.wire import Limits, RobotFacts, SonarPose
 
@@ -61,6 +62,16 @@ def link_address(robot: Robot) -> LinkAddress:
         secret=settings.FLEET_LINK_SECRET,
         authority=settings.FLEET_LINK_CA,
     )
+
+
+def require_link_settings(robot: Robot) -> None:
+    """`Problems` if this process is to run the robot's bridge on the network and was not told with what."""
+    if not robot.bridge_address:
+        return
+    needed = ("FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_LINK_SECRET")
+    missing = [name for name in needed if not getattr(settings, name)]
+    if missing:
+        raise Problems([f"A bridge that listens on the network needs {', '.join(missing)} to be set."])
 
 
 def bridge_config(robot: Robot) -> BridgeConfig:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections import defaultdict
+from uuid import UUID
 
 from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest, HttpResponse
@@ -14,7 +16,7 @@ from fleet.accounts.models import User
 from robots.checks import run_checks
 from robots.selectors import robots_visible_to
 
-_one_probe_at_a_time = threading.Lock()  # however often people press reload
+_probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
 
 
 @never_cache
@@ -24,6 +26,11 @@ def robot_check(request: HttpRequest, slug: str) -> HttpResponse:
     if not isinstance(request.user, User):  # LoginRequiredMiddleware lets in nobody else
         raise PermissionDenied
     robot = get_object_or_404(robots_visible_to(request.user), slug=slug)
-    with _one_probe_at_a_time:
+    lock = _probed[robot.id]
+    if not lock.acquire(blocking=False):
+        return render(request, "robots/check.html", {"robot": robot, "answers": [], "busy": True})
+    try:
         answers = run_checks(robot)
+    finally:
+        lock.release()
     return render(request, "robots/check.html", {"robot": robot, "answers": answers})

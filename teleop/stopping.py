@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from uuid import UUID
 
+from django.db import DatabaseError
 from django.utils import timezone
 
 from fleet import audit
@@ -75,8 +76,11 @@ def _send_once(address: LinkAddress, by: str) -> Stopped | Refusal:
 def record_press(robot_id: UUID, user: User, through: str) -> Record | None:
     """Record that a stop was pressed; None if that was not possible, which stops nothing."""
     try:
-        return audit.record("stop.press", actor=user, robot_id=robot_id, parameters={"through": through})
-    except audit.AuditUnavailable as error:
+        name = Robot.objects.values_list("name", flat=True).get(pk=robot_id)
+        return audit.record(
+            "stop.press", actor=user, robot_id=robot_id, robot_name=name, parameters={"through": through}
+        )
+    except (audit.AuditUnavailable, DatabaseError) as error:
         log.error("a stop of robot %s by %s was sent, but not recorded: %s", robot_id, user.pk, error)
         return None
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import sqlite3
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from unittest import mock
 
 import pytest
-from django.db import OperationalError
+from django.db import OperationalError, connection
 
-from robots.management.commands.run_fleet import Fleet
+from robots.management.commands.run_fleet import Fleet, wait_shortly
 from robots.models import BridgeStatus, Robot
 from tests.robots.support import FakePrograms, until
 
@@ -144,6 +146,34 @@ def test_the_end_lets_every_program_go(supervised: Supervised, robot: Robot) -> 
         f"end {name}" for name in names
     )
     assert supervised.state(robot) == State.STOPPED
+
+
+def test_a_robot_whose_bridge_runs_elsewhere_is_left_to_its_own_host(
+    supervised: Supervised, other_robot: Robot
+) -> None:
+    Robot.objects.filter(pk=other_robot.pk).update(bridge_address="wss://other-host:7443")
+    supervised.until_started("tiago-1", 1)
+    supervised.until_started("run_housekeeping", 1)
+    assert supervised.programs.pids("tiago-2") == []
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_locked_database_holds_no_bridge_up(programs: FakePrograms, robot: Robot) -> None:
+    wait_shortly()
+    supervised = Supervised(programs)
+    path = str(connection.settings_dict["NAME"])
+    try:
+        with closing(sqlite3.connect(path, isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")  # a writer that does not finish
+            began_s = time.monotonic()
+            supervised.until_started("tiago-1", 1)
+            assert time.monotonic() - began_s < 4.0  # one wait of SQLite's usual 5 s would be more
+            other.execute("ROLLBACK")
+        supervised.until(lambda: supervised.state(robot) == State.RUNNING, "the state, told late")
+    finally:
+        supervised.fleet.end()
+        connection.close()
+        connection.settings_dict["OPTIONS"]["timeout"] = 5
 
 
 def test_one_of_several_hosts_runs_the_robots_it_is_told(

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -161,10 +160,8 @@ def test_programs_end_when_their_supervisor_is_killed(tmp_path: Path) -> None:
     with subprocess.Popen(arguments, env=environment) as supervisor:
         (pid,) = until(lambda: programs.pids("fake"), "the program's start")
         child = psutil.Process(pid)
-        killed_s = time.monotonic()
         supervisor.kill()
         child.wait(5.0)
-    assert time.monotonic() - killed_s < 2.0
     assert programs.lines() == ["start fake", "end fake"]
 
 

@@ -6,9 +6,11 @@ from typing import Any
 
 import pytest
 from django.core.exceptions import ValidationError
+from django.test import override_settings
 
+from robots.described import Problems
 from robots.models import Robot, RobotProfile
-from robots.selectors import bridge_config, robot_facts
+from robots.selectors import bridge_config, require_link_settings, robot_facts
 
 pytestmark = pytest.mark.django_db
 
@@ -59,11 +61,48 @@ def test_a_profile_lowered_later_reaches_a_robot_with_limits_of_its_own(robot: R
 
 
 def test_a_robot_without_a_sensor_of_its_profile_says_so_with_null(robot: Robot) -> None:
-    robot.overrides = {"topics": {"depth": None, "sonars": []}}
+    robot.overrides = {"topics": {"depth": None}}
     robot.full_clean()
-    config = bridge_config(robot)
-    assert config.topics.depth is None and config.topics.sonars == []
-    assert config.gate.sonar_poses == {}
+    assert bridge_config(robot).topics.depth is None
+
+
+@pytest.mark.parametrize("kind", ["scans", "sonars"])
+def test_what_watches_the_way_cannot_be_taken_away_from_one_robot(robot: Robot, kind: str) -> None:
+    robot.overrides = {"topics": {kind: []}}
+    with pytest.raises(ValidationError, match=rf"topics\.{kind}: 0 here, \d in the profile"):
+        robot.full_clean()
+    with pytest.raises(Problems):
+        bridge_config(robot)  # and if it came about by another way, its bridge does not run
+
+
+def test_a_profile_tightened_later_reaches_a_robot_with_gate_parameters_of_its_own(robot: Robot) -> None:
+    robot.overrides = {"gate": {"front_margin_m": 0.2, "creep_mps": 0.08}}
+    robot.profile.gate = {"front_margin_m": 0.5, "creep_mps": 0.05}
+    parameters = bridge_config(robot).gate.parameters
+    assert (parameters.front_margin_m, parameters.creep_mps) == (0.5, 0.05)
+
+
+def test_a_profile_made_faster_later_makes_no_beginner_faster(robot: Robot) -> None:
+    robot.default_share = 0.6  # valid while the limit was 0.6 m/s
+    robot.profile.forward_mps = 1.0
+    facts = robot_facts(robot)
+    assert facts.default_share * facts.limits.forward_mps <= 0.4 + 1e-9
+
+
+def test_a_robot_whose_share_no_longer_fits_can_still_be_taken_out_of_service(robot: Robot) -> None:
+    robot.default_share = 0.6
+    with pytest.raises(ValidationError, match="nobody begins faster"):
+        robot.full_clean()
+    robot.enabled = False
+    robot.full_clean()
+
+
+@override_settings(FLEET_LINK_CERT=None, FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
+def test_a_bridge_on_the_network_without_its_settings_is_refused_by_their_names(robot: Robot) -> None:
+    require_link_settings(robot)
+    robot.bridge_address = "wss://other-host:7443"
+    with pytest.raises(Problems, match="FLEET_LINK_CERT, FLEET_LINK_KEY, FLEET_LINK_SECRET"):
+        require_link_settings(robot)
 
 
 def test_a_camera_taken_away_does_not_make_the_robot_faster(robot: Robot) -> None:

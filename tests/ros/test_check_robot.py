@@ -20,7 +20,7 @@ from robots.bridge.ros import path  # noqa: F401
 # isort: split
 import rospy
 from nav_msgs.msg import Odometry
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 
 from robots.models import Robot
 from tests.ros.support import REPOSITORY, Master, RosClient, SimulatorProcess, free_port
@@ -161,6 +161,19 @@ def test_a_topic_of_another_type_is_told_with_both(robot: Robot, ros: RosClient)
     with ros.speak("/scan_raw", String, listeners=0):
         answers = check(robot, ros.master)
     assert answers["scan /scan_raw"]["text"] == "/scan_raw is a std_msgs/String, not a sensor_msgs/LaserScan."
+
+
+def test_a_short_message_of_another_type_spoils_no_other_answer(robot: Robot, ros: RosClient) -> None:
+    publisher = rospy.Publisher(
+        ODOMETRY, Bool, queue_size=1, latch=True
+    )  # two bytes, where a stamp was looked for
+    publisher.publish(Bool(True))
+    try:
+        answers = check(robot, ros.master)
+    finally:
+        publisher.unregister()
+    assert answers["odometry"]["text"] == f"{ODOMETRY} is a std_msgs/Bool, not a nav_msgs/Odometry."
+    assert answers["master"]["level"] == "ok"
 
 
 def test_a_topic_that_is_there_and_silent_is_told_from_one_that_is_not_there(

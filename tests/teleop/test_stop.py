@@ -134,7 +134,9 @@ async def test_the_forms_address_stops_too(browsers, robot, bridge):
     assert answer.status_code == 200
     assert answer.json()["robots"][robot.slug]["stop"]["state"] == "stopping"
     assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
-    assert [record.outcome for record in await records("stop.press")] == ["", "stopping"]
+    pressed = await records("stop.press")
+    assert [record.outcome for record in pressed] == ["", "stopping"]
+    assert [record.robot_name for record in pressed] == ["TIAGo 1", "TIAGo 1"]
 
 
 async def test_stop_all_stops_what_one_may_see_and_names_what_it_did_not_reach(

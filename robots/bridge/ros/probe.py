@@ -163,7 +163,7 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
                 return _listen(connection, asked, found, time.monotonic() + listen_s)
         except KeyError:
             errors.append(f"{node} has no address at the master")
-        except (OSError, MasterError, ValueError) as error:
+        except (OSError, MasterError, ValueError, struct.error) as error:
             errors.append(f"{node}: {error}")
     return msgspec.structs.replace(found, error="; ".join(errors) or None)
 
@@ -195,11 +195,12 @@ def _listen(connection: socket.socket, asked: Listened, found: TopicFound, until
     if "error" in offered:
         raise ValueError(offered["error"])
     messages, frames, skews = 0, set[str](), list[float]()
+    as_asked = offered.get("type") == asked.type  # of another type's bytes we know nothing
     try:
-        while messages == 0 or (asked.frames and not frames.issuperset(asked.frames)):
+        while messages == 0 or (as_asked and asked.frames and not frames.issuperset(asked.frames)):
             head = _read_message(connection, until_s)
             messages += 1
-            if asked.stamped:
+            if as_asked and asked.stamped:
                 stamp_s, frame = _stamp_and_frame(head)
                 frames.add(frame)
                 skews.append(stamp_s - time.time())

@@ -15,7 +15,7 @@ from robots.bridge.process import run
 from robots.described import Problems
 from robots.models import Robot
 from robots.records import AuditSink
-from robots.selectors import bridge_config
+from robots.selectors import bridge_config, require_link_settings
 
 
 class Command(BaseCommand):
@@ -34,6 +34,7 @@ class Command(BaseCommand):
         if robot is None:
             raise CommandError(f"There is no robot {options['slug']!r}.")
         try:
+            require_link_settings(robot)
             config = bridge_config(robot)
         except Problems as problems:
             raise CommandError(f"The entry of {robot.slug} is wrong: {problems}") from problems

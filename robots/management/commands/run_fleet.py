@@ -25,7 +25,7 @@ from django.db import DatabaseError, connection
 from robots.described import Problems
 from robots.environment import NoWrapper, ros_environment
 from robots.models import BridgeStatus, Robot
-from robots.selectors import bridge_config
+from robots.selectors import bridge_config, require_link_settings
 from robots.services import bridge_status_set
 from robots.supervisor import KILL_S, Keeper, Program
 
@@ -35,6 +35,7 @@ log = logging.getLogger(__name__)
 
 STEP_S = 0.1
 POLL_S = 0.5
+DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
 HOUSEKEEPING = "run_housekeeping"
 
@@ -52,6 +53,7 @@ class Command(BaseCommand):
 
     def handle(self, *args: Any, **options: Any) -> None:
         """Until a signal comes."""
+        wait_shortly()
         only = frozenset(options["slugs"])
         unknown = only - set(Robot.objects.values_list("slug", flat=True))
         if unknown:
@@ -65,6 +67,13 @@ class Command(BaseCommand):
                     time.sleep(STEP_S)
             finally:
                 fleet.end()
+
+
+def wait_shortly() -> None:
+    """Let a locked SQLite file hold up nothing here: statuses are tried again, bridges come first."""
+    if connection.vendor == "sqlite":
+        connection.close()
+        connection.settings_dict["OPTIONS"]["timeout"] = DATABASE_PATIENCE_S
 
 
 class Stopping:
@@ -109,7 +118,8 @@ class Fleet:
         self._database_well = True
         self._poll_at_s = 0.0
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
-        self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
+        if not only:  # a supervisor of some robots stands beside the one of the rest, which keeps house
+            self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
 
     def step(self, now_s: float) -> None:
         """One round; what the database refuses is tried again in the next."""
@@ -146,11 +156,15 @@ class Fleet:
             self._database_failed(error)
             return
         self._database_well = True
-        mine = [robot for robot in robots if not self._only or robot.slug in self._only]
+        mine = [robot for robot in robots if self._is_mine(robot)]
         for robot in mine:
             self._look_at(robot)
         for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
             self._keepers[robot_id].want(None)
+
+    def _is_mine(self, robot: Robot) -> bool:
+        """Named on the command line; without names, every robot whose bridge is not said to run elsewhere."""
+        return robot.slug in self._only if self._only else not robot.bridge_address
 
     def _look_at(self, robot: Robot) -> None:
         keeper = self._keepers.get(robot.id) or self._keeper(robot)
@@ -159,6 +173,7 @@ class Fleet:
             self._tell(robot.id, State.DISABLED, "", None)
             return
         try:
+            require_link_settings(robot)
             config = bridge_config(robot)
             if config.digest() == keeper.digest:
                 return
