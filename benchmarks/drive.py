@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from statistics import median
 
 from websockets.exceptions import ConnectionClosed
 
@@ -26,6 +27,7 @@ WARM_UP = 50  # commands: the base turns at its speed by then
 VIEWERS = 50
 FLOOD_S = 0.5
 SHARE = 0.4
+TIMES_BARE = 10.0  # 0.8 ms where bare rospy takes 0.08 ms: this holds on slower machines, too
 # Every command asks for a turn of its own, a hair from the next one's: that is how the observer's Twists are told
 # apart. Turning on the spot a disc never meets anything, so the gate leaves it as it is.
 TURN = 0.30
@@ -50,12 +52,15 @@ async def measure_on(stack: Stack) -> list[Figure]:
         publisher = start_ros_side(stack, robot, "publish")
         await observer.until(lambda: len(observer.bare_s) >= WARM_UP + SAMPLES, 60.0)
         stack.release(publisher)
-        figures += delays("bare rospy", observer.bare_s[WARM_UP:], None, None)
+        bare_s = observer.bare_s[WARM_UP:]
+        figures += delays("bare rospy", bare_s, None, None)
 
         async with Driver(stack, ROBOT, operator) as driver:
             await driver.take()
             progress("Python client ...")
-            figures += delays("Python", await drive(driver, observer), 0.8, 2.5)
+            python_s = await drive(driver, observer)
+            figures += delays("Python", python_s, 0.8, 2.5)
+            figures.append(Figure("Python / bare p50", median(python_s) / median(bare_s), "", TIMES_BARE))
             progress(f"with {VIEWERS} viewers ...")
             async with Crowd(stack, ROBOT, observer_cookie, VIEWERS):
                 figures += delays(f"with {VIEWERS} viewers", await drive(driver, observer), None, 4.0)
