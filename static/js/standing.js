@@ -94,8 +94,8 @@ export function limitsOf(verdict) {
   return (verdict.limits ?? []).map((text) => ({ text, holds: text === verdictText(verdict) }));
 }
 
-/** Whether the gate lets nothing of what is asked through. */
+/** Whether nothing of what is asked gets through. Not while a drive is being put on record: that passes by itself. */
 export function isHeld(verdict) {
   const zero = (twist) => twist.every((value) => value === 0);
-  return !zero(verdict.asked) && zero(verdict.allowed);
+  return verdict.code !== "recording" && !zero(verdict.asked) && zero(verdict.allowed);
 }

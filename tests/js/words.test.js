@@ -79,6 +79,7 @@ describe("the verdict in words", () => {
     expect(isHeld({ asked: [0.4, 0, 0], allowed: [0, 0, 0] })).toBe(true);
     expect(isHeld({ asked: [0.4, 0, 0], allowed: [0.1, 0, 0] })).toBe(false);
     expect(isHeld({ asked: [0, 0, 0], allowed: [0, 0, 0] })).toBe(false);
+    expect(isHeld({ code: "recording", asked: [0.4, 0, 0], allowed: [0, 0, 0] })).toBe(false);
   });
 });
 
