@@ -69,7 +69,8 @@ class Eyes:
 
     def close(self) -> None:
         """End the thread, which alone can give the camera's context back."""
-        self._moments.put(None)
+        with contextlib.suppress(queue.Full):  # the thread is dead, or will not come back to look
+            self._moments.put(None, timeout=1.0)
         self._thread.join(timeout=2.0)
 
     def _see(self, stamp: rospy.Time, in_colour: bool) -> None:
