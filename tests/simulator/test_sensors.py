@@ -69,10 +69,10 @@ def test_the_laser_sees_table_legs_but_no_top(robot_in):
 
 
 def test_pals_filter_blanks_a_square_about_the_base(robot_in):
-    # 30 cm to the left of the laser is inside the square; 45 cm ahead is not.
+    # Both are within 30 cm of the laser; only what is beside it is also within 30 cm of the base's centre.
     things = [
         Box(name="left", at=(LASER_X, 0.26), size=(0.05, 0.05, 0.5)),
-        Box(name="ahead", at=(0.70, 0.0), size=(0.05, 0.3, 0.5)),
+        Box(name="ahead", at=(0.45, 0.0), size=(0.05, 0.3, 0.5)),
     ]
     robot = robot_in(room(boxes=things)).robot
     raw = robot.laser.scan(robot.physics)
@@ -81,6 +81,7 @@ def test_pals_filter_blanks_a_square_about_the_base(robot_in):
     ahead = np.abs(robot.laser.angles) < 0.05
     assert np.nanmin(raw[left]) < 0.27
     assert np.isnan(blanked[left]).all()
+    assert np.nanmin(raw[ahead]) < 0.25
     np.testing.assert_array_equal(raw[ahead], blanked[ahead])
 
 
