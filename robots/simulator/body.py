@@ -51,6 +51,14 @@ class SonarMount:
 
 
 @dataclass(frozen=True)
+class WheelBase:
+    """Two driven wheels."""
+
+    radius_m: float
+    separation_m: float
+
+
+@dataclass(frozen=True)
 class Names:
     """How a base's topics are called. `mux`: TIAGo's velocity inputs and locks stand before `command`."""
 
@@ -72,6 +80,7 @@ class Body:
     names: Names = Names()
     laser: LaserMount = field(default_factory=LaserMount)
     sonars: tuple[SonarMount, ...] = ()
+    wheels: WheelBase | None = None  # those that /joint_states tells of
     upper_body: bool = False  # torso, head, arm: joints, camera, speech and motions
 
 
@@ -80,6 +89,7 @@ _SONARS = (
     SonarMount("base_sonar_02_link", (-0.259, 0.0, 0.2715, math.radians(180.0))),
     SonarMount("base_sonar_03_link", (-0.183, 0.183, 0.2715, math.radians(135.0))),
 )
+_PMB2_WHEELS = WheelBase(radius_m=0.0985, separation_m=0.4044)
 _PMB2_BASE = Part("base", (0.0, 0.0), 0.0, 0.30, radius=0.27)
 _GENERIC_NAMES = Names("/cmd_vel", "/odom", "base_link", "/scan", filtered_scan=None, mux=False)
 _CENTRE_LASER = LaserMount(frame="laser", pose=(0.0, 0.0, 0.2, 0.0), half_angle=math.pi, rays=720)
@@ -95,10 +105,11 @@ TIAGO = Body(
     ),
     limits=TIAGO_LIMITS,
     sonars=_SONARS,
+    wheels=_PMB2_WHEELS,
     upper_body=True,
 )
 
-PMB2 = Body(mass_kg=40.0, parts=(_PMB2_BASE,), limits=TIAGO_LIMITS, sonars=_SONARS)
+PMB2 = Body(mass_kg=40.0, parts=(_PMB2_BASE,), limits=TIAGO_LIMITS, sonars=_SONARS, wheels=_PMB2_WHEELS)
 
 GENERIC_DIFF = Body(
     mass_kg=30.0,

@@ -7,6 +7,7 @@ stops where it is.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from enum import Enum, IntEnum
@@ -131,6 +132,8 @@ class Player:
     def __init__(self, motions: Mapping[str, Motion]) -> None:
         self.motions = motions
         self.positions = dict(HOME)
+        self.velocities = dict.fromkeys(HOME, 0.0)
+        self._stepped_at = -math.inf
         self._running: list[Run] = []
 
     def start(self, name: str, now: float, fails: bool = False) -> Run:
@@ -153,10 +156,17 @@ class Player:
 
     def step(self, now: float) -> None:
         """Move the joints of all runs to where they are at `now`."""
+        before = dict(self.positions)
         for run in self._running[:]:
             self.positions.update(run.positions(now))
             if run.phase is not Phase.MOVING:
                 self._running.remove(run)
+        passed = now - self._stepped_at
+        if passed > 0.0:
+            self.velocities = {
+                joint: (position - before[joint]) / passed for joint, position in self.positions.items()
+            }
+        self._stepped_at = now
 
     def is_there(self, name: str, tolerance: float) -> bool:
         """True when the joints are at the motion's last point; raises `RefusedMotionError` if there is no such."""

@@ -16,6 +16,7 @@ from robots.simulator.odometry import Drift, Odometry
 from robots.simulator.people import Walker
 from robots.simulator.physics import Physics, Pose
 from robots.simulator.sonar import Sonar
+from robots.simulator.wheels import Wheels
 from robots.simulator.worlds import World
 
 TICK_HZ = 50
@@ -35,6 +36,7 @@ class Robot:
         self.sonars = [Sonar(mount, random) for mount in body.sonars]
         self.battery = Battery()
         self.people = {person.name: Walker(person) for person in world.people}
+        self.wheels = Wheels(body.wheels) if body.wheels else None
         self.player = Player(load_motions() if body.upper_body else {})
         self.faults = Faults()
         self.approach = Twist()  # how it moved before the last tick: with this it hit what it touches now
@@ -59,9 +61,23 @@ class Robot:
         kept = 1.0 - self.faults.slip_share
         self.physics.step(Twist(wheels.vx * kept, wheels.vy * kept, wheels.w * kept), self._steps)
         moved = self.physics.velocity
-        self.odometry.step(Twist(moved.vx / kept, moved.vy / kept, moved.w / kept), TICK_S)
+        rolled = Twist(moved.vx / kept, moved.vy / kept, moved.w / kept)
+        self.odometry.step(rolled, TICK_S)
+        if self.wheels is not None:
+            self.wheels.step(rolled, TICK_S)
         self.player.step(now)
         self.battery.step(moved, TICK_S)
+
+    def joints(self) -> dict[str, tuple[float, float]]:
+        """Position and velocity of each joint that this body has."""
+        moving: list[Wheels | Player] = [self.wheels] if self.wheels is not None else []
+        if self.body.upper_body:
+            moving.append(self.player)
+        return {
+            joint: (position, part.velocities[joint])
+            for part in moving
+            for joint, position in part.positions.items()
+        }
 
     def _walk(self) -> None:
         for name, walker in self.people.items():

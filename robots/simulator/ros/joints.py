@@ -21,7 +21,9 @@ class JointTopics:
         self._robot = robot
         table = frames(robot.body)
         self._movable = [frame for frame in table if frame.joint]
-        self._states = rospy.Publisher("/joint_states", JointState, queue_size=1, tcp_nodelay=True)
+        self._states: rospy.Publisher | None = None
+        if robot.joints():
+            self._states = rospy.Publisher("/joint_states", JointState, queue_size=1, tcp_nodelay=True)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10, tcp_nodelay=True)
         self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         now = rospy.Time.now()
@@ -29,18 +31,22 @@ class JointTopics:
 
     def publish(self, stamp: rospy.Time) -> None:
         """Tell where the joints are."""
-        if not self._robot.body.upper_body:
-            return
-        positions = self._robot.player.positions
-        if self._states.get_num_connections():
-            message = JointState(name=list(positions), position=list(positions.values()))
-            message.velocity = message.effort = [0.0] * len(positions)
-            message.header.stamp = stamp
-            self._states.publish(message)
-        if self._tf.get_num_connections():
+        if self._states is not None and self._states.get_num_connections():
+            self._states.publish(self._message(stamp))
+        if self._movable and self._tf.get_num_connections():
+            positions = self._robot.player.positions
             self._tf.publish(
                 TFMessage([_transform(frame, positions[str(frame.joint)], stamp) for frame in self._movable])
             )
+
+    def _message(self, stamp: rospy.Time) -> JointState:
+        joints = self._robot.joints()
+        positions, velocities = zip(*joints.values(), strict=True)
+        message = JointState(
+            name=list(joints), position=positions, velocity=velocities, effort=[0.0] * len(joints)
+        )
+        message.header.stamp = stamp
+        return message
 
 
 def _transform(frame: Frame, position: float, stamp: rospy.Time) -> TransformStamped:
