@@ -52,6 +52,26 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
     verbose_name_plural = "people (staff may do everything without an entry)"
 
 
+class RobotForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """A form that was left open does not undo what others changed, such as taking the robot out of service."""
+
+    as_of = forms.CharField(widget=forms.HiddenInput, required=False)
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if not self.instance._state.adding:
+            self.initial["as_of"] = self.instance.updated_at.isoformat()
+
+    def clean_as_of(self) -> str:
+        """`ValidationError` if the robot was saved since the form was opened."""
+        as_of: str = self.cleaned_data["as_of"]
+        if as_of and as_of != self.initial.get("as_of"):
+            raise forms.ValidationError(
+                "The robot was changed meanwhile. Open this page again; nothing was saved."
+            )
+        return as_of
+
+
 @admin.register(Robot)
 class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
     """Robots. None is deleted, for control sessions and records speak of them: clear "enabled" instead."""
@@ -71,10 +91,25 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
     search_fields = ["name", "slug", "master_uri"]
     prepopulated_fields = {"slug": ["name"]}
     readonly_fields = ["bridge_state", "check_link", "updated_at"]
+    form = RobotForm
     formfield_overrides = READABLE
     inlines = [RoleInline]
     fieldsets = [
-        (None, {"fields": ["name", "slug", "profile", "enabled", "practice", "bridge_state", "check_link"]}),
+        (
+            None,
+            {
+                "fields": [
+                    "name",
+                    "slug",
+                    "profile",
+                    "enabled",
+                    "practice",
+                    "bridge_state",
+                    "check_link",
+                    "as_of",
+                ]
+            },
+        ),
         (
             "Network",
             {

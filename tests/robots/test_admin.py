@@ -12,7 +12,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.admin import ReadableJSON
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
-from robots.services import bridge_status_set
+from robots.services import bridge_status_set, robot_save
 
 
 @pytest.fixture
@@ -55,6 +55,19 @@ def test_an_edit_is_saved_and_recorded_under_the_editors_name(
     record = Record.objects.get(kind="robot.change")
     assert record.actor_id == str(staff.pk)
     assert record.parameters["changes"] == [{"field": "advertised_address", "from": "", "to": "10.68.0.2"}]
+
+
+def test_a_form_left_open_does_not_bring_a_robot_back_into_service(
+    admin: Client, robot: Robot, staff: User
+) -> None:
+    url = reverse("admin:robots_robot_change", args=[robot.pk])
+    left_open = filled(admin, url, name="Another name")
+    robot.enabled = False
+    robot_save(robot=robot, actor=staff)
+    answer = admin.post(url, left_open)
+    assert "The robot was changed meanwhile" in answer.content.decode()
+    robot.refresh_from_db()
+    assert not robot.enabled and robot.name != "Another name"
 
 
 def test_a_wrong_entry_comes_back_with_its_path_and_changes_nothing(admin: Client, robot: Robot) -> None:
