@@ -1,0 +1,48 @@
+"""Three simulated robots at once, each with its own rosmaster, nobody looking: what each costs."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from benchmarks.harness import Figure, progress
+from benchmarks.parts import proc
+from tests.ros.support import Master, SimulatorProcess
+
+ROBOTS = 3
+SETTLED_S = 3.0
+MEASURED_S = 20.0
+CORE_PERCENT = 15.0
+
+
+def measure() -> list[Figure]:
+    """Percent of a core and memory of each simulator process."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-simulator-")))
+        pids = [_started(stack, folder, number) for number in range(1, ROBOTS + 1)]
+        time.sleep(SETTLED_S)
+        progress(f"{ROBOTS} simulators for {MEASURED_S:.0f} s ...")
+        began_s = time.monotonic()
+        before_s = [proc.cpu_s(pid) for pid in pids]
+        time.sleep(MEASURED_S)
+        after_s = [proc.cpu_s(pid) for pid in pids]
+        passed_s = time.monotonic() - began_s
+        figures = []
+        for number, (pid, before, after) in enumerate(zip(pids, before_s, after_s, strict=True), 1):
+            used = 100.0 * (after - before) / passed_s
+            figures.append(Figure(f"simulator {number}", used, "%", CORE_PERCENT))
+            figures.append(Figure(f"simulator {number}: memory", proc.resident_mb(pid), "MB"))
+        return figures
+
+
+def _started(stack: ExitStack, folder: Path, number: int) -> int:
+    """A master and its robot, both ended with `stack`; the robot's process id."""
+    home = folder / str(number)
+    home.mkdir()
+    master = Master(home).start()
+    stack.callback(master.stop)
+    robot = SimulatorProcess(master, home / "robot.log", f"tiago-{number}", seed=number)
+    stack.callback(robot.stop)
+    return robot.wait_ready().process.pid
