@@ -168,8 +168,12 @@ def _lower(profile: RobotProfile, own: Tightening, name: str) -> float:
 
 
 def check_overrides(robot: Robot) -> None:
-    """A robot's own entries are well formed and tighten; `Problems` if not."""
+    """A robot's own entries are well formed and tighten; `Problems` if not. One out of service may stay as it is:
+    an edit of its profile must not keep anybody from disabling it.
+    """
     own = overrides(robot)
+    if not robot.enabled:
+        return
     with _under("topics"):
         topics(robot)
     with _under("gate"):

@@ -97,6 +97,16 @@ def test_a_robot_whose_share_no_longer_fits_can_still_be_taken_out_of_service(ro
     robot.full_clean()
 
 
+def test_a_robot_whose_profile_was_lowered_below_it_can_still_be_taken_out_of_service(robot: Robot) -> None:
+    robot.overrides = {"limits": {"forward_mps": 0.8}, "gate": {"front_margin_m": 0.2}}
+    robot.profile.forward_mps = 0.5
+    robot.profile.gate = {"front_margin_m": 0.5}
+    with pytest.raises(ValidationError, match="above the profile's"):
+        robot.full_clean()
+    robot.enabled = False
+    robot.full_clean()
+
+
 @override_settings(FLEET_LINK_CERT=None, FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
 def test_a_bridge_on_the_network_without_its_settings_is_refused_by_their_names(robot: Robot) -> None:
     require_link_settings(robot)
