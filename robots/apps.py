@@ -6,6 +6,7 @@ from typing import Any
 
 from django.apps import AppConfig
 from django.apps import apps as installed_apps
+from django.db import DEFAULT_DB_ALIAS
 from django.db.models.signals import post_migrate
 
 
@@ -21,16 +22,20 @@ class RobotsConfig(AppConfig):
 
 
 def _load_shipped_profiles(*, using: str, apps: Any = installed_apps, **_: Any) -> None:
-    """Only on a fully migrated table: an older state of it does not fit today's model.
+    """Only on a fully migrated table, with the audit log there: an older state does not fit today's model.
 
     `manage.py flush` sends the signal without `apps`.
     """
     from robots.models import RobotProfile
-    from robots.shipped import load_profiles
+    from robots.services import profiles_load_shipped
 
     try:
         migrated = apps.get_model("robots", "RobotProfile")
+        apps.get_model("audit", "Record")
     except LookupError:
         return
-    if {field.name for field in migrated._meta.fields} == {field.name for field in RobotProfile._meta.fields}:
-        load_profiles(using=using)
+    whole = {field.name for field in migrated._meta.fields} == {
+        field.name for field in RobotProfile._meta.fields
+    }
+    if whole and using == DEFAULT_DB_ALIAS:
+        profiles_load_shipped()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 from uuid import UUID
 
@@ -15,6 +17,7 @@ from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
+log = logging.getLogger(__name__)
 NOT_ENTERED = {"id", "fence", "updated_at", "shipped"}  # columns that people do not fill in
 
 
@@ -55,10 +58,33 @@ def profile_take_shipped(*, profile: RobotProfile, actor: User | None) -> bool:
     file = shipped.file_of(profile)
     if file is None:
         return False
+    _take(profile, file, actor)
+    return True
+
+
+@transaction.atomic
+def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
+    """Bring the profiles up to the files, without touching what was edited here. Each change goes on record; a
+    profile that is new does not, for no robot has it yet.
+    """
+    for file in shipped.profile_files(directory):
+        profile = RobotProfile.objects.filter(slug=file.slug).first()
+        if profile is None:
+            profile = RobotProfile(slug=file.slug)
+            shipped.fill(profile, file)
+            profile.full_clean(validate_unique=False)
+            profile.save(force_insert=True)
+        elif shipped.is_edited(profile) and shipped.differs(profile, file):
+            log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
+        elif profile.shipped != file.columns():
+            _take(profile, file, actor=None)
+
+
+def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: User | None) -> None:
+    """Make a stored profile what `file` says."""
     shipped.fill(profile, file)
     profile_save(profile=profile, actor=actor)
     profile.save(update_fields=["shipped"])
-    return True
 
 
 class _Named(TypedDict):

@@ -1,12 +1,11 @@
 """The profiles that come with the console, as data files under robots/profiles/.
 
-After each migration a file that is new, or whose profile nobody has edited, goes into the database. A profile
-that was edited here is left alone; the admin says that the shipped one differs and offers to take it.
+After each migration `robots.services.profiles_load_shipped` brings into the database what is new, or what nobody has
+edited. A profile that was edited here is left alone; the admin says that the shipped one differs and offers to take it.
 """
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from robots.bridge.config import Topic
 from robots.bridge.gate.values import Limits
 from robots.models import RobotProfile
 
-log = logging.getLogger(__name__)
 DIRECTORY = Path(__file__).parent / "profiles"
 
 
@@ -61,19 +59,6 @@ def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
         msgspec.convert(yaml.safe_load(path.read_text(encoding="utf-8")), ProfileFile)
         for path in sorted(directory.glob("*.yaml"))
     ]
-
-
-def load_profiles(*, using: str = "default", directory: Path = DIRECTORY) -> None:
-    """Bring the database up to the files, without touching what was edited here."""
-    for file in profile_files(directory):
-        profile = RobotProfile.objects.using(using).filter(slug=file.slug).first()
-        if profile is not None and is_edited(profile) and differs(profile, file):
-            log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
-        elif profile is None or profile.shipped != file.columns():
-            profile = profile or RobotProfile(slug=file.slug)
-            fill(profile, file)
-            profile.full_clean(validate_unique=False)
-            profile.save(using=using)
 
 
 def fill(profile: RobotProfile, file: ProfileFile) -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from fleet.audit.models import Record
 from robots.models import RobotProfile
-from robots.shipped import DIRECTORY, load_profiles
+from robots.services import profiles_load_shipped
+from robots.shipped import DIRECTORY
 
 pytestmark = pytest.mark.django_db
 
@@ -26,9 +28,20 @@ def update(tmp_path: Path) -> Path:
 
 
 def test_an_update_reaches_a_profile_that_nobody_edited(tiago: RobotProfile, update: Path) -> None:
-    load_profiles(directory=update)
+    profiles_load_shipped(directory=update)
     tiago.refresh_from_db()
     assert tiago.turn_radps == 1.5
+
+
+def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, update: Path) -> None:
+    profiles_load_shipped(directory=update)
+    profiles_load_shipped(directory=update)
+    (record,) = Record.objects.filter(kind="profile.change")
+    assert record.actor_id == ""
+    assert record.parameters == {
+        "profile": "tiago",
+        "changes": [{"field": "turn_radps", "from": 2.0944, "to": 1.5}],
+    }
 
 
 def test_an_update_leaves_an_edited_profile_alone_and_says_so(
@@ -36,8 +49,8 @@ def test_an_update_leaves_an_edited_profile_alone_and_says_so(
 ) -> None:
     tiago.blind_mps = 0.1
     tiago.save()
-    with caplog.at_level(logging.WARNING, "robots.shipped"):
-        load_profiles(directory=update)
+    with caplog.at_level(logging.WARNING, "robots.services"):
+        profiles_load_shipped(directory=update)
     tiago.refresh_from_db()
     assert (tiago.turn_radps, tiago.blind_mps) == (2.0944, 0.1)
     assert "tiago was edited here" in caplog.text
@@ -45,5 +58,5 @@ def test_an_update_leaves_an_edited_profile_alone_and_says_so(
 
 def test_a_deleted_shipped_profile_comes_back(tiago: RobotProfile) -> None:
     tiago.delete()
-    load_profiles()
+    profiles_load_shipped()
     assert RobotProfile.objects.filter(slug="tiago").exists()
