@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from django import forms
+from django.conf import settings
 from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
 from django.db import models
@@ -17,7 +18,9 @@ from django.utils.html import format_html
 
 from fleet.accounts.models import User
 from robots import services, shipped
-from robots.models import Robot, RobotProfile, RobotRole, Role
+from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.selectors import last_editor
+from robots.supervisor import LOCK, supervised
 
 
 class ReadableJSON(json.JSONEncoder):
@@ -35,6 +38,9 @@ READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
         ),
     }
 }
+
+
+ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true without a supervisor, too
 
 
 def _actor(request: HttpRequest) -> User:
@@ -67,7 +73,8 @@ class RobotForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
         as_of: str = self.cleaned_data["as_of"]
         if as_of and as_of != self.initial.get("as_of"):
             raise forms.ValidationError(
-                "The robot was changed meanwhile. Open this page again; nothing was saved."
+                f"The robot was changed meanwhile by {last_editor(self.instance)}. Open this page again; nothing was "
+                "saved."
             )
         return as_of
 
@@ -130,12 +137,15 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
 
     @admin.display(description="bridge")
     def bridge_state(self, robot: Robot) -> str:
-        """How the bridge process fares."""
+        """How the bridge process fares, as far as anybody knows."""
         status = getattr(robot, "bridge", None)
         if status is None:
             return "not seen by a supervisor yet"
         since = f"{status.get_state_display()} since {status.since:%Y-%m-%d %H:%M:%S} UTC"
-        return f"{since}: {status.detail}" if status.detail else since
+        told = f"{since}: {status.detail}" if status.detail else since
+        if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
+            return told
+        return f"no supervisor is running; the last one said: {told}"
 
     @admin.display(description="check")
     def check_link(self, robot: Robot) -> str:

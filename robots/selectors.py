@@ -11,6 +11,7 @@ from uuid import UUID
 from django.conf import settings
 from django.db.models import QuerySet
 
+from fleet.audit.models import Record
 from robots import effective
 from robots.bridge.config import BridgeConfig, LinkAddress
 from robots.described import Problems
@@ -47,6 +48,12 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
     if not user.is_active:
         return robots.none()
     return robots if user.is_staff else robots.filter(roles__user=user)
+
+
+def last_editor(robot: Robot) -> str:
+    """Who changed the robot's entry last."""
+    changes = Record.objects.filter(kind="robot.change", robot_id=robot.id).order_by("-id")
+    return changes.values_list("actor_name", flat=True).first() or "somebody"
 
 
 def link_address(robot: Robot) -> LinkAddress:

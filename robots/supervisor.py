@@ -10,11 +10,16 @@ Time is an argument everywhere: seconds of one monotonic clock.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import logging
+import os
 import signal
 import subprocess
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
 
 from robots.models import BridgeStatus
 
@@ -27,6 +32,47 @@ STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 ALREADY_RUNNING = 3  # exit code of a bridge that found another one on this computer
+LOCK = "fleet.lock"  # in the run directory; whoever supervises holds it
+LOCK_TRIES = 5  # `supervised` may have the file for a moment
+LOCK_TRY_S = 0.02
+
+
+class AlreadySupervised(Exception):
+    """Another supervisor holds the lock; its text is the process id."""
+
+
+@contextlib.contextmanager
+def only_instance(path: Path) -> Iterator[None]:
+    """Hold the lock file; it falls with the process."""
+    with path.open("a+") as lock:
+        if not _acquired(lock):
+            lock.seek(0)
+            raise AlreadySupervised(lock.read().strip())
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        yield
+
+
+def _acquired(lock: IO[str]) -> bool:
+    for _ in range(LOCK_TRIES):
+        with contextlib.suppress(BlockingIOError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        time.sleep(LOCK_TRY_S)
+    return False
+
+
+def supervised(path: Path) -> bool:
+    """Whether a supervisor lives that holds this lock file, however the last one ended."""
+    try:
+        with path.open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from django.conf import settings
 from django.test import Client
 from django.urls import reverse
 
@@ -13,6 +14,7 @@ from fleet.audit.models import Record
 from robots.admin import ReadableJSON
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.services import bridge_status_set, robot_save
+from robots.supervisor import LOCK, only_instance
 
 
 @pytest.fixture
@@ -39,9 +41,17 @@ def filled(client: Client, url: str, **changes: Any) -> dict[str, Any]:
 
 def test_the_list_shows_how_each_bridge_fares(admin: Client, robot: Robot) -> None:
     bridge_status_set(robot_id=robot.id, state=BridgeStatus.State.REFUSED, detail="two of them", pid=None)
-    page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
+    with only_instance(settings.FLEET_RUN_DIR / LOCK):
+        page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
     assert "refused to start since" in page and "two of them" in page
+    assert "no supervisor is running" not in page
     assert reverse("robot-check", args=[robot.slug]) in page
+
+
+def test_what_a_killed_supervisor_said_last_is_not_shown_as_so_now(admin: Client, robot: Robot) -> None:
+    bridge_status_set(robot_id=robot.id, state=BridgeStatus.State.RUNNING, detail="", pid=4711)
+    page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
+    assert "no supervisor is running; the last one said: running since" in page
 
 
 def test_an_edit_is_saved_and_recorded_under_the_editors_name(
@@ -65,7 +75,7 @@ def test_a_form_left_open_does_not_bring_a_robot_back_into_service(
     robot.enabled = False
     robot_save(robot=robot, actor=staff)
     answer = admin.post(url, left_open)
-    assert "The robot was changed meanwhile" in answer.content.decode()
+    assert "The robot was changed meanwhile by Sam Staff" in answer.content.decode()
     robot.refresh_from_db()
     assert not robot.enabled and robot.name != "Another name"
 

@@ -11,11 +11,19 @@ from pathlib import Path
 
 import psutil
 import pytest
-from django.core.management.base import CommandError
 
-from robots.management.commands.run_fleet import only_instance
 from robots.models import BridgeStatus
-from robots.supervisor import KILL_S, STEADY_S, TERMINATE_S, Keeper, Program, RestartBudget
+from robots.supervisor import (
+    KILL_S,
+    STEADY_S,
+    TERMINATE_S,
+    AlreadySupervised,
+    Keeper,
+    Program,
+    RestartBudget,
+    only_instance,
+    supervised,
+)
 from tests.robots.support import STUBBORN, FakePrograms, until
 
 State = BridgeStatus.State
@@ -169,9 +177,17 @@ def test_a_second_supervisor_is_refused_and_told_of_the_first(tmp_path: Path) ->
     lock = tmp_path / "fleet.lock"
     with (
         only_instance(lock),
-        pytest.raises(CommandError, match=f"running already \\(process {os.getpid()}\\)"),
+        pytest.raises(AlreadySupervised, match=str(os.getpid())),
         only_instance(lock),
     ):
         pass
     with only_instance(lock):
         pass
+
+
+def test_whether_a_supervisor_lives_is_told_by_its_lock_and_not_by_what_it_left(tmp_path: Path) -> None:
+    lock = tmp_path / "fleet.lock"
+    assert not supervised(lock)
+    with only_instance(lock):
+        assert supervised(lock)
+    assert lock.exists() and not supervised(lock)

@@ -6,14 +6,11 @@ Ends on SIGTERM, SIGINT or SIGHUP: every robot is let go of and stops.
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -27,7 +24,7 @@ from robots.environment import NoWrapper, ros_environment
 from robots.models import BridgeStatus, Robot
 from robots.selectors import bridge_config, require_link_settings
 from robots.services import bridge_status_set
-from robots.supervisor import KILL_S, Keeper, Program
+from robots.supervisor import KILL_S, LOCK, AlreadySupervised, Keeper, Program, only_instance
 
 State = BridgeStatus.State
 Told = tuple[State, str, int | None]  # state, detail in words, process id
@@ -59,14 +56,21 @@ class Command(BaseCommand):
         if unknown:
             raise CommandError(f"There is no robot {', '.join(sorted(unknown))}.")
         stopping = Stopping()
-        with only_instance(settings.FLEET_RUN_DIR / "fleet.lock"):
-            fleet = Fleet(only)
-            try:
-                while not stopping:
-                    fleet.step(time.monotonic())
-                    time.sleep(STEP_S)
-            finally:
-                fleet.end()
+        try:
+            with only_instance(settings.FLEET_RUN_DIR / LOCK):
+                supervise(Fleet(only), stopping)
+        except AlreadySupervised as other:
+            raise CommandError(f"A supervisor is running already (process {other}).") from other
+
+
+def supervise(fleet: Fleet, stopping: Stopping) -> None:
+    """Until it is to end."""
+    try:
+        while not stopping:
+            fleet.step(time.monotonic())
+            time.sleep(STEP_S)
+    finally:
+        fleet.end()
 
 
 def wait_shortly() -> None:
@@ -89,21 +93,6 @@ class Stopping:
 
     def __bool__(self) -> bool:
         return self._asked
-
-
-@contextmanager
-def only_instance(path: Path) -> Iterator[None]:
-    """Hold the lock file; it falls with the process."""
-    with path.open("a+") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            lock.seek(0)
-            raise CommandError(f"A supervisor is running already (process {lock.read().strip()}).") from error
-        lock.truncate(0)
-        lock.write(str(os.getpid()))
-        lock.flush()
-        yield
 
 
 class Fleet:
