@@ -1,8 +1,8 @@
-"""Recorded motions as play_motion performs them, without ROS.
+"""How the joints move, without ROS: recorded motions as play_motion performs them, and trajectories.
 
-A motion moves its joints to its first point as fast as they can, then along its points. Each controller
-follows one motion at a time: a second motion that needs it is refused as busy. A cancelled motion
-stops where it is.
+Each controller follows one run of points at a time, and no joint ever moves faster than it can: points that
+ask for more are reached later. A motion that needs a busy controller is refused; a trajectory takes its
+controller over, and what moved it before has failed. A cancelled run stops where it is.
 """
 
 from __future__ import annotations
@@ -17,7 +17,11 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import Struct
 
+from robots.simulator.base import clamp
 from robots.simulator.joints import HOME, JOINTS
+
+# An eased way begins and ends at rest: at its middle it is this much faster than on average.
+_EASED_PEAK = 1.5
 
 
 class ErrorCode(IntEnum):
@@ -51,11 +55,6 @@ class Motion(Struct, frozen=True, forbid_unknown_fields=True):
     points: list[Point]
     meta: Meta
 
-    @property
-    def controllers(self) -> frozenset[str]:
-        """Which controllers it needs."""
-        return frozenset(JOINTS[joint].controller for joint in self.joints)
-
     def parameters(self) -> dict[str, Any]:
         """As it stands on the robot's parameter server."""
         plain: dict[str, Any] = msgspec.to_builtins(self)
@@ -82,6 +81,7 @@ class Phase(Enum):
     DONE = "done"
     FAILED = "failed"
     CANCELLED = "cancelled"
+    REPLACED = "replaced"
 
 
 class Knot(NamedTuple):
@@ -92,23 +92,33 @@ class Knot(NamedTuple):
 
 
 class Run:
-    """One motion being performed."""
+    """Joints on their way along points."""
 
-    def __init__(self, motion: Motion, start: Mapping[str, float], now: float, fails: bool) -> None:
-        self.motion = motion
+    def __init__(
+        self,
+        joints: Sequence[str],
+        points: Sequence[Point],
+        start: Mapping[str, float],
+        now: float,
+        fails: bool = False,
+    ) -> None:
+        self.joints = joints
+        self.controllers = frozenset(JOINTS[joint].controller for joint in joints)
         self.phase = Phase.MOVING
-        from_here = [start[joint] for joint in motion.joints]
-        begins = now + self._approach_s(from_here) - motion.points[0].time_from_start
-        later = (Knot(max(begins + point.time_from_start, now), point.positions) for point in motion.points)
-        self._knots = [Knot(now, from_here), *later]
+        self._knots = [Knot(now, [start[joint] for joint in joints])]
+        asked = 0.0
+        for point in points:
+            before = self._knots[-1]
+            span = max(point.time_from_start - asked, self._shortest_s(before.positions, point.positions))
+            self._knots.append(Knot(before.at + span, point.positions))
+            asked = point.time_from_start
         self._times = [knot.at for knot in self._knots]
         self._fails_at = (now + self._knots[-1].at) / 2.0 if fails else None
 
-    def _approach_s(self, start: list[float]) -> float:
-        """How long the slowest joint needs to the first point, and no less than that point's own time."""
-        ways = zip(self.motion.joints, start, self.motion.points[0].positions, strict=True)
-        slowest = max(abs(end - begin) / JOINTS[joint].speed for joint, begin, end in ways)
-        return max(slowest, self.motion.points[0].time_from_start)
+    def _shortest_s(self, begin: Sequence[float], end: Sequence[float]) -> float:
+        """How long the slowest joint needs between two points."""
+        ways = zip(self.joints, begin, end, strict=True)
+        return max(_EASED_PEAK * abs(to - at) / JOINTS[joint].speed for joint, at, to in ways)
 
     def positions(self, now: float) -> dict[str, float]:
         """Its joints at `now`; ends the run when its time has come."""
@@ -122,8 +132,8 @@ class Run:
         share = 1.0 if span <= 0.0 else min(max((now - before.at) / span, 0.0), 1.0)
         eased = share * share * (3.0 - 2.0 * share)
         pairs = zip(before.positions, following.positions, strict=True)
-        values = (begin + (end - begin) * eased for begin, end in pairs)
-        return dict(zip(self.motion.joints, values, strict=True))
+        values = (begin * (1.0 - eased) + end * eased for begin, end in pairs)
+        return dict(zip(self.joints, values, strict=True))
 
 
 class Player:
@@ -139,14 +149,36 @@ class Player:
     def start(self, name: str, now: float, fails: bool = False) -> Run:
         """Begin motion `name`, or raise `RefusedMotionError`."""
         motion = self._motion(name)
-        busy = {controller for run in self._running for controller in run.motion.controllers}
-        if needed := sorted(busy & motion.controllers):
-            raise RefusedMotionError(
-                ErrorCode.CONTROLLER_BUSY, f"busy with another motion: {', '.join(needed)}"
-            )
-        run = Run(motion, self.positions, now, fails)
+        run = Run(motion.joints, motion.points, self.positions, now, fails)
+        busy = {controller for other in self._running for controller in other.controllers}
+        if needed := sorted(busy & run.controllers):
+            raise RefusedMotionError(ErrorCode.CONTROLLER_BUSY, f"busy: {', '.join(needed)}")
         self._running.append(run)
         return run
+
+    def follow(self, joints: Sequence[str], points: Sequence[Point], now: float) -> Run:
+        """Begin a trajectory, within the joints' limits, in place of what moves its controller now."""
+        held = [
+            Point(
+                [
+                    clamp(position, JOINTS[joint].low, JOINTS[joint].high)
+                    for joint, position in zip(joints, point.positions, strict=True)
+                ],
+                point.time_from_start,
+            )
+            for point in points
+        ]
+        run = Run(joints, held, self.positions, now)
+        self.release(run.controllers)
+        self._running.append(run)
+        return run
+
+    def release(self, controllers: frozenset[str]) -> None:
+        """Stop whatever these controllers follow, where it is."""
+        for run in self._running[:]:
+            if run.controllers & controllers:
+                self._running.remove(run)
+                run.phase = Phase.REPLACED
 
     def cancel(self, run: Run) -> None:
         """Stop `run` where it is."""

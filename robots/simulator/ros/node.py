@@ -16,6 +16,7 @@ import rospy
 from robots.simulator.frames import urdf
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
+from robots.simulator.ros.controllers import CONTROLLERS, TrajectoryController
 from robots.simulator.ros.eyes import Eyes
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
@@ -61,6 +62,10 @@ class SimulatorNode:
         self._eyes: Eyes | None = None
         if robot.body.upper_body:
             self._servers = [SpeechServer().step, MotionServer(robot).step]
+            for index, name in enumerate(CONTROLLERS):
+                controller = TrajectoryController(robot, name)
+                self._servers.append(controller.step)
+                self._duties.append(Duty(TICK_HZ // 10, index, controller.publish))
             self._eyes = Eyes(robot, depth_encoding)
             self._duties.append(Duty(TICK_HZ // 10, 2, self._eyes.publish_depth))
             self._duties.append(Duty(TICK_HZ // 5, 4, self._eyes.publish_rgb))
