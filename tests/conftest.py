@@ -24,6 +24,7 @@ from pytest_django import DjangoDbBlocker
 from fleet.accounts.models import User
 from fleet.audit import triggers
 from robots.models import Robot, RobotProfile, RobotRole, Role
+from tests.disk import Disk
 
 PASSWORD = "a long walk on the beach"
 
@@ -64,6 +65,16 @@ def django_db_setup(django_db_setup: None, django_db_blocker: DjangoDbBlocker) -
                 "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
                 " WHERE datname = current_database() AND pid <> pg_backend_pid()"
             )
+
+
+@pytest.fixture
+def disk(transactional_db: None) -> Iterator[Disk]:
+    """The disk of the database; `disk.fill()` fills it."""
+    if connection.vendor != "sqlite":
+        pytest.skip("limits the database file")
+    disk = Disk()
+    yield disk
+    disk.free()
 
 
 # --- robots -----------------------------------------------------------------------------------

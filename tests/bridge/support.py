@@ -12,7 +12,7 @@ from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
-from robots.bridge.sink import DriveSummary, Holder, RecordError
+from robots.bridge.sink import DriveSummary, Holder, RecordError, RecordSink
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
 
@@ -108,12 +108,17 @@ class MemorySink:
 class Bench:
     """A core with everything around it under the test's hand."""
 
-    def __init__(self, left: Persisted | None = None, config: BridgeConfig = CONFIG) -> None:
+    def __init__(
+        self,
+        left: Persisted | None = None,
+        config: BridgeConfig = CONFIG,
+        sink: RecordSink | None = None,
+    ) -> None:
         self.now_s = 100.0
         self.base = MemoryBase()
         self.gate = OpenGate()
         self.sink = MemorySink()
-        self.drives = DriveLog(self.sink)
+        self.drives = DriveLog(sink or self.sink)
         self.ended: list[Ended] = []
         state = left or Persisted(False, "", "", 0)
         self.core = Core(config, self.base, self.gate, self.drives, state, self.ended.append)  # type: ignore[arg-type]

@@ -14,6 +14,9 @@ from robots.bridge.gate.values import STILL, Velocity, Verdict
 from robots.bridge.sink import DriveSummary, Holder, RecordError
 from robots.models import Robot
 from robots.records import AuditSink
+from robots.wire import Grant
+from tests.bridge.support import Bench
+from tests.disk import Disk
 
 pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a connection of its own each time
 
@@ -79,3 +82,38 @@ def test_a_session_that_is_none_is_an_error_of_the_record_and_not_of_the_bridge(
     odd = Holder(holder_id="nobody", holder="Nobody", session="not a session", fence=1)
     with pytest.raises(RecordError):
         sink.begin_gate(1, odd, HELD._replace(velocity=STILL))
+
+
+def test_on_a_full_disk_a_drive_is_not_recorded_and_says_why(
+    sink: AuditSink, holder: Holder, disk: Disk
+) -> None:
+    disk.fill()
+    with pytest.raises(RecordError, match="the disk of the database is full"):
+        sink.begin_drive(holder)
+    disk.free()
+    assert Record.objects.get(pk=sink.begin_drive(holder)).kind == "drive.start"
+
+
+def test_on_a_full_disk_nothing_moves_until_there_is_room_again(
+    sink: AuditSink, holder: Holder, disk: Disk
+) -> None:
+    bench = Bench(sink=sink).online()
+    try:
+        grant = Grant(1, 60.0, holder.session, holder.holder, holder.holder_id, 1.0)
+        bench.core.grant(grant, 1, bench.now_s)
+        bench.stick(0.0)
+        disk.fill()
+        bench.stick(0.5)
+        bench.recorded()
+        bench.pass_time(0.1)
+        refusal = bench.stick(0.5)
+        assert refusal is not None and refusal.code == "not_recorded"
+        assert "the disk of the database is full" in refusal.text
+        assert set(bench.base.sent) == {STILL}
+        assert not Record.objects.filter(kind="drive.start").exists()
+        disk.free()
+        bench.pass_time(1.0)
+        bench.stick(0.0)
+        bench.driving()
+    finally:
+        bench.drives.close(bench.now_s)

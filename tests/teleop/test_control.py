@@ -104,6 +104,22 @@ async def test_nothing_reaches_the_bridge_when_it_cannot_be_recorded(open_page, 
     assert not bridge.all(wire.Grant)
 
 
+async def test_on_a_full_disk_nobody_gets_control_and_with_room_again_one_does(open_page, bridge, disk):
+    page = await open_page("operator")
+    await in_database(disk.fill)
+    await page.say("take")
+    refused = await page.refused("audit_disk_full")
+    assert "the disk of the database is full" in refused["refusal"]["text"]
+    await page.say("ping", sent_ms=1)
+    await page.hears("pong")
+    assert not bridge.all(wire.Grant)
+    assert not await in_database(ControlSession.objects.exists)
+    assert not await in_database(Lease.objects.exclude(session=None).exists)
+    await in_database(disk.free)
+    await take(page)
+    await bridge.hears(wire.Grant)
+
+
 async def test_a_robot_out_of_reach_is_not_given_to_anybody(open_page, bridge):
     page = await open_page("operator")
     await bridge.close()

@@ -1,0 +1,57 @@
+"""A disk that is full: SQLite's own limit of pages, so that a write fails as it does on a real one (SQLITE_FULL)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.db import connection
+from django.db.backends.base.base import BaseDatabaseWrapper
+from django.db.backends.signals import connection_created
+
+from fleet.audit import AuditUnavailable, record
+
+FILLERS = (
+    100_000,
+    1_000,
+    0,
+)  # characters; large records take the free pages, small ones what is left in others
+FAILURES = 20  # in a row, until nothing is taken to fit: records land on different pages of an index
+
+
+class Disk:
+    """The disk below the database file: no room from `fill` on, whichever thread or connection writes, until `free`."""
+
+    def __init__(self) -> None:
+        self._pages = 0
+
+    def fill(self) -> None:
+        """Let the file not grow, and use up the room within it."""
+        with connection.cursor() as cursor:
+            cursor.execute("PRAGMA page_count")
+            self._pages = cursor.fetchone()[0]
+        self._limit(connection)
+        connection_created.connect(self._created)
+        for length in FILLERS:
+            self._use_up(length)
+
+    def free(self) -> None:
+        """Room again, for connections opened from now on."""
+        connection_created.disconnect(self._created)
+        connection.close()
+
+    def _created(self, connection: BaseDatabaseWrapper, **_: Any) -> None:
+        self._limit(connection)
+
+    def _limit(self, connection: BaseDatabaseWrapper) -> None:
+        with connection.cursor() as cursor:
+            cursor.execute(f"PRAGMA max_page_count = {self._pages}")
+
+    def _use_up(self, length: int) -> None:
+        failures = 0
+        while failures < FAILURES:
+            try:
+                record("filler", parameters={"x": "x" * length})
+                failures = 0
+            except AuditUnavailable as full:
+                assert full.code == "audit_disk_full"
+                failures += 1
