@@ -28,9 +28,11 @@ class DepthCamera:
 
     def __init__(self, random: np.random.Generator) -> None:
         self._random = random
+        # Pixels at the middle of each square, as parts of their distance: right and down of the optical axis.
         across = (np.arange(_COARSE_PX / 2, WIDTH, _COARSE_PX) - WIDTH / 2.0) / FOCAL_PX
         down = (np.arange(_COARSE_PX / 2, HEIGHT, _COARSE_PX) - HEIGHT / 2.0) / FOCAL_PX
         left, up = np.meshgrid(-across, -down)
+        self._per_metre = np.stack((-left, -up, np.ones_like(left)), axis=-1).astype(np.float32)
         rays = np.stack((np.ones_like(left), left, up), axis=-1)
         length = np.linalg.norm(rays, axis=-1)
         self._shape = left.shape
@@ -46,6 +48,11 @@ class DepthCamera:
         distance = onlooker.cast(origin, self._rays @ (to_world @ camera.axes).T)
         depth = self._as_measured(distance * self._ahead).reshape(self._shape)
         return depth.repeat(_COARSE_PX, axis=0).repeat(_COARSE_PX, axis=1)
+
+    def points(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """One point (right, down, ahead; metres) for each ray of a picture, by rows: (120, 160, 3)."""
+        points: NDArray[np.float32] = depth[::_COARSE_PX, ::_COARSE_PX, None] * self._per_metre
+        return points
 
     def _as_measured(self, depth: NDArray[np.float64]) -> NDArray[np.float32]:
         measured = depth + self._random.standard_normal(depth.shape) * _NOISE_PER_M * depth**2

@@ -13,7 +13,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import Pose2D, WrenchStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, JointState, LaserScan, Range
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, JointState, LaserScan, PointCloud2, Range
 from std_msgs.msg import Bool, Float32, String
 from tf2_msgs.msg import TFMessage
 
@@ -181,3 +181,14 @@ def test_dead_odometry_is_silent(ros):
             scans.next()
             assert len(odometry.drain()) <= 2, "no more than was under way"
         odometry.next()
+
+
+def test_a_point_cloud_comes_to_who_asks_for_it_alone(ros):
+    with ros.listen("/xtion/depth_registered/points", PointCloud2) as clouds:
+        cloud = clouds.next()
+    assert cloud.header.frame_id == "xtion_rgb_optical_frame"
+    assert [field.name for field in cloud.fields] == ["x", "y", "z"]
+    points = np.frombuffer(cloud.data, np.float32).reshape(cloud.height, cloud.width, 3)
+    ahead = points[..., 2][np.isfinite(points[..., 2])]
+    assert ahead.size > 0
+    assert ahead.min() >= 0.3 and ahead.max() <= 8.0

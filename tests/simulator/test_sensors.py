@@ -108,6 +108,21 @@ def test_a_depth_picture_is_the_wall_ahead(robot_in):
     assert np.nanmedian(depth[-4:]) == pytest.approx(min(floor, wall), abs=0.05)
 
 
+def test_a_point_cloud_is_the_depth_picture_in_space(robot_in):
+    robot = robot_in(room()).robot
+    onlooker = Onlooker(robot.physics)
+    onlooker.follow(robot.physics.snapshot())
+    pose = camera_pose(HOME | {"head_1_joint": 0.4, "head_2_joint": -0.6})
+    camera = DepthCamera(np.random.default_rng(1))
+    points = camera.points(camera.image(onlooker, pose)).reshape(-1, 3)
+    right, down, ahead = points[~np.isnan(points[:, 2])].T
+    x, y, z = pose.origin[:, None] + pose.axes @ np.stack((ahead, -right, -down))
+    # It sees the wall ahead, the one to the left, and the floor: every point lies on one of them.
+    apart = np.abs([x - 2.0, y - 2.0, z])
+    assert np.quantile(apart.min(axis=0), 0.99) < 0.03
+    assert (apart.min(axis=1) < 0.01).all()
+
+
 def test_the_depth_camera_sees_a_table_top_that_the_laser_misses(robot_in):
     world = room(tables=[Table(name="desk", at=(1.2, 0.0), size=(0.8, 1.6), legs=False)])
     robot = robot_in(world).robot

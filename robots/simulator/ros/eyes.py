@@ -16,7 +16,7 @@ import numpy as np
 import PIL.Image
 import rospy
 from numpy.typing import NDArray
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
 from robots.simulator.camera import Camera, NoCameraError
 from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
@@ -47,6 +47,7 @@ class Eyes:
         self._encoding = depth_encoding
         self._depth = _image_publisher("/xtion/depth_registered/image_raw")
         self._depth_info = _info_publisher("/xtion/depth_registered/camera_info")
+        self._cloud = rospy.Publisher("/xtion/depth_registered/points", PointCloud2, queue_size=1)
         self._rgb = _image_publisher("/xtion/rgb/image_raw")
         self._rgb_info = _info_publisher("/xtion/rgb/camera_info")
         self._compressed = rospy.Publisher("/xtion/rgb/image_raw/compressed", CompressedImage, queue_size=1)
@@ -59,7 +60,7 @@ class Eyes:
 
     def publish_depth(self, stamp: rospy.Time) -> None:
         """Take a depth picture of now, if anybody wants one."""
-        if _anybody(self._depth, self._depth_info) and not self._robot.faults.depth_dead:
+        if _anybody(self._depth, self._depth_info, self._cloud) and not self._robot.faults.depth_dead:
             self._see(stamp, in_colour=False)
 
     def publish_rgb(self, stamp: rospy.Time) -> None:
@@ -96,6 +97,8 @@ class Eyes:
         pixels = as_millimetres(depth) if self._encoding == "16UC1" else depth
         self._depth.publish(_image(moment.stamp, self._encoding, pixels))
         self._depth_info.publish(_camera_info(moment.stamp))
+        if self._cloud.get_num_connections():
+            self._cloud.publish(_point_cloud(moment.stamp, self._depth_camera.points(depth)))
 
     def _tell_colour(self, onlooker: Onlooker, moment: Moment) -> None:
         if self._camera is None:
@@ -137,6 +140,20 @@ def _jpeg(pixels: NDArray[np.uint8]) -> bytes:
 def _image(stamp: rospy.Time, encoding: str, pixels: NDArray[np.generic]) -> Image:
     message = Image(height=HEIGHT, width=WIDTH, encoding=encoding, data=pixels.tobytes())
     message.step = len(message.data) // HEIGHT
+    message.header.stamp = stamp
+    message.header.frame_id = OPTICAL_FRAME
+    return message
+
+
+def _point_cloud(stamp: rospy.Time, points: NDArray[np.float32]) -> PointCloud2:
+    """An organised cloud: a point that the camera did not see is not a number."""
+    height, width, _ = points.shape
+    size = points.itemsize
+    message = PointCloud2(height=height, width=width, point_step=3 * size, row_step=3 * size * width)
+    message.fields = [
+        PointField(name, size * index, PointField.FLOAT32, 1) for index, name in enumerate(("x", "y", "z"))
+    ]
+    message.data = points.tobytes()
     message.header.stamp = stamp
     message.header.frame_id = OPTICAL_FRAME
     return message
