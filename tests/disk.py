@@ -10,11 +10,8 @@ from django.db.backends.signals import connection_created
 
 from fleet.audit import AuditUnavailable, record
 
-FILLERS = (
-    100_000,
-    1_000,
-    0,
-)  # characters; large records take the free pages, small ones what is left in others
+# Characters. Large records take the free pages, small ones what is left in others.
+FILLERS = (100_000, 1_000, 0)
 FAILURES = 20  # in a row, until nothing is taken to fit: records land on different pages of an index
 
 

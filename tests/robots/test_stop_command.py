@@ -67,9 +67,13 @@ def test_all_robots_are_stopped_with_who_and_why(
     for stopped in bridges:
         (stop,) = stopped.stops
         assert stop.by.endswith("(command line)") and stop.reason == "smoke in the lab"
-    records = Record.objects.filter(kind="stop.press")
-    assert {record.robot_name for record in records} == {"TIAGo 1", "TIAGo 2"}
-    assert {record.outcome for record in records} == {"stopping"}
+    records = Record.objects.filter(kind="stop.press").order_by("id")
+    assert [record.robot_name for record in records] == ["TIAGo 1", "TIAGo 1", "TIAGo 2", "TIAGo 2"]
+    assert [record.outcome for record in records] == [
+        "",
+        "stopping",
+    ] * 2  # as from a page: press, then outcome
+    assert {record.parameters.get("reason") for record in records} == {"smoke in the lab", None}
 
 
 def test_a_robot_that_is_not_reached_is_named_and_the_others_stop(
@@ -79,7 +83,9 @@ def test_a_robot_that_is_not_reached_is_named_and_the_others_stop(
     with pytest.raises(CommandError, match=r"Not reached: tiago-1\. Use the red button"):
         call_command("stop", "--all", stdout=StringIO())
     assert len(reached.stops) == 1
-    assert Record.objects.get(robot_id=robot.id).outcome.startswith("not reached: ")
+    press, outcome = Record.objects.filter(robot_id=robot.id).order_by("id")
+    assert (press.outcome, outcome.of_id) == ("", press.pk)
+    assert outcome.outcome.startswith("bridge_") and outcome.parameters["text"]
 
 
 def test_a_named_robot_alone_is_stopped(
@@ -101,14 +107,15 @@ def test_a_wrong_name_among_right_ones_keeps_nobody_from_being_stopped(
 
 
 def test_a_stop_that_cannot_be_recorded_is_made_all_the_same(
-    robot: Robot, bridge: Callable[[Robot], Bridge]
+    robot: Robot, bridge: Callable[[Robot], Bridge], caplog: pytest.LogCaptureFixture
 ) -> None:
     stopped, errors = bridge(robot), StringIO()
     full = AuditUnavailable("audit_disk_full", "the disk is full")
-    with mock.patch("robots.management.commands.stop.record", autospec=True, side_effect=full):
+    with mock.patch("fleet.audit.record", autospec=True, side_effect=full):
         call_command("stop", "tiago-1", stdout=StringIO(), stderr=errors)
     assert len(stopped.stops) == 1
-    assert "not recorded: the disk is full" in errors.getvalue()
+    assert "tiago-1: not recorded" in errors.getvalue()
+    assert "the disk is full" in caplog.text
 
 
 @pytest.fixture

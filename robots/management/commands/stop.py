@@ -14,11 +14,12 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError
 
-from fleet.audit import AuditUnavailable, record
 from robots.bridge.config import LinkAddress
 from robots.link import LinkRefused, stop_once
 from robots.models import Robot
 from robots.selectors import link_address
+from robots.stops import record_outcome, record_press
+from robots.wire import Refusal, Stopped
 
 
 class Command(BaseCommand):
@@ -46,11 +47,13 @@ class Command(BaseCommand):
         except DatabaseError as error:
             self._stop_without_database(slugs, by, reason, error)
             return
-        outcomes = stop([link_address(robot) for robot in robots], by, reason)
-        for robot, failure in zip(robots, outcomes, strict=True):
-            self._record(robot, by, reason, failure)
-            self.stdout.write(f"{robot.slug}: {failure or 'stopping'}")
-        unreached = [robot.slug for robot, failure in zip(robots, outcomes, strict=True) if failure]
+        results = stop([link_address(robot) for robot in robots], by, reason)
+        for robot, result in zip(robots, results, strict=True):
+            self._record(robot, by, reason, result)
+            self.stdout.write(f"{robot.slug}: {_told(result)}")
+        unreached = [
+            robot.slug for robot, result in zip(robots, results, strict=True) if isinstance(result, Refusal)
+        ]
         if unreached:
             raise CommandError(f"Not reached: {', '.join(unreached)}. Use the red button on the robot.")
         unknown = sorted(set(slugs) - {robot.slug for robot in robots})
@@ -64,39 +67,36 @@ class Command(BaseCommand):
                 f"The database does not answer, so no robot is known by name ({error}). Say --all."
             )
         sockets = sorted(settings.FLEET_RUN_DIR.glob("*.sock"))
-        outcomes = stop([LinkAddress(unix_path=str(path)) for path in sockets], by, reason)
-        for path, failure in zip(sockets, outcomes, strict=True):
-            self.stdout.write(f"{path.name}: {failure or 'stopping'}")
-        stopped = outcomes.count("")
+        results = stop([LinkAddress(unix_path=str(path)) for path in sockets], by, reason)
+        for path, result in zip(sockets, results, strict=True):
+            self.stdout.write(f"{path.name}: {_told(result)}")
+        stopped = sum(isinstance(result, Stopped) for result in results)
         raise CommandError(
             f"The database does not answer ({error}). Every bridge on this computer was told: {stopped} robots are "
-            f"stopping, {len(outcomes) - stopped} did not answer. Nothing was recorded, and bridges on other computers "
+            f"stopping, {len(results) - stopped} did not answer. Nothing was recorded, and bridges on other computers "
             "were not reached. Use the red button on the other robots."
         )
 
-    def _record(self, robot: Robot, by: str, reason: str, failure: str) -> None:
-        """Afterwards: a stop waits for nothing and is never refused."""
-        try:
-            record(
-                "stop.press",
-                robot_id=robot.id,
-                robot_name=robot.name,
-                outcome=f"not reached: {failure}"[:200] if failure else "stopping",
-                parameters={"by": by, "reason": reason},
-            )
-        except (AuditUnavailable, DatabaseError) as error:
-            self.stderr.write(f"{robot.slug}: not recorded: {error}")
+    def _record(self, robot: Robot, by: str, reason: str, result: Stopped | Refusal) -> None:
+        parameters = {"through": "command line", "by": by, "reason": reason}
+        pressed = record_press(robot.id, actor=None, parameters=parameters)
+        record_outcome(pressed, actor=None, result=result)
+        if pressed is None:
+            self.stderr.write(f"{robot.slug}: not recorded, see the log")
 
 
-def stop(addresses: Sequence[LinkAddress], by: str, reason: str) -> list[str]:
-    """Press everywhere at once; returns why each was not reached, "" if it was."""
+def stop(addresses: Sequence[LinkAddress], by: str, reason: str) -> list[Stopped | Refusal]:
+    """Press everywhere at once; returns what each bridge said, or why it was not reached."""
     with ThreadPoolExecutor(max(len(addresses), 1)) as pool:
         return list(pool.map(lambda address: _stop_one(address, by, reason), addresses))
 
 
-def _stop_one(address: LinkAddress, by: str, reason: str) -> str:
+def _stop_one(address: LinkAddress, by: str, reason: str) -> Stopped | Refusal:
     try:
-        stop_once(address, by, reason)
+        return stop_once(address, by, reason)
     except LinkRefused as error:
-        return error.refusal.text
-    return ""
+        return error.refusal
+
+
+def _told(result: Stopped | Refusal) -> str:
+    return result.text if isinstance(result, Refusal) else "stopping"
