@@ -13,6 +13,7 @@ class Grants:
 
     highest: int
     current: Grant | None = None
+    last: Grant | None = None  # in force now, or before
     link: int | None = None  # the link it came by: only commands from there count
     ends_s: float = float("-inf")
 
@@ -25,20 +26,20 @@ class Grants:
                 "lease",
                 {"fence": grant.fence, "highest": self.highest, "holder": self._holder},
             )
-        current = self.current
-        if current and grant.fence == current.fence and grant.session != current.session:
+        last = self.last
+        if last and grant.fence == last.fence and grant.session != last.session:
             return Refusal(
                 "fence_taken",
-                f"Control number {grant.fence} belongs to {current.holder}.",
+                f"Control number {grant.fence} belongs to {last.holder}.",
                 "lease",
-                {"fence": grant.fence, "holder": current.holder},
+                {"fence": grant.fence, "holder": last.holder},
             )
         return None
 
     def take(self, grant: Grant, link: int, now_s: float) -> None:
         """Put `grant` in force (after `check`)."""
         self.highest = max(self.highest, grant.fence)
-        self.current = grant
+        self.current = self.last = grant
         self.link = link
         self.ends_s = now_s + grant.seconds
 

@@ -88,6 +88,13 @@ def test_one_number_does_not_serve_two_control_sessions(bench):
     assert bench.core.grants.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
 
 
+def test_a_number_stays_with_its_control_session_after_control_ended(bench):
+    bench.granted(3)
+    bench.core.revoke(3, "released", bench.now_s)
+    assert bench.core.grants.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
+    assert bench.core.grants.check(Grant(3, 3, "session-3", "Ann", "ann-id", 1.0)) is None
+
+
 def test_control_ends_by_the_bridges_own_clock(bench):
     bench.granted(seconds=2.0).driving()
     for _ in range(30):
