@@ -9,6 +9,7 @@ import socket
 import ssl
 import uuid
 
+import msgspec
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
@@ -20,7 +21,7 @@ from websockets.exceptions import InvalidStatus, WebSocketException
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.link import LinkServer
-from robots.link import BridgeLink, LinkRefused, stop_once
+from robots.link import BridgeLink, LinkRefused, _headers, stop_once
 from tests.bridge.support import Bench
 
 
@@ -237,6 +238,10 @@ class TestTcp:
         with pytest.raises(InvalidStatus, match="401"):
             async with connect(f"wss://127.0.0.1:{address.port}/", ssl=trust, additional_headers=header):
                 pass
+
+    async def test_a_web_process_that_knows_no_secret_does_not_say_one(self, address):
+        assert _headers(address) == {"Authorization": "Bearer s3cret"}
+        assert _headers(msgspec.structs.replace(address, secret=None)) == {}
 
     async def test_a_link_without_tls_does_not_open(self, bridge, address):
         with pytest.raises((OSError, WebSocketException)):

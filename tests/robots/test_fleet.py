@@ -11,6 +11,7 @@ from unittest import mock
 
 import pytest
 from django.db import OperationalError, connection
+from django.test import override_settings
 
 from robots.management.commands.run_fleet import Fleet, wait_shortly
 from robots.models import BridgeStatus, Robot
@@ -148,13 +149,30 @@ def test_the_end_lets_every_program_go(supervised: Supervised, robot: Robot) -> 
     assert supervised.state(robot) == State.STOPPED
 
 
+ELSEWHERE = "wss://other-host:7443"
+
+
 def test_a_robot_whose_bridge_runs_elsewhere_is_left_to_its_own_host(
     supervised: Supervised, other_robot: Robot
 ) -> None:
-    Robot.objects.filter(pk=other_robot.pk).update(bridge_address="wss://other-host:7443")
+    Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)
     supervised.until_started("tiago-1", 1)
     supervised.until_started("run_housekeeping", 1)
     assert supervised.programs.pids("tiago-2") == []
+    assert not BridgeStatus.objects.filter(robot=other_robot).exists()  # nor is anything said of it
+
+
+@override_settings(FLEET_LINK_CERT="bridge.pem", FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
+def test_a_bridge_on_the_network_without_its_settings_is_refused_by_their_names(
+    programs: FakePrograms, other_robot: Robot
+) -> None:
+    Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)
+    fleet = Fleet(frozenset({"tiago-2"}), programs.script)
+    fleet.step(time.monotonic())
+    status = BridgeStatus.objects.get(robot=other_robot)
+    assert status.state == State.REFUSED
+    assert "needs FLEET_LINK_KEY, FLEET_LINK_SECRET to be set" in status.detail
+    assert programs.lines() == []
 
 
 @pytest.mark.django_db(transaction=True)
@@ -183,5 +201,6 @@ def test_one_of_several_hosts_runs_the_robots_it_is_told(
     try:
         supervised.until_started("tiago-2", 1)
         assert programs.pids("tiago-1") == []
+        assert supervised.fleet._housekeeping.idle  # the host of the other robots keeps house
     finally:
         supervised.fleet.end()
