@@ -58,8 +58,8 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
     verbose_name_plural = "people (staff may do everything without an entry)"
 
 
-class RobotForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """A form that was left open does not undo what others changed, such as taking the robot out of service."""
+class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """A form that was left open does not undo what others changed, such as taking a robot out of service."""
 
     as_of = forms.CharField(widget=forms.HiddenInput, required=False)
 
@@ -69,12 +69,12 @@ class RobotForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
             self.initial["as_of"] = self.instance.updated_at.isoformat()
 
     def clean_as_of(self) -> str:
-        """`ValidationError` if the robot was saved since the form was opened."""
+        """`ValidationError` if the entry was saved since the form was opened."""
         as_of: str = self.cleaned_data["as_of"]
-        if as_of and as_of != self.initial.get("as_of"):
+        if as_of and as_of != self.initial.get("as_of", as_of):  # a copy of an entry is new
             raise forms.ValidationError(
-                f"The robot was changed meanwhile by {last_editor(self.instance)}. Open this page again; nothing was "
-                "saved."
+                f"The {self.instance._meta.verbose_name} was changed meanwhile by {last_editor(self.instance)}. Open "
+                "this page again; nothing was saved."
             )
         return as_of
 
@@ -98,7 +98,7 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
     search_fields = ["name", "slug", "master_uri"]
     prepopulated_fields = {"slug": ["name"]}
     readonly_fields = ["bridge_state", "check_link", "updated_at"]
-    form = RobotForm
+    form = FreshForm
     formfield_overrides = READABLE
     inlines = [RoleInline]
     fieldsets = [
@@ -210,11 +210,12 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
 
     list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
     readonly_fields = ["source", "updated_at"]
+    form = FreshForm
     formfield_overrides = READABLE
     actions = ["take_shipped"]
     save_as = True
     fieldsets = [
-        (None, {"fields": ["name", "slug", "holonomic", "source"]}),
+        (None, {"fields": ["name", "slug", "holonomic", "source", "as_of"]}),
         (
             "Limits",
             {

@@ -10,6 +10,7 @@ from django.conf import settings
 from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
 from django.db import models
+from django.utils.functional import cached_property
 
 from robots import described, effective
 
@@ -250,6 +251,18 @@ class Robot(models.Model):
             _collect(errors, "default_share", effective.check_robot_share, self)
         if errors:
             raise ValidationError(errors)
+
+    @cached_property
+    def problems(self) -> str:
+        """What keeps the entry, as it was loaded, from being driven; "" if nothing does.
+
+        A saved entry is right, but an edit of its profile may make it wrong later.
+        """
+        try:
+            effective.gate_profile(self)
+        except described.Problems as problems:
+            return str(problems)
+        return ""
 
 
 def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:

@@ -13,9 +13,10 @@ from django.db.models import QuerySet
 
 from fleet.audit.models import Record
 from robots import effective
-from robots.bridge.config import BridgeConfig, LinkAddress
+from robots.bridge.config import BridgeConfig, LinkAddress, SonarSource
+from robots.bridge.gate.values import Limits as GateLimits
 from robots.described import Problems
-from robots.models import Robot, RobotRole, Role
+from robots.models import Robot, RobotProfile, RobotRole, Role
 from robots.wire import Limits, RobotFacts, SonarPose
 
 if TYPE_CHECKING:
@@ -50,10 +51,14 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
     return robots if user.is_staff else robots.filter(roles__user=user)
 
 
-def last_editor(robot: Robot) -> str:
-    """Who changed the robot's entry last."""
-    changes = Record.objects.filter(kind="robot.change", robot_id=robot.id).order_by("-id")
-    return changes.values_list("actor_name", flat=True).first() or "somebody"
+def last_editor(entry: Robot | RobotProfile) -> str:
+    """Who changed the entry last."""
+    changes = (
+        Record.objects.filter(kind="robot.change", robot_id=entry.id)
+        if isinstance(entry, Robot)
+        else Record.objects.filter(kind="profile.change", parameters__profile=entry.slug)
+    )
+    return changes.order_by("-id").values_list("actor_name", flat=True).first() or "somebody"
 
 
 def link_address(robot: Robot) -> LinkAddress:
@@ -100,9 +105,28 @@ def bridge_config(robot: Robot) -> BridgeConfig:
 
 
 def robot_facts(robot: Robot) -> RobotFacts:
-    """What a page needs to know of the robot once."""
-    topics = effective.topics(robot)
-    limits = effective.limits(robot)
+    """What a page needs to know of the robot once. If its entry is wrong (`Robot.problems`), what its columns say: the
+    page must work, to say so and to stop.
+    """
+    if robot.problems:
+        return _facts(robot, limits=robot.profile, share=robot.profile.default_share, footprint=[], sonars=[])
+    return _facts(
+        robot,
+        limits=effective.limits(robot),
+        share=effective.default_share(robot),
+        footprint=_drawn_footprint(robot),
+        sonars=effective.topics(robot).sonars,
+    )
+
+
+def _facts(
+    robot: Robot,
+    *,
+    limits: GateLimits | RobotProfile,
+    share: float,
+    footprint: list[tuple[float, float]],
+    sonars: list[SonarSource],
+) -> RobotFacts:
     return RobotFacts(
         slug=robot.slug,
         name=robot.name,
@@ -110,12 +134,12 @@ def robot_facts(robot: Robot) -> RobotFacts:
         practice=robot.practice,
         holonomic=robot.profile.holonomic,
         limits=Limits(limits.forward_mps, limits.reverse_mps, limits.lateral_mps, limits.turn_radps),
-        footprint=_drawn_footprint(robot),
-        default_share=effective.default_share(robot),
+        footprint=footprint,
+        default_share=share,
         max_share=robot.max_share,
         reverse_steering=robot.profile.reverse_steering,
-        drive_topic=topics.drive.name,
-        sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in topics.sonars],
+        drive_topic=robot.drive_topic or robot.profile.drive_topic,
+        sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
     )
 
 

@@ -64,16 +64,13 @@ def profile_take_shipped(*, profile: RobotProfile, actor: User | None) -> bool:
 
 @transaction.atomic
 def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
-    """Bring the profiles up to the files, without touching what was edited here. Each change goes on record; a
-    profile that is new does not, for no robot has it yet.
-    """
+    """Bring the profiles up to the files, without touching what was edited here."""
     for file in shipped.profile_files(directory):
         profile = RobotProfile.objects.filter(slug=file.slug).first()
         if profile is None:
             profile = RobotProfile(slug=file.slug)
             shipped.fill(profile, file)
-            profile.full_clean(validate_unique=False)
-            profile.save(force_insert=True)
+            profile_save(profile=profile, actor=None)
         elif shipped.is_edited(profile) and shipped.differs(profile, file):
             log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
         elif profile.shipped != file.columns():

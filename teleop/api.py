@@ -19,6 +19,7 @@ from robots.models import Robot
 from robots.selectors import link_address, robot_facts, robots_visible_to, role_on
 from robots.wire import Refusal
 from teleop import rules, stopping
+from teleop.policy import out_of_service
 from teleop.selectors import holding_of
 
 
@@ -123,4 +124,4 @@ def _state(robot: Robot) -> tuple[object, Refusal | None]:
     try:
         return hello_once(link_address(robot)).state, None
     except LinkRefused as refused:
-        return None, refused.refusal
+        return None, out_of_service(robot) or refused.refusal

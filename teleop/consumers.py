@@ -22,7 +22,7 @@ from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
 from teleop.models import EndReason
-from teleop.policy import ROBOT_DISABLED, Permit
+from teleop.policy import Permit
 from teleop.rules import Phase, Tab, lapse, open_asks, phase
 from teleop.selectors import SignIn, registered, rights_of
 from teleop.services import ControlRefused
@@ -381,7 +381,7 @@ class RobotConsumer(MessageSocket):
 
     def _tell_if_gone(self) -> None:
         link = self.room.link
-        refusal = link.refusal if self.room.entry.enabled else ROBOT_DISABLED
+        refusal = self.room.entry.refusal or link.refusal
         if refusal and not link.up and self.tab is not None:
             beside(self.tell(wire.BridgeGone(refusal)))
 

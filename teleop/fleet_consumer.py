@@ -20,7 +20,7 @@ from robots.selectors import link_address, robots_visible_to
 from robots.wire import Ended, FleetCard, Refusal, Refused, State, fleet_message
 from teleop import stopping
 from teleop.database import in_database
-from teleop.policy import ROBOT_DISABLED
+from teleop.policy import out_of_service
 from teleop.selectors import SignIn
 from teleop.socket import CloseCode, MessageSocket, beside
 
@@ -39,6 +39,7 @@ class Visible(Struct, frozen=True):
     id: UUID
     slug: str
     enabled: bool
+    refusal: Refusal | None  # why nobody drives it
     link: LinkAddress
 
 
@@ -124,7 +125,7 @@ class FleetConsumer(MessageSocket):
         link = self._links[slug]
         if link.up:
             return FleetCard(link.state)
-        return FleetCard(None, link.refusal if self._robots[slug].enabled else ROBOT_DISABLED)
+        return FleetCard(None, self._robots[slug].refusal or link.refusal)
 
     def _note(self) -> None:
         if self._drawn and self._of_note() != self._noted:
@@ -194,4 +195,7 @@ def _visible_to(person: SignIn) -> Iterable[Visible] | None:
     if not session_alive(session_key, user_id):
         return None
     robots = robots_visible_to(User.objects.get(pk=user_id))
-    return [Visible(robot.id, robot.slug, robot.enabled, link_address(robot)) for robot in robots]
+    return [
+        Visible(robot.id, robot.slug, robot.enabled, out_of_service(robot), link_address(robot))
+        for robot in robots
+    ]

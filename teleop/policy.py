@@ -15,6 +15,18 @@ from robots.wire import Refusal
 ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
 
 
+def out_of_service(robot: Robot) -> Refusal | None:
+    """Why nobody drives this robot, whoever they are."""
+    if not robot.enabled:
+        return ROBOT_DISABLED
+    if robot.problems:
+        text = (
+            f"Nobody drives this robot, for its entry in the registry is wrong: {robot.problems}. Tell staff."
+        )
+        return Refusal("robot_misdescribed", text, "robot")
+    return None
+
+
 class Permit(Struct, frozen=True):
     """Leave to control. `until` None: as far as this rule goes, for any time."""
 
@@ -40,11 +52,9 @@ def account_is_active(*, user: User, robot: Robot, role: Role | None, now: datet
     return Refusal("account_inactive", "This account is closed; ask the staff.", "account")
 
 
-def robot_is_enabled(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
-    """A disabled robot is not driven by anybody, and no robot above its own share of speed."""
-    if robot.enabled:
-        return Permit(max_share=robot.max_share)
-    return ROBOT_DISABLED
+def robot_is_in_service(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
+    """A robot that is out of service is not driven by anybody, and no robot above its own share of speed."""
+    return out_of_service(robot) or Permit(max_share=robot.max_share)
 
 
 def role_suffices(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
@@ -58,7 +68,7 @@ def role_suffices(*, user: User, robot: Robot, role: Role | None, now: datetime)
     )
 
 
-RULES: tuple[Rule, ...] = (account_is_active, robot_is_enabled, role_suffices)
+RULES: tuple[Rule, ...] = (account_is_active, robot_is_in_service, role_suffices)
 
 
 def control_permitted(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:

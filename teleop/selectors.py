@@ -12,7 +12,7 @@ from robots.models import Robot, Role
 from robots.selectors import link_address, robot_facts, roles_on
 from robots.wire import Refusal
 from teleop.models import ControlRequest, ControlSession, Lease
-from teleop.policy import permitted_as
+from teleop.policy import out_of_service, permitted_as
 from teleop.rules import Ask, Holding, Tab
 from teleop.standing import Ending, Registered, Rights, Standing
 
@@ -51,7 +51,7 @@ def standing_of(
     robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
 ) -> Standing:
     """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
-    robot = Robot.objects.filter(pk=robot_id).first()
+    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     return Standing(
         read_at=now,
         holding=holding_of(robot_id),
@@ -89,7 +89,9 @@ def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | No
 def registered(robot_id: UUID) -> Registered | None:
     """What pages and the link need to know of the robot; None if it was deleted."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
-    return None if robot is None else Registered(robot.enabled, robot_facts(robot), link_address(robot))
+    if robot is None:
+        return None
+    return Registered(out_of_service(robot), robot_facts(robot), link_address(robot))
 
 
 def _nothing(refusal: Refusal) -> Rights:

@@ -268,7 +268,7 @@ def _allowed(value: T | None, refusal: Refusal | None) -> T:
 
 
 def _robot(robot_id: UUID) -> Robot:
-    return Robot.objects.get(pk=robot_id)
+    return Robot.objects.select_related("profile").get(pk=robot_id)
 
 
 def _user(user_id: UUID) -> User:

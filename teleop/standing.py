@@ -43,7 +43,7 @@ class Standing(Struct, frozen=True):
 class Registered(Struct, frozen=True):
     """What the registry says of a robot."""
 
-    enabled: bool
+    refusal: wire.Refusal | None  # why nobody drives it
     facts: wire.RobotFacts
     link: LinkAddress
 

@@ -104,7 +104,8 @@ def test_writers_at_the_same_time_wait_for_each_other_and_lose_nothing():
 def _seen_by_another_connection() -> list[int]:
     def look() -> list[int]:
         try:
-            return list(Record.objects.values_list("pk", flat=True))
+            written = Record.objects.exclude(kind="profile.create")  # by the migration
+            return list(written.values_list("pk", flat=True))
         finally:
             connection.close()
 

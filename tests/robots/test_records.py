@@ -50,7 +50,7 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     intervention = sink.begin_gate(drive, holder, HELD)
     sink.end_gate(intervention, holder, 1.234)
     sink.end_drive(drive, holder, SUMMARY)
-    start, begin, end, finish = Record.objects.order_by("id")
+    start, begin, end, finish = Record.objects.filter(robot_id=robot.pk).order_by("id")
     assert [start.kind, begin.kind, end.kind, finish.kind] == [
         "drive.start",
         "gate.begin",

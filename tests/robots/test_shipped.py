@@ -44,6 +44,16 @@ def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, up
     }
 
 
+def test_what_the_console_brings_along_is_on_record_from_the_start(tmp_path: Path) -> None:
+    content = yaml.safe_load((DIRECTORY / "tiago.yaml").read_text())
+    (tmp_path / "new.yaml").write_text(yaml.safe_dump({**content, "slug": "tiago-new"}))
+    profiles_load_shipped(directory=tmp_path)
+    profiles_load_shipped(directory=tmp_path)
+    (record,) = Record.objects.filter(kind="profile.create", parameters__slug="tiago-new")
+    assert record.actor_id == ""
+    assert record.parameters["turn_radps"] == 2.0944
+
+
 def test_an_update_leaves_an_edited_profile_alone_and_says_so(
     tiago: RobotProfile, update: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
