@@ -56,7 +56,8 @@ class Limits(Struct, frozen=True):
 class GateProfile(Struct, frozen=True):
     """What the gate knows of a robot beforehand.
 
-    `outline` is the convex footprint, counter-clockwise, in the base frame; for a disc it is None and `radius_m` holds.
+    The footprint, in the base frame, is the first of these that is given: `discs` (x, y, radius), whose union it is;
+    `outline`, convex and counter-clockwise; a disc of `radius_m` about the origin.
     `scan_poses` and `sonar_poses` map a source's name (scan topic, sonar frame_id) to its pose.
     """
 
@@ -69,6 +70,7 @@ class GateProfile(Struct, frozen=True):
     has_depth: bool
     blind_mps: float  # speed in directions, or heights, that nobody watches
     parameters: Parameters = Parameters()
+    discs: tuple[tuple[float, float, float], ...] | None = None
 
 
 class Obstacles(NamedTuple):
