@@ -17,7 +17,7 @@ from channels.consumer import AsyncConsumer
 from msgspec import Struct
 
 from robots.wire import Refusal, Refused, WireError, encode
-from teleop.flood import Budget
+from robots.bridge.flood import Budget
 
 log = logging.getLogger(__name__)
 

@@ -1,0 +1,98 @@
+"""What comes in over the links: each message decoded, judged and answered.
+
+Nothing here waits, so that a stop is never behind anything. A link is heard 200 times a second with commands, far more
+than a stick sends; each one beyond is dropped in a turn of the event loop of its own, so that the ticks, the stop and
+the robot's sensors keep theirs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from robots import wire
+from robots.bridge.core import Core
+from robots.bridge.flood import Budget
+from robots.bridge.leasing import Leasing
+from robots.bridge.link import Link
+
+DRIVES_PER_S = 200.0  # what a page may send at most; a stick sends 20 to 50
+DRIVES_AT_ONCE = 50.0
+REFUSAL_GAP_S = 0.25  # refused messages of one code are answered this often
+
+_FLOOD = wire.Refusal(
+    "flood", f"More than {DRIVES_PER_S:.0f} commands a second.", "wire", {"limit_per_s": DRIVES_PER_S}
+)
+
+
+class Reception:
+    """The door of one bridge."""
+
+    def __init__(self, core: Core, leasing: Leasing) -> None:
+        self._core = core
+        self._leasing = leasing
+        self._drives: dict[Link, Budget] = {}
+        self._answered: dict[str, float] = {}  # when, by code
+
+    def opened(self, link: Link) -> None:
+        """The first word to a web process."""
+        self._drives[link] = Budget(DRIVES_PER_S, DRIVES_AT_ONCE)
+        link.report(self._core.hello(time.monotonic()))
+
+    def closed(self, link: Link) -> None:
+        """A web process is gone: what was controlled through it stops."""
+        del self._drives[link]
+        self._leasing.forget(link)
+        self._core.link_lost(link.number, time.monotonic())
+
+    async def received(self, link: Link, raw: bytes) -> None:
+        """One message."""
+        now_s = time.monotonic()
+        try:
+            message = wire.link_request(raw)
+        except wire.WireError as error:
+            self._core.refused[error.refusal.code] += 1
+            self._refuse(link, wire.Refused("link", error.refusal), now_s)
+            return
+        match message:
+            case wire.Drive():
+                await self._drive(link, message, now_s)
+            case wire.Grant() | wire.Revoke() | wire.Hold():
+                self._leasing.hear(link, message)
+            case wire.LinkStop():
+                self._core.stop(message.by, message.reason, now_s)
+                self._latch_changed(link)
+            case wire.LinkClear():
+                self._core.clear(now_s)
+                self._latch_changed(link)
+            case wire.Watch():
+                link.watchers = message.watchers
+            case wire.LinkHello():
+                self._greet(link, message)
+
+    async def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> None:
+        if self._drives[link].spend(now_s):
+            refusal = self._core.drive(drive, link.number, now_s)
+        else:
+            refusal = _FLOOD
+            self._core.refused[refusal.code] += 1
+            await asyncio.sleep(0)
+        if refusal is not None:
+            self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
+
+    def _latch_changed(self, link: Link) -> None:
+        self._leasing.save_latch()
+        link.report(wire.Stopped(self._core.stop_state))
+
+    def _greet(self, link: Link, hello: wire.LinkHello) -> None:
+        link.name = hello.web
+        if hello.protocol != wire.PROTOCOL:
+            text = f"The web process speaks protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
+            link.report(wire.Refused("link_hello", wire.Refusal("protocol", text, "wire")))
+
+    def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
+        """Answer, but not thirty times a second."""
+        code = refused.refusal.code
+        if now_s - self._answered.get(code, float("-inf")) >= REFUSAL_GAP_S:
+            self._answered[code] = now_s
+            link.report(refused)
