@@ -33,6 +33,7 @@ MOVING_RADPS = 0.4
 STILL_RADPS = 0.01
 BRAKING = 0.9  # of the speed before
 OBSERVED_S = 3.0
+ZERO_S = 0.5  # how long to look for a zero command once the base stands
 AT_ONCE_S = 0.1
 DEAD_MAN_S = 0.35
 SETTLED_S = 1.0  # what TCP still holds has arrived by then
@@ -121,6 +122,8 @@ class Scene:
                 ),
                 OBSERVED_S,
             )
+        with suppress(TimeoutError):  # a base that was slowed down may stand before it hears of zero
+            await seen.until(lambda: any(one.still and one.at_s >= fault_s for one in seen.commands), ZERO_S)
         self.person.turn = 0.0
         zero = (command.at_s for command in seen.commands if command.still and command.at_s >= fault_s)
         after = [one for one in seen.odometry if one.at_s >= fault_s]

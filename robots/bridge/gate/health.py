@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-LASER_LATE_S = 0.25
+LASER_LATE_S = 0.22  # one missed scan of a 10 Hz laser is not late
+LASER_HALT_S = 0.28  # with one tick more, zero is sent within 0.35 s of the last scan
 LASER_STALE_S = 0.5
 ODOMETRY_STALE_S = 0.2
 SONAR_STALE_S = 0.5
@@ -41,8 +42,8 @@ class Freshness:
 
 
 def late_share(age_s: float) -> float:
-    """What is left of a twist when the newest scan is this old: all until 0.25 s, nothing from 0.5 s on."""
-    return min(max((LASER_STALE_S - age_s) / (LASER_STALE_S - LASER_LATE_S), 0.0), 1.0)
+    """What is left of a twist when the newest scan is this old: all until 0.22 s, nothing from 0.28 s on."""
+    return min(max((LASER_HALT_S - age_s) / (LASER_HALT_S - LASER_LATE_S), 0.0), 1.0)
 
 
 class Fault(NamedTuple):
