@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -61,16 +62,33 @@ class Sweep:
         """Angle of the middle beam in the sensor's frame."""
         return self.angle_min + self.increment * (len(self.ranges) - 1) / 2.0
 
-    def points(self) -> Points:
-        """What was hit, in the sensor's frame.
+    @property
+    def is_full_circle(self) -> bool:
+        """Whether the last beam is next to the first."""
+        return self.span + 1.5 * abs(self.increment) > math.tau
 
-        +inf is free and NaN unknown; -inf is closer than `range_min_m` and taken to be right there.
+    @cached_property
+    def ends(self) -> NDArray[np.float64]:
+        """How far each beam surely reached: +inf is free; NaN and what is out of range reached nowhere, -inf.
+
+        -inf is closer than `range_min_m` and taken to be right there.
         """
-        ranges = np.where(np.isneginf(self.ranges), self.range_min_m, self.ranges)
-        ranges[(ranges < self.range_min_m) | (ranges >= self.range_max_m) | np.isinf(ranges)] = np.nan
-        kept = np.flatnonzero(has_neighbour(ranges))
+        ends = np.where(np.isneginf(self.ranges), self.range_min_m, self.ranges)
+        known = (ends >= self.range_min_m) & ((ends < self.range_max_m) | np.isposinf(ends))
+        return np.where(known, ends, -math.inf)
+
+    @cached_property
+    def alone(self) -> NDArray[np.bool_]:
+        """Beams that hit something where no beam beside them did: noise, as far as one scan tells."""
+        hit = np.isfinite(self.ends)
+        return hit & ~has_neighbour(np.where(hit, self.ends, np.nan))
+
+    def points(self) -> Points:
+        """What was hit, in the sensor's frame."""
+        kept = np.flatnonzero(np.isfinite(self.ends) & ~self.alone)
+        ranges = self.ends[kept]
         angles = self.angle_min + self.increment * kept
-        return from_columns(ranges[kept] * np.cos(angles), ranges[kept] * np.sin(angles))
+        return from_columns(ranges * np.cos(angles), ranges * np.sin(angles))
 
 
 def has_neighbour(ranges: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -45,9 +45,10 @@ class Laser:
         self.name = name
         self.word = word
         self.freshness = Freshness()
-        self._pose = pose
-        self._footprint = footprint
-        self._points = NO_POINTS
+        self.pose = pose
+        self.footprint = footprint
+        self.sweep: scan.Sweep | None = None  # the newest
+        self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
         self._middle = 0.0
         self._half_span = -1.0
         self._complaint = ""
@@ -62,21 +63,23 @@ class Laser:
         angle_increment: float,
         range_min_m: float,
         range_max_m: float,
-    ) -> None:
-        """Take a scan. One that makes no sense is no scan; its complaint is kept for `health`."""
+    ) -> bool:
+        """Take a scan; whether it is news. One that makes no sense is none; its complaint is kept for `health`."""
         try:
             check_times(stamp_s, arrival_s)
             sweep = scan.Sweep(ranges, angle_min, angle_increment, range_min_m, range_max_m)
         except scan.Malformed as error:
             self._complaint = str(error)
-            return
+            return False
         if not self.freshness.advances(stamp_s, arrival_s):
-            return
-        self._points = scan.outside_hull(placed(sweep.points(), self._pose), self._footprint)
-        self._middle = self._pose.yaw + sweep.middle
+            return False
+        self.sweep = sweep
+        self.seen = scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
+        self._middle = self.pose.yaw + sweep.middle
         self._half_span = sweep.span / 2.0
         self._complaint = ""
         self._revision += 1
+        return True
 
     def covers(self, direction: float) -> bool:
         """Whether its beams reach in a direction of the base frame."""
@@ -91,7 +94,7 @@ class Laser:
         return self._revision
 
     def points(self, trail: Trail, now_s: float) -> Points:
-        return carried(self._points, self.freshness.stamp_s, trail)
+        return carried(self.seen, self.freshness.stamp_s, trail)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         age_s = self.freshness.age_s(now_s)

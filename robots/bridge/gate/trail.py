@@ -24,6 +24,7 @@ class Trail:
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
         self.revision = 0
+        self.resets = 0  # how often what was known before was given up
 
     @property
     def newest(self) -> Pose | None:
@@ -35,6 +36,7 @@ class Trail:
         if self._stamps and (stamp_s <= self._stamps[-1] or self._jumped(stamp_s, pose)):
             self._stamps.clear()
             self._poses.clear()
+            self.resets += 1
         self._stamps.append(stamp_s)
         self._poses.append(pose)
         self._velocity = velocity

@@ -1,0 +1,56 @@
+"""What a scan says about places where something was seen before (GATE.md, method 7)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.planar import Points, wrapped
+from robots.bridge.gate.scan import Sweep
+
+BEHIND_M = 0.12  # beams that end this far behind a place passed through it
+SAME_M = 0.10  # a beam that ends this little before a place may have met what was there
+
+
+class Sight(NamedTuple):
+    """For each place, whether something there would be in this scan, and whether the scan saw through it."""
+
+    vouched: NDArray[np.bool_]
+    through: NDArray[np.bool_]
+
+
+def sight(sweep: Sweep, places: Points) -> Sight:
+    """`places` in the sensor's frame.
+
+    Nothing is said of what is outside the field of view, behind what is hit, or where one of the three nearest
+    beams measured nothing. A beam that noise may have shortened or lengthened shows nothing, but three in a row that
+    end well behind a place do pass through it.
+    """
+    x, y = places.T
+    distances = np.sqrt(x * x + y * y)
+    beams = _beams(sweep, np.arctan2(y, x))
+    through = _least_of_three(sweep, sweep.ends)[beams] > distances + BEHIND_M
+    vouched = _least_of_three(sweep, np.where(sweep.alone, -math.inf, sweep.ends))[beams]
+    return Sight(through | (vouched >= distances - SAME_M), through)
+
+
+def _beams(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The beam nearest to each bearing (-pi..pi); out of view, the number of beams."""
+    beams = len(sweep.ranges)
+    turned = (bearings - wrapped(sweep.angle_min)) * math.copysign(1.0, sweep.increment)
+    turned += math.tau * (turned < 0.0)
+    nearest = (turned / abs(sweep.increment) + 0.5).astype(np.intp)
+    return nearest % beams if sweep.is_full_circle else np.minimum(nearest, beams)
+
+
+def _least_of_three(sweep: Sweep, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The shortest of each beam and its two neighbours, and one more that stands for what is out of view."""
+    least = np.full(len(ends) + 1, -math.inf)
+    np.minimum(np.minimum(ends[:-2], ends[1:-1]), ends[2:], out=least[1:-2])
+    if sweep.is_full_circle:
+        least[0] = min(ends[-1], ends[0], ends[1])
+        least[-2] = min(ends[-2], ends[-1], ends[0])
+    return least
