@@ -27,7 +27,11 @@ WARM_UP = 50  # commands: the base turns at its speed by then
 VIEWERS = 50
 FLOOD_S = 0.5
 SHARE = 0.4
-TIMES_BARE = 10.0  # 0.8 ms where bare rospy takes 0.08 ms: this holds on slower machines, too
+# The limits come from a machine on which bare rospy takes this long; on a slower one they grow with bare rospy's own
+# delay, measured in the same run. See docs/decisions/delays-are-judged-beside-bare-rospy.md
+REFERENCE_BARE_S = 0.08e-3
+PYTHON_P50_MS = 0.8
+PYTHON_P99_MS = 2.5
 # Every command asks for a turn of its own, a hair from the next one's: that is how the observer's Twists are told
 # apart. Turning on the spot a disc never meets anything, so the gate leaves it as it is.
 TURN = 0.30
@@ -54,13 +58,15 @@ async def measure_on(stack: Stack) -> list[Figure]:
         stack.release(publisher)
         bare_s = observer.bare_s[WARM_UP:]
         figures += delays("bare rospy", bare_s, None, None)
+        slower = max(1.0, median(bare_s) / REFERENCE_BARE_S)
+        figures.append(Figure("slower than the limits' machine", slower, "times"))
 
         async with Driver(stack, ROBOT, operator) as driver:
             await driver.take()
             progress("Python client ...")
             python_s = await drive(driver, observer)
-            figures += delays("Python", python_s, 0.8, 2.5)
-            figures.append(Figure("Python / bare p50", median(python_s) / median(bare_s), "", TIMES_BARE))
+            figures += delays("Python", python_s, PYTHON_P50_MS * slower, PYTHON_P99_MS * slower)
+            figures.append(Figure("Python / bare p50", median(python_s) / median(bare_s), ""))
             progress(f"with {VIEWERS} viewers ...")
             async with Crowd(stack, ROBOT, observer_cookie, VIEWERS):
                 figures += delays(f"with {VIEWERS} viewers", await drive(driver, observer), None, 4.0)
