@@ -16,8 +16,8 @@ from typing import Any
 from channels.consumer import AsyncConsumer
 from msgspec import Struct
 
-from robots.wire import Refusal, Refused, WireError, encode
 from robots.bridge.flood import Budget
+from robots.wire import Refusal, Refused, WireError, encode
 
 log = logging.getLogger(__name__)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -176,3 +177,21 @@ class Bench:
     @property
     def last(self) -> Velocity:
         return self.base.sent[-1]
+
+
+class Wire:
+    """One end of a link, without a socket."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.reports: list[object] = []
+        self.news = asyncio.Event()
+
+    def report(self, message: object) -> None:
+        self.reports.append(message)
+        self.news.set()
+
+    async def hears(self, message: object) -> None:
+        while message not in self.reports:
+            self.news.clear()
+            await asyncio.wait_for(self.news.wait(), 10)

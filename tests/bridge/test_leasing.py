@@ -1,0 +1,173 @@
+"""A new fencing number is on disk before it counts, and a disk that hangs holds nobody up."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from uuid import uuid4
+
+import pytest
+
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.bridge.leasing import Leasing
+from robots.bridge.link import LinkServer
+from robots.bridge.reception import Reception
+from robots.bridge.store import Persisted
+from robots.link import BridgeLink
+from tests.bridge.support import Bench, Wire
+from tests.bridge.test_link import Follower
+
+GRANT = wire.Grant(5, 60.0, "session-5", "Ann", "ann-id", 1.0)
+
+
+class Disk:
+    """A state file whose disk hangs until it is let go, or fails."""
+
+    def __init__(self) -> None:
+        self.saved: list[Persisted] = []
+        self.reached = threading.Event()
+        self.free = threading.Event()
+        self.fails = False
+
+    def save(self, state: Persisted) -> None:
+        self.reached.set()
+        assert self.free.wait(10)
+        if self.fails:
+            raise OSError(28, "No space left on device")
+        self.saved.append(state)
+
+
+@pytest.fixture
+def disk():
+    disk = Disk()
+    yield disk
+    disk.free.set()
+
+
+@pytest.fixture
+def core():
+    return Bench().online().core
+
+
+@pytest.fixture
+def leasing(core, disk):
+    leasing = Leasing(core, disk, 0)
+    yield leasing
+    disk.free.set()
+    leasing.close()
+
+
+def asks_to_move(core, fence: int) -> wire.Refusal | None:
+    drive = wire.Drive(fence=fence, seq=1, sent_ms=0.0, x=0.0, w=0.0)
+    return core.drive(drive, 1, 100.0)
+
+
+async def test_a_number_counts_once_it_is_on_disk_and_not_before(leasing, core, disk):
+    link = Wire(1)
+    leasing.hear(link, GRANT)
+    assert asks_to_move(core, 5).code == "no_lease"
+    assert not link.reports
+    disk.free.set()
+    await link.hears(wire.Granted(5))
+    assert disk.saved[0].fence == 5
+    assert asks_to_move(core, 5) is None
+
+
+async def test_a_number_on_disk_is_renewed_without_the_disk(leasing, core, disk):
+    link = Wire(1)
+    disk.free.set()
+    leasing.hear(link, GRANT)
+    await link.hears(wire.Granted(5))
+    leasing.hear(link, GRANT)
+    assert link.reports == [wire.Granted(5), wire.Granted(5)]
+    assert len(disk.saved) == 1
+
+
+async def test_a_revoke_behind_its_own_grant_wins(leasing, core, disk):
+    link = Wire(1)
+    leasing.hear(link, GRANT)
+    leasing.hear(link, wire.Revoke(5, "taken over"))
+    disk.free.set()
+    await link.hears(wire.Granted(5))
+    assert core.grants.current is None
+    assert asks_to_move(core, 5).code == "no_lease"
+
+
+async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_anew(leasing, core, disk):
+    link = Wire(1)
+    leasing.hear(link, GRANT)
+    leasing.hear(link, wire.Hold(5, "The page is gone."))
+    disk.free.set()
+    await link.hears(wire.Granted(5))
+    assert asks_to_move(core, 5) is None
+    leasing.hear(link, GRANT)
+    assert asks_to_move(core, 5) is None, "the page came back and begins with number 1 again"
+
+
+async def test_an_older_holder_is_revoked_while_the_next_number_is_written(leasing, core, disk):
+    link = Wire(1)
+    disk.free.set()
+    leasing.hear(link, GRANT)
+    await link.hears(wire.Granted(5))
+    disk.free.clear()
+    leasing.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    leasing.hear(link, wire.Revoke(5, "taken over"))
+    assert core.grants.current is None
+
+
+async def test_of_two_numbers_on_their_way_to_the_disk_the_higher_one_gets_control(leasing, core, disk):
+    link = Wire(1)
+    leasing.hear(link, GRANT)
+    leasing.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    disk.free.set()
+    await link.hears(wire.Granted(6))
+    assert [type(report) for report in link.reports] == [wire.Refused, wire.Granted]
+    assert link.reports[0].refusal.code == "old_fence"
+    assert [state.fence for state in disk.saved] == [5, 6]
+
+
+async def test_a_link_that_is_gone_gets_nothing(leasing, core, disk):
+    gone, there = Wire(1), Wire(2)
+    leasing.hear(gone, GRANT)
+    leasing.forget(gone)
+    leasing.hear(there, GRANT)
+    disk.free.set()
+    await there.hears(wire.Granted(5))
+    assert (core.grants.link, gone.reports) == (2, [])
+
+
+async def test_a_number_that_cannot_be_written_is_not_given(leasing, core, disk):
+    link = Wire(1)
+    disk.fails = True
+    disk.free.set()
+    leasing.hear(link, GRANT)
+    await asyncio.wait_for(link.news.wait(), 10)
+    (refused,) = link.reports
+    assert refused.refusal.code == "state_not_saved"
+    assert "No space left on device" in refused.refusal.text
+    disk.fails = False
+    leasing.hear(link, GRANT)
+    await link.hears(wire.Granted(5))
+
+
+async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(leasing, core, disk, tmp_path):
+    door = Reception(core, leasing)
+    address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
+    server = LinkServer(address, door.opened, door.received, door.closed)
+    await server.start()
+    link = BridgeLink(uuid4(), address)
+    link.subscribe(follower := Follower())
+    try:
+        await follower.until("up")
+        granted = asyncio.ensure_future(link.grant(GRANT, 10.0))
+        await asyncio.to_thread(disk.reached.wait, 10)
+        stopped = await link.stop(wire.LinkStop("Ann"))
+        assert stopped.stop.state == "stopping"
+        assert not granted.done()
+        disk.free.set()
+        await granted
+    finally:
+        disk.free.set()
+        await link.close()
+        await server.close()

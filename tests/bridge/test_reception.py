@@ -1,0 +1,103 @@
+"""A link that floods takes the tick's turn from nobody, and the stop behind the flood is heard."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from itertools import pairwise
+
+import pytest
+
+from robots import wire
+from robots.bridge.leasing import Leasing
+from robots.bridge.reception import DRIVES_AT_ONCE, REFUSAL_GAP_S, Reception
+from robots.bridge.store import Store
+from tests.bridge.support import Bench, Wire
+from tests.bridge.test_leasing import GRANT
+
+FLOOD = 2000
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+@pytest.fixture
+def door(bench, tmp_path):
+    leasing = Leasing(bench.core, Store(tmp_path, "robot"), 0)
+    yield Reception(bench.core, leasing)
+    leasing.close()
+
+
+def drive(seq: int, fence: int = GRANT.fence) -> bytes:
+    return wire.encode(
+        wire.Drive(fence=fence, seq=seq, sent_ms=time.monotonic() * 1000, x=0.0, w=0.0, share=1.0)
+    )
+
+
+async def test_between_the_commands_of_a_flood_the_tick_has_its_turn(door, bench):
+    link = Wire(1)
+    door.opened(link)
+    heard = 0
+    turns = []
+
+    async def tick() -> None:
+        while True:
+            turns.append(heard)
+            await asyncio.sleep(0)
+
+    ticking = asyncio.create_task(tick())
+    begun_s = time.monotonic()
+    for heard in range(FLOOD):
+        await door.received(link, drive(heard))
+    allowed = DRIVES_AT_ONCE + 200 * (time.monotonic() - begun_s) + 2
+    ticking.cancel()
+    assert max(after - before for before, after in pairwise(turns)) <= allowed
+    assert bench.core.refused["flood"] >= FLOOD - allowed
+
+
+async def test_a_stop_in_a_flood_is_carried_out(door, bench):
+    link = Wire(1)
+    door.opened(link)
+    for number in range(FLOOD):
+        await door.received(link, drive(number))
+    await door.received(link, wire.encode(wire.LinkStop("Ann")))
+    assert bench.core.stop_state.by == "Ann"
+
+
+async def test_a_flood_over_one_link_costs_the_holder_on_another_nothing(door, bench):
+    flooder, holder = Wire(1), Wire(2)
+    door.opened(flooder)
+    door.opened(holder)
+    await door.received(holder, wire.encode(GRANT))
+    await holder.hears(wire.Granted(GRANT.fence))
+    for number in range(FLOOD):
+        await door.received(flooder, drive(number))
+    await door.received(holder, drive(1))
+    assert bench.core.state(time.monotonic(), []).seq == 1
+
+
+async def test_a_flood_is_answered_a_few_times_a_second(door):
+    link = Wire(1)
+    door.opened(link)
+    begun_s = time.monotonic()
+    for number in range(FLOOD):
+        await door.received(link, drive(number))
+    refused = [report.refusal.code for report in link.reports if isinstance(report, wire.Refused)]
+    assert 1 <= refused.count("flood") <= 1 + (time.monotonic() - begun_s) / REFUSAL_GAP_S
+
+
+async def test_rubbish_is_answered_and_counted(door, bench):
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, b"{")
+    assert link.reports[-1].refusal.code == "not_json"
+    assert bench.core.refused["not_json"] == 1
+
+
+async def test_another_protocol_is_said_in_words(door):
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, wire.encode(wire.LinkHello(wire.PROTOCOL + 1, "web 1")))
+    assert "restart both" in link.reports[-1].refusal.text
