@@ -1,0 +1,112 @@
+"""What a robot's delay is measured to be, from commands and odometry alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.latency import ADDED_S, ENOUGH, LEAST_S, LONGEST_S, Latency
+from robots.bridge.gate.values import Limits, Velocity
+
+LIMITS = Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944)
+ASSUMED_S = 0.2
+ODOMETRY_S, COMMAND_S = 0.02, 0.05
+
+
+class Base:
+    """Obeys commands late, within its accelerations, seen through noisy odometry."""
+
+    def __init__(
+        self, delay_s: float, *, share: float = 1.0, noise: float = 0.004, deaf: bool = False
+    ) -> None:
+        self.latency = Latency(LIMITS, ASSUMED_S)
+        self.delay_s, self.share, self.noise, self.deaf = delay_s, share, noise, deaf
+        self.now_s = 50.0
+        self.late: list[tuple[float, Velocity]] = []
+        self.asked = self.speed = Velocity(0.0, 0.0, 0.0)
+        self.random = np.random.default_rng(4)
+
+    def drive(self, vx: float, w: float, seconds: float) -> None:
+        for tick in range(round(seconds / 0.01)):
+            self.now_s += 0.01
+            if tick % round(COMMAND_S / 0.01) == 0:
+                twist = Velocity(vx, 0.0, w)
+                self.latency.sent(twist, self.now_s)
+                self.late.append((self.now_s + self.delay_s, twist))
+            while self.late and self.late[0][0] <= self.now_s:
+                self.asked = self.late.pop(0)[1]
+            if not self.deaf:
+                self._obey(0.01)
+            if tick % round(ODOMETRY_S / 0.01) == 0:
+                seen = self.random.normal(0.0, self.noise, 2)
+                self.latency.moved(Velocity(self.speed.vx + seen[0], 0.0, self.speed.w + seen[1]), self.now_s)
+
+    def _obey(self, passed_s: float) -> None:
+        most = (self.share * passed_s, self.share * 2.0944 * passed_s)
+        vx = self.speed.vx + float(np.clip(self.asked.vx - self.speed.vx, -most[0], most[0]))
+        w = self.speed.w + float(np.clip(self.asked.w - self.speed.w, -most[1], most[1]))
+        self.speed = Velocity(vx, 0.0, w)
+
+    def about(self) -> float:
+        """Some driving to and fro."""
+        for vx, w in (
+            (0.5, 0.0),
+            (0.0, 0.0),
+            (0.3, 0.8),
+            (0.3, -0.8),
+            (0.0, 0.0),
+            (0.8, 0.0),
+            (0.4, 1.0),
+            (0.0, 0.0),
+        ):
+            self.drive(vx, w, 1.5)
+        return self.latency.in_force_s(self.now_s)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.06, 0.15, 0.30, 0.50])
+def test_the_delay_of_a_robot_is_found_within_two_periods_of_its_odometry(delay_s):
+    base = Base(delay_s)
+    found_s = base.about()
+    assert base.latency.measured_s == found_s
+    assert max(delay_s, LEAST_S - ADDED_S) + ADDED_S - 0.011 <= found_s <= max(delay_s, 0.05) + ADDED_S + 0.04
+
+
+def test_until_enough_is_measured_the_assumed_latency_holds():
+    base = Base(0.05)
+    base.drive(0.5, 0.0, 1.5)
+    assert base.latency.measured_s is None
+    assert base.latency.in_force_s(base.now_s) == ASSUMED_S
+
+
+def test_a_robot_later_than_assumed_counts_from_the_first_measurement_on():
+    base = Base(0.40)
+    base.drive(0.5, 0.0, 1.5)
+    assert base.latency.measured_s is None
+    assert base.latency.in_force_s(base.now_s) >= 0.40 + ADDED_S - 0.011
+
+
+def test_while_the_robot_does_nothing_about_a_command_the_wait_itself_is_the_latency():
+    base = Base(0.60)
+    base.drive(0.5, 0.0, 0.5)
+    assert base.latency.in_force_s(base.now_s) == pytest.approx(
+        0.44, abs=0.06
+    )  # of 0.5 s, the first step is too small
+
+
+def test_a_robot_that_somebody_else_drives_is_no_measurement():
+    base = Base(0.1, deaf=True)
+    for _ in range(2 * ENOUGH):
+        base.drive(0.5, 0.0, 1.5)
+        base.speed = Velocity(float(base.random.uniform(-0.5, 0.5)), 0.0, 0.0)
+        base.drive(0.0, 0.0, 1.5)
+    assert base.latency.measured_s is None
+
+
+def test_weak_brakes_count_as_latency_and_not_as_nothing():
+    assert Base(0.1, share=0.6).about() > Base(0.1).about()
+
+
+def test_the_wait_never_counts_for_more_than_the_longest_delay_that_is_looked_for():
+    base = Base(0.1, deaf=True)
+    base.drive(0.5, 0.0, 1.15)
+    assert base.latency.in_force_s(base.now_s) == pytest.approx(LONGEST_S)
