@@ -224,3 +224,32 @@ def test_a_pose_seen_from_another_places_points_alike(x, y, yaw, vx, vy, vyaw):
     points = np.array([[1.0, 2.0], [-0.5, 0.1]])
     there_and_back = placed(placed(points, seen_from(pose, viewer)), viewer)
     np.testing.assert_allclose(there_and_back, placed(points, pose), atol=1e-9)
+
+
+@pytest.mark.parametrize("useless", [0.0, 0.03, -1.0, math.nan])
+def test_a_laser_that_measures_nothing_anywhere_is_no_laser(tiago, useless):
+    tiago.now_s += 0.6
+    tiago.odometry()
+    tiago.ranges = np.full(571, useless)
+    tiago.scan()
+    verdict = tiago.decide(0.5)
+    assert (verdict.velocity, verdict.code) == (STILL, "scan_stale")
+
+
+@pytest.mark.parametrize("useless", [0.0, 0.03, math.nan])
+def test_a_laser_covered_ahead_is_blind_ahead_and_nowhere_else(tiago, useless):
+    tiago.ranges = np.full(571, math.inf)
+    tiago.ranges[160:410] = useless
+    tiago.now_s += 0.05
+    tiago.all()
+    verdict = tiago.decide(0.5)
+    assert verdict.code == "blind_direction"
+    assert verdict.velocity.vx == pytest.approx(tiago.gate.profile.blind_mps)
+
+
+def test_beams_lost_to_noise_blind_nobody(tiago):
+    tiago.ranges = np.full(571, math.inf)
+    tiago.ranges[::3] = math.nan
+    tiago.now_s += 0.05
+    tiago.all()
+    assert tiago.decide(0.5).code == "free"

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.footprint import Footprint
-from robots.bridge.gate.planar import NO_POINTS, Points, from_columns, placed
+from robots.bridge.gate.planar import NO_POINTS, Points, from_columns, placed, wrapped
 from robots.bridge.gate.values import Pose
 
 NEIGHBOUR_BEAMS = 2
 NEIGHBOUR_M = 0.10
 INSIDE_HULL_M = 0.03  # what lies deeper than this in the hull is the robot itself
 MOST_BEAMS = 20_000
-LEAST_KNOWN_SHARE = 0.5  # a scan that is mostly NaN vouches for nothing
+LEAST_KNOWN_SHARE = 0.5  # a scan, or a part of it, that mostly measures nothing vouches for nothing
 CONE_POINTS = 9  # over a cone of 0.5 rad at 1 m they stand 6 cm apart
 
 
@@ -49,7 +49,7 @@ class Sweep:
             raise Malformed("its scans go round more than once")
         if not 0.0 <= self.range_min_m < self.range_max_m:
             raise Malformed("the range limits of its scans make no sense")
-        if np.isnan(self.ranges).mean() > LEAST_KNOWN_SHARE:
+        if self.known.mean() < LEAST_KNOWN_SHARE:
             raise Malformed("most of its beams measure nothing")
 
     @property
@@ -76,6 +76,23 @@ class Sweep:
         ends = np.where(np.isneginf(self.ranges), self.range_min_m, self.ranges)
         known = (ends >= self.range_min_m) & ((ends < self.range_max_m) | np.isposinf(ends))
         return np.where(known, ends, -math.inf)
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """Beams that measured something, or that nothing is there.
+
+        A number below `range_min_m` is neither: lasers send 0 for what they cannot measure, or when they are covered.
+        """
+        return ~np.isneginf(self.ends)
+
+    def looks_to(self, angle: float, half_width: float) -> bool:
+        """Whether the field of view holds an angle (sensor's frame), and most beams about it measured something."""
+        beams = (wrapped(angle - self.middle) + self.span / 2.0) / abs(self.increment)
+        half = half_width / abs(self.increment)
+        if not -0.5 <= beams <= len(self.ranges) - 0.5:
+            return False
+        about = self.known if self.increment > 0.0 else self.known[::-1]
+        return bool(about[max(int(beams - half), 0) : int(beams + half) + 1].mean() >= LEAST_KNOWN_SHARE)
 
     @cached_property
     def alone(self) -> NDArray[np.bool_]:

@@ -17,6 +17,9 @@ from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import Pose, SensorHealth
 
 SONAR_MEMORY_S = 0.5
+LASER_WATCHES_RAD = math.radians(
+    20.0
+)  # most beams this near to the direction of travel must measure something
 SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
 
 
@@ -49,8 +52,6 @@ class Laser:
         self.footprint = footprint
         self.sweep: scan.Sweep | None = None  # the newest
         self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
-        self._middle = 0.0
-        self._half_span = -1.0
         self._complaint = ""
         self._revision = 0
 
@@ -75,15 +76,14 @@ class Laser:
             return False
         self.sweep = sweep
         self.seen = scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
-        self._middle = self.pose.yaw + sweep.middle
-        self._half_span = sweep.span / 2.0
         self._complaint = ""
         self._revision += 1
         return True
 
     def covers(self, direction: float) -> bool:
-        """Whether its beams reach in a direction of the base frame."""
-        return abs(wrapped(direction - self._middle)) <= self._half_span
+        """Whether its newest scan looks in a direction of the base frame; one that is half covered may not."""
+        sweep = self.sweep
+        return sweep is not None and sweep.looks_to(direction - self.pose.yaw, LASER_WATCHES_RAD)
 
     def is_paired(self, trail: Trail) -> bool:
         """Whether the odometry tells where the robot was when the newest scan was taken."""
