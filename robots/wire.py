@@ -369,6 +369,9 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     holder: ShortText
     holder_id: ShortText
     max_share: Share
+    delay_s: Annotated[float, Meta(ge=0.0)] | None = (
+        None  # to the holder's page and back, as the web process saw it
+    )
 
 
 class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):

@@ -292,6 +292,7 @@ class RobotConsumer(MessageSocket):
                 permit=self.rights.permit,
                 settled=self._tell_control,
                 refused=self._refused_by_bridge,
+                delay_s=lambda: self.viewer.delay_s if self.viewer else None,
             )
 
     def _is_ours(self, standing: Standing) -> bool:

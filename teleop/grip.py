@@ -22,7 +22,10 @@ CONFIRMED_S = 2.0  # control that was not confirmed by the database for so long 
 
 
 class Grip:
-    """Made when a connection gets the lease. One of `revoke`, `leave` and `pass_on` ends it."""
+    """Made when a connection gets the lease. One of `revoke`, `leave` and `pass_on` ends it.
+
+    `delay_s` tells how long the way to the page and back takes (None: not known yet); the bridge reckons with it.
+    """
 
     def __init__(
         self,
@@ -32,6 +35,7 @@ class Grip:
         permit: Permit,
         settled: Callable[[], Awaitable[None]],
         refused: Callable[[Refusal], Awaitable[None]],
+        delay_s: Callable[[], float | None],
     ) -> None:
         self.holding = holding
         self.fence = holding.fence
@@ -40,6 +44,7 @@ class Grip:
         self._room = room
         self._settled = settled
         self._refused = refused
+        self._delay_s = delay_s
         self._again = asyncio.Event()
         # Whoever had this lease before, on another connection: its stick is over, sequence numbers begin anew.
         room.link.send(Hold(self.fence, "The page was opened anew."))
@@ -89,5 +94,6 @@ class Grip:
                 holder=self.holding.name,
                 holder_id=str(self.holding.user),
                 max_share=self.permit.max_share,
+                delay_s=self._delay_s(),
             )
         )

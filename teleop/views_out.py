@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import time
+from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Any
@@ -10,6 +12,8 @@ from typing import Any
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
+ROUND_TRIPS = 40  # pictures whose way is kept: some four seconds
+SHARE = 0.95
 CROWD = 30  # onlookers who get every picture; of twice as many each gets every second one, and so on
 
 
@@ -21,16 +25,25 @@ class Viewer:
         self.shown = 0  # number of the last picture sent
         self.turn = views.admit(self)
         self.drives = False  # whoever drives gets every picture
+        self.sent_s = 0.0
+        self._round_trips: deque[float] = deque(maxlen=ROUND_TRIPS)
         self._views = views
 
     async def drawn(self) -> None:
         """The page has drawn the last picture: send the newest if it missed its turn, else in its turn."""
+        self._round_trips.append(time.monotonic() - self.sent_s)
         if self._views.number - self.shown >= self._views.every or (
             self.drives and self._views.number > self.shown
         ):
             await self._views.show(self)
         else:
             self._views.ready.add(self)
+
+    @property
+    def delay_s(self) -> float | None:
+        """How long a picture takes to be seen and answered, but for one in twenty; None before the first was drawn."""
+        trips = sorted(self._round_trips)
+        return trips[int(SHARE * (len(trips) - 1))] if trips else None
 
     def leave(self) -> None:
         """Look no more."""
@@ -77,6 +90,7 @@ class Views:
     async def show(self, viewer: Viewer) -> None:
         """Send the newest picture to one viewer."""
         viewer.shown = self.number
+        viewer.sent_s = time.monotonic()
         with suppress(OSError):  # it is gone; its own connection notices
             await viewer.send(self._newest)
 

@@ -64,6 +64,17 @@ async def test_whoever_takes_a_free_robot_gets_control_and_may_drive(open_page, 
     assert command.encode() in bridge.raw  # byte for byte
 
 
+async def test_the_bridge_is_told_how_long_the_way_to_the_drivers_page_is(open_page, bridge):
+    page = await open_page("operator")
+    await take(page)
+    assert (await bridge.hears(wire.Grant)).delay_s is None, "no picture was drawn yet"
+    bridge.show(1)
+    await page.hears("view")
+    await page.say("ack")
+    told = await bridge.hears(wire.Grant, lambda grant: grant.delay_s is not None)
+    assert 0.0 < told.delay_s < 5.0
+
+
 async def test_the_welcome_says_who_one_is_and_what_the_robot_can_do(open_page, robot):
     page = await open_page("operator")
     assert (page.welcome["you"], page.welcome["role"]) == ("Olga Operator", "operator")
