@@ -1,4 +1,4 @@
-"""The hull, as a disc or as a convex polygon: gaps, contacts, and what it passes by."""
+"""The hull, as a disc, several discs or a convex polygon: gaps, contacts, what it passes by, and where it goes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc
-from robots.bridge.gate.planar import Points
+from robots.bridge.gate.planar import Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Velocity
 
 Metres = NDArray[np.float64]
+Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um are exact enough there
 
 
 class Footprint(Protocol):
@@ -20,10 +21,14 @@ class Footprint(Protocol):
 
     `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
     `corner_stretch`: how much farther than the margin a corner moves out when the hull is grown by it.
+    `pose_spacing_m`: how far it may move between two poses that are looked at; what stands between is missed by little.
+    `turns_freely`: turning on the spot, it touches nothing new.
     """
 
     demanded_share: float
     corner_stretch: float
+    pose_spacing_m: float
+    turns_freely: bool
 
     def reach(self, growth_m: float) -> float:
         """Radius about the base origin that holds the hull grown by `growth_m`."""
@@ -40,12 +45,20 @@ class Footprint(Protocol):
     def clearances(self, points: Points, twist: Velocity) -> Metres:
         """How far each point stays outside of what the hull sweeps on this arc; negative if it is swept."""
 
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        """The least gap that each point has on each row of a path, (rows, N).
+
+        Points that drift (m/s) move on with the path's time.
+        """
+
 
 class Disc:
     """A disc about the base origin."""
 
     demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
     corner_stretch = 1.0
+    pose_spacing_m = 0.04
+    turns_freely = True
 
     def __init__(self, radius_m: float) -> None:
         if not (math.isfinite(radius_m) and radius_m > 0.0):
@@ -77,11 +90,69 @@ class Disc:
             clearances = np.abs(distance - math.hypot(cx, cy)) - self.radius_m
         return clearances
 
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        return _least_distances(path, points, drift) - np.float32(self.radius_m)
+
+
+class Discs:
+    """Several discs, fixed to each other: a long base, or an arm that reaches out. Their union is the hull."""
+
+    demanded_share = (
+        0.5  # turning out of a wall, one disc may come a little nearer to it before another leaves
+    )
+    corner_stretch = 1.0
+    pose_spacing_m = 0.04
+    turns_freely = False
+
+    def __init__(self, discs: tuple[tuple[float, float, float], ...]) -> None:
+        """`discs` are (x, y, radius) in the base frame, metres."""
+        if not discs:
+            raise ValueError("A footprint of discs needs at least one.")
+        if not all(math.isfinite(x) and math.isfinite(y) for x, y, _ in discs):
+            raise ValueError("The middle of each disc must be two numbers.")
+        self._discs = [(x, y, Disc(radius_m)) for x, y, radius_m in discs]
+
+    def reach(self, growth_m: float) -> float:
+        return max(math.hypot(x, y) + disc.reach(growth_m) for x, y, disc in self._discs)
+
+    def gaps(self, points: Points) -> Metres:
+        return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
+
+    def contact_times(self, points: Points, twist: Velocity, growth: Metres) -> NDArray[np.float64]:
+        return _least(
+            [
+                disc.contact_times(_from(points, x, y), _twist_at(x, y, twist), growth)
+                for x, y, disc in self._discs
+            ]
+        )
+
+    def path_speeds(self, points: Points, twist: Velocity) -> Metres | float:
+        return _speeds_about_centre(points, twist)
+
+    def clearances(self, points: Points, twist: Velocity) -> Metres:
+        return _least(
+            [disc.clearances(_from(points, x, y), _twist_at(x, y, twist)) for x, y, disc in self._discs]
+        )
+
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        cos, sin = np.cos(path.yaw), np.sin(path.yaw)
+        least: Quick = np.minimum.reduce(
+            [
+                disc.least_gaps(
+                    path._replace(x=path.x + cos * x - sin * y, y=path.y + sin * x + cos * y), points, drift
+                )
+                for x, y, disc in self._discs
+            ]
+        )
+        return least
+
 
 class Polygon:
     """A convex outline, counter-clockwise."""
 
     demanded_share = 0.5  # a corner that turns out of a wall may come a little nearer to it first
+    pose_spacing_m = 0.025
+    turns_freely = False
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
         self.edges = arc.Edges(outline)
@@ -101,12 +172,7 @@ class Polygon:
         return arc.polygon_contact_times(points, twist, self.edges, growth)
 
     def path_speeds(self, points: Points, twist: Velocity) -> Metres | float:
-        if arc.is_straight(twist):
-            return arc.speed(twist)
-        cx, cy = arc.centre(twist)
-        x, y = points.T
-        speeds: Metres = abs(twist.w) * np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
-        return np.maximum(speeds, 1e-9)
+        return _speeds_about_centre(points, twist)
 
     def clearances(self, points: Points, twist: Velocity) -> Metres:
         """The hull sweeps a strip, or a ring about the centre of rotation."""
@@ -122,6 +188,21 @@ class Polygon:
             where = np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
         clearances: Metres = np.maximum(where - high, low - where)
         return clearances
+
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        """Each edge of each pose is a half-plane; its distances to all points are one row of the product."""
+        cos, sin = np.cos(path.yaw)[..., None], np.sin(path.yaw)[..., None]
+        (nx, ny), offsets = self.edges.normals.T, self.edges.offsets
+        across, up = cos * nx - sin * ny, sin * nx + cos * ny  # (rows, poses, edges), normals in the world
+        away = -(across * path.x[..., None] + up * path.y[..., None] + offsets)
+        planes, moments = [across, up, away], [*points.T, np.ones(len(points))]
+        if drift is not None:
+            time_s = path.time_s[..., None]
+            planes += [time_s * across, time_s * up]
+            moments += [*drift.T]
+        beyond = _product(planes, moments).reshape(*across.shape, len(points))
+        least: Quick = beyond.max(axis=2).min(axis=1)
+        return least
 
     def _ring(self, cx: float, cy: float) -> tuple[float, float]:
         """Nearest and farthest distance of the hull from (cx, cy); 0 nearest if the point is inside.
@@ -140,8 +221,58 @@ class Polygon:
 
 def footprint_of(profile: GateProfile) -> Footprint:
     """The hull that a profile describes. ValueError if it describes none."""
+    if profile.discs is not None:
+        return Discs(profile.discs)
     if profile.outline is not None:
         return Polygon(profile.outline)
     if profile.radius_m is None:
-        raise ValueError("A profile needs a radius or an outline.")
+        raise ValueError("A profile needs a radius, an outline or discs.")
     return Disc(profile.radius_m)
+
+
+def _from(points: Points, x: float, y: float) -> Points:
+    """Points as seen from (x, y)."""
+    return from_columns(points[:, 0] - x, points[:, 1] - y)
+
+
+def _twist_at(x: float, y: float, twist: Velocity) -> Velocity:
+    """The same motion of the same body, told at (x, y) instead of at its origin."""
+    return Velocity(twist.vx - twist.w * y, twist.vy + twist.w * x, twist.w)
+
+
+def _least(arrays: list[Metres]) -> Metres:
+    least: Metres = np.minimum.reduce(arrays)
+    return least
+
+
+def _speeds_about_centre(points: Points, twist: Velocity) -> Metres | float:
+    """How fast a body moves where these points are, m/s."""
+    if arc.is_straight(twist):
+        return arc.speed(twist)
+    cx, cy = arc.centre(twist)
+    x, y = points.T
+    speeds: Metres = abs(twist.w) * np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
+    return np.maximum(speeds, 1e-9)
+
+
+def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
+    """From the poses' origins to points p + u t: |p|^2 - 2 p.c + |c|^2, and what the drift u adds to it."""
+    x, y, time_s = path.x, path.y, path.time_s
+    px, py = points.T
+    places = [x**2 + y**2, np.ones_like(x), -2.0 * x, -2.0 * y]
+    moments = [np.ones_like(px), px**2 + py**2, px, py]
+    if drift is not None:
+        ux, uy = drift.T
+        places += [2.0 * time_s, time_s**2, -2.0 * time_s * x, -2.0 * time_s * y]
+        moments += [px * ux + py * uy, ux**2 + uy**2, ux, uy]
+    squares = _product(places, moments).reshape(*x.shape, len(px)).min(axis=1)
+    distances: Quick = np.sqrt(np.maximum(squares, np.float32(0.0)))
+    return distances
+
+
+def _product(places: list[Metres], moments: list[Metres]) -> Quick:
+    """One matrix product of what poses and what points contribute, (all poses, N)."""
+    rows = np.stack([place.ravel() for place in places], axis=1).astype(np.float32)
+    columns = np.stack(moments).astype(np.float32)
+    product: Quick = rows @ columns
+    return product

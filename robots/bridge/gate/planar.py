@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,15 @@ from robots.bridge.gate.values import Pose
 Points = NDArray[np.float64]
 
 NO_POINTS: Points = np.empty((0, 2))
+
+
+class Path(NamedTuple):
+    """Poses that follow each other, several such rows at once: each array is (rows, poses)."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    yaw: NDArray[np.float64]
+    time_s: NDArray[np.float64]
 
 
 def wrapped(angle: float) -> float:

@@ -1,0 +1,282 @@
+"""Whether a twist still lets the robot stop clear of everything, played out pose by pose (GATE.md, method 6).
+
+The arcs of methods 1 to 5 are followed exactly only by a base without limits. A real one still obeys what was sent
+a moment ago, and changes its speeds no faster than it can, which bends the arc. So the motion is played: the
+commands on their way, one period of the candidate, then full braking. Pure: everything is an argument, nothing
+is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate import arc, braking
+from robots.bridge.gate.footprint import Footprint, Metres
+from robots.bridge.gate.planar import Path, Points
+from robots.bridge.gate.restraint import STANDING_MPS, way_out
+from robots.bridge.gate.values import GateProfile, Velocity
+
+MOVER_MARGIN_M = 0.10  # to what moves, in place of m_hard: where it will be is a guess
+SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest that is clear
+PIECE_S = 0.05  # a queue is played in pieces no longer than this
+MOST_POSES = 60  # of one braking
+
+
+class Sent(NamedTuple):
+    """A command that was published this long ago."""
+
+    velocity: Velocity
+    age_s: float
+
+
+class Rolled(NamedTuple):
+    """How much of a candidate may be sent, and the row of the point that stands in the way (-1: none does)."""
+
+    share: float
+    row: int = -1
+
+
+class _State(NamedTuple):
+    """The base at one moment of the play."""
+
+    x: float
+    y: float
+    yaw: float
+    time_s: float
+    velocity: Velocity
+
+
+class _Rates(NamedTuple):
+    """How fast speeds may change: m/s^2 and rad/s^2, away from zero and towards it."""
+
+    linear_up: float
+    linear_down: float
+    angular_up: float
+    angular_down: float
+
+
+CLEAR = Rolled(1.0)
+
+
+def safe_share(
+    candidate: Velocity,
+    queue: Sequence[Sent],
+    velocity: Velocity,
+    points: Points,
+    drift: Points | None,
+    footprint: Footprint,
+    profile: GateProfile,
+    period_s: float,
+    latency_s: float,
+) -> Rolled:
+    """The largest share of `candidate`, on a grid, after which the robot can still brake clear of all points.
+
+    `queue` are the commands sent lately, oldest first; the newest of those older than `latency_s` is taken to be
+    in effect. `velocity` is the measured one. `drift` is each point's own velocity in m/s (None: all stand),
+    and what moves keeps a wider margin. The robot need not come nearer to anything than stopping now would bring
+    it, and no more than that distance is ever demanded (method 4).
+    """
+    if not len(points) or _only_turns_a_disc(candidate, queue, velocity, footprint):
+        return CLEAR
+    rates = _rates(profile)
+    onset = _played(queue, velocity, rates, latency_s)
+    onward = [_moved(onset[-1], _scaled(candidate, share), rates, period_s) for share in SHARES]
+    first = _followed(_path(onset), _stopped(onward[:1], rates, footprint))
+    met = _within(points, drift, first, footprint)
+    if not len(met):
+        return CLEAR
+    points = points.T[:, met].T
+    drift = None if drift is None else drift[met]
+    margins = _margins(len(met), drift, profile)
+    spare = footprint.least_gaps(first, points, drift)[0] - margins
+    if spare.min() >= 0.0:
+        return CLEAR
+    worst = int(met[spare.argmin()])
+    distinct = list(dict.fromkeys(onward))
+    after = footprint.least_gaps(_stopped(distinct, rates, footprint), points, drift)
+    stopping = after[distinct.index(onward[-1])]
+    unavoidable = np.minimum(footprint.least_gaps(_path(onset), points, drift)[0], stopping)
+    demanded = _demanded(unavoidable, drift, profile, footprint)
+    clear = (after - demanded).min(axis=1) >= 0.0
+    # A share that slows the base no less than zero does gives way to zero: a base may brake better than is counted on.
+    tried = [(share, state) for share, state in zip(SHARES, onward, strict=True) if state != onward[-1]]
+    share = next((share for share, state in tried if clear[distinct.index(state)]), 0.0)
+    return CLEAR if share == 1.0 else Rolled(share, worst)
+
+
+def stepped_up(sent: Velocity, wanted: Velocity, profile: GateProfile, dt_s: float) -> Velocity:
+    """`wanted`, no further up from what was sent than the base can follow in `dt_s`; downwards all at once.
+
+    Axis by axis, as the base does it. So what is sent is what the base does, and a play of it is true.
+    """
+    limits = profile.limits
+    linear, angular = limits.linear_mps2 * dt_s, limits.angular_radps2 * dt_s
+    return Velocity(
+        _raised(sent.vx, wanted.vx, linear),
+        _raised(sent.vy, wanted.vy, linear),
+        _raised(sent.w, wanted.w, angular),
+    )
+
+
+def _scaled(twist: Velocity, share: float) -> Velocity:
+    return Velocity(share * twist.vx, share * twist.vy, share * twist.w)
+
+
+def _raised(sent: float, wanted: float, step: float) -> float:
+    same_way = sent * wanted > 0.0
+    most = (abs(sent) if same_way else 0.0) + step
+    return wanted if abs(wanted) <= most else math.copysign(most, wanted)
+
+
+def _only_turns_a_disc(
+    candidate: Velocity, queue: Sequence[Sent], velocity: Velocity, footprint: Footprint
+) -> bool:
+    """Whether a disc stands or turns on the spot, and nothing on its way to it says otherwise."""
+    if not footprint.turns_freely:
+        return False
+    twists = (candidate, velocity, *(sent.velocity for sent in queue))
+    return all(arc.speed(twist) < STANDING_MPS for twist in twists)
+
+
+def _rates(profile: GateProfile) -> _Rates:
+    """The base speeds up as fast as it can, and brakes as surely as the gate counts on."""
+    linear, angular = braking.deceleration(profile)
+    return _Rates(profile.limits.linear_mps2, linear, profile.limits.angular_radps2, angular)
+
+
+# --- the play -------------------------------------------------------------------------------------
+
+
+def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s: float) -> list[_State]:
+    """The base from now until everything that was sent has taken effect."""
+    states = [_State(0.0, 0.0, 0.0, 0.0, velocity)]
+    obeyed = velocity
+    for sent in queue:
+        effective_s = max(latency_s - sent.age_s, 0.0)
+        _obey(obeyed, effective_s, states, rates)
+        obeyed = sent.velocity
+    _obey(obeyed, latency_s, states, rates)
+    return states
+
+
+def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
+    """Go on with one command until a moment, in short pieces."""
+    left_s = until_s - states[-1].time_s
+    pieces = math.ceil(left_s / PIECE_S - 1e-9)
+    for _ in range(pieces):
+        states.append(_moved(states[-1], command, rates, left_s / pieces))
+
+
+def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
+    """The base a short span later, its speeds having changed evenly."""
+    x, y, yaw, time_s, (vx, vy, w) = state
+    linear_up, linear_down = rates.linear_up * span_s, rates.linear_down * span_s
+    after = Velocity(
+        _changed(vx, command.vx, linear_up, linear_down),
+        _changed(vy, command.vy, linear_up, linear_down),
+        _changed(w, command.w, rates.angular_up * span_s, rates.angular_down * span_s),
+    )
+    half = span_s / 2.0
+    forward, left, turned = half * (vx + after.vx), half * (vy + after.vy), half * (w + after.w)
+    heading = yaw + turned / 2.0
+    cos, sin = math.cos(heading), math.sin(heading)
+    return _State(
+        x + cos * forward - sin * left,
+        y + sin * forward + cos * left,
+        yaw + turned,
+        time_s + span_s,
+        after,
+    )
+
+
+def _changed(speed: float, command: float, up: float, down: float) -> float:
+    """A speed on its way to the commanded one, quicker away from zero than towards it."""
+    step = up if speed * command >= 0.0 and abs(command) > abs(speed) else down
+    return min(max(command, speed - step), speed + step)
+
+
+def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
+    """From each state a row: full braking to standstill."""
+    x, y, yaw, time_s = (np.array([[state[n]] for state in begun]) for n in range(4))
+    vx, vy, w = (np.array([[state.velocity[n]] for state in begun]) for n in range(3))
+    linear_s = np.maximum(np.abs(vx), np.abs(vy)) / rates.linear_down
+    spans = np.maximum(linear_s, np.abs(w) / rates.angular_down)
+    swept_m = np.hypot(vx, vy) + (0.0 if footprint.turns_freely else footprint.reach(0.0)) * np.abs(w)
+    poses = min(math.ceil((swept_m * spans).max() / 2.0 / footprint.pose_spacing_m) + 1, MOST_POSES)
+    # Evenly along a way that is braked: dense in time while the robot is fast.
+    passed_s = spans * (1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1)))
+    turned = _braked(w, rates.angular_down, passed_s)
+    forward = np.diff(_braked(vx, rates.linear_down, passed_s))
+    heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
+    cos, sin = np.cos(heading), np.sin(heading)
+    dx, dy = cos * forward, sin * forward
+    if vy.any():
+        left = np.diff(_braked(vy, rates.linear_down, passed_s))
+        dx, dy = dx - sin * left, dy + cos * left
+    return Path(
+        np.hstack((x, x + np.cumsum(dx, axis=1))),
+        np.hstack((y, y + np.cumsum(dy, axis=1))),
+        yaw + turned,
+        time_s + passed_s,
+    )
+
+
+def _braked(speeds: Metres, rate: float, passed_s: Metres) -> Metres:
+    """How far one gets within these times while braking from these speeds at this rate."""
+    braked_s = np.minimum(passed_s, np.abs(speeds) / rate)
+    way: Metres = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
+    return way
+
+
+def _path(states: list[_State]) -> Path:
+    return Path(*(np.array([[state[n] for state in states]]) for n in range(4)))
+
+
+def _followed(first: Path, then: Path) -> Path:
+    """One path after the other."""
+    return Path(*(np.hstack(parts) for parts in zip(first, then, strict=True)))
+
+
+# --- what is in the way ---------------------------------------------------------------------------
+
+
+def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
+    """Indices of the points that the hull could come near to on this path, wherever else it turns."""
+    x, y = points.T
+    reach = footprint.reach(MOVER_MARGIN_M)
+    if drift is not None:
+        reach += float(np.hypot(*drift.T).max(initial=0.0) * path.time_s.max())
+    return np.flatnonzero(
+        (x > path.x.min() - reach)
+        & (x < path.x.max() + reach)
+        & (y > path.y.min() - reach)
+        & (y < path.y.max() + reach)
+    )
+
+
+def _moving(drift: Points) -> NDArray[np.bool_]:
+    moving: NDArray[np.bool_] = np.hypot(*drift.T) > 0.0
+    return moving
+
+
+def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
+    """How far the hull must stay from each point."""
+    hard = np.full(count, profile.parameters.hard_margin_m)
+    return hard if drift is None else np.where(_moving(drift), MOVER_MARGIN_M, hard)
+
+
+def _demanded(
+    unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
+) -> Metres:
+    """The margins, but nowhere more than stopping now would leave (method 4); apart for what moves and what stands."""
+    share = footprint.demanded_share
+    demanded = way_out(unavoidable, profile.parameters.hard_margin_m, share)
+    if drift is not None and (moving := _moving(drift)).any():
+        demanded[~moving] = way_out(unavoidable[~moving], profile.parameters.hard_margin_m, share)
+        demanded[moving] = way_out(unavoidable[moving], MOVER_MARGIN_M, share)
+    return demanded

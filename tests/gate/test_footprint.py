@@ -1,0 +1,121 @@
+"""Hulls of several discs: one disc alone is a disc, and together they do what each does by itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from robots.bridge.gate import arc
+from robots.bridge.gate.footprint import Disc, Discs, Footprint, Polygon, footprint_of
+from robots.bridge.gate.planar import Path
+from robots.bridge.gate.values import Velocity
+from tests.gate.conftest import box_profile, tiago_profile
+from tests.gate.test_arc import check_against, path_in_base_frame, points, twists
+
+REACHING = ((-0.15, 0.0, 0.25), (0.2, 0.0, 0.22), (0.45, 0.1, 0.08))
+HULLS: dict[str, Footprint] = {
+    "disc": Disc(0.3),
+    "discs": Discs(REACHING),
+    "box": Polygon(((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))),
+}
+clouds = st.lists(points, min_size=1, max_size=12).map(np.array)
+hulls = st.sampled_from(sorted(HULLS))
+
+
+@given(twists, points, st.sampled_from([0.0, 0.03]))
+@settings(max_examples=400, deadline=None)
+def test_contact_of_discs_is_when_brute_force_says(twist, point, growth):
+    hull = HULLS["discs"]
+    assume(hull.gaps(point[None])[0] > growth + 1e-6)
+    time, path = path_in_base_frame(point, twist)
+    gaps = hull.gaps(path) - growth
+    contact = float(hull.contact_times(point[None], twist, np.array([growth]))[0])
+    check_against(gaps, time, contact, tolerance_m=0.008)
+
+
+@given(twists, clouds)
+@settings(max_examples=200, deadline=None)
+def test_one_disc_about_the_origin_is_a_disc(twist, cloud):
+    one, disc = Discs(((0.0, 0.0, 0.3),)), Disc(0.3)
+    growth = np.full(len(cloud), 0.02)
+    np.testing.assert_allclose(one.gaps(cloud), disc.gaps(cloud))
+    np.testing.assert_allclose(
+        one.contact_times(cloud, twist, growth), disc.contact_times(cloud, twist, growth)
+    )
+    if arc.speed(twist):
+        np.testing.assert_allclose(one.clearances(cloud, twist), disc.clearances(cloud, twist))
+    assert one.reach(0.1) == disc.reach(0.1)
+
+
+@given(hulls, twists, points)
+@settings(max_examples=400, deadline=None)
+def test_a_point_beside_what_is_swept_stays_as_far_as_its_clearance_and_is_never_touched(kind, twist, point):
+    hull = HULLS[kind]
+    assume(arc.speed(twist) or (twist.w and not hull.turns_freely))
+    clearance = float(hull.clearances(point[None], twist)[0])
+    assume(clearance > 0.0)
+    _, path = path_in_base_frame(point, twist)
+    nearest = (
+        0.0 if kind == "box" else clearance
+    )  # the gap to a box is told by its edges: beside a corner it is less
+    assert hull.gaps(path).min() > nearest - 1e-6
+    assert math.isinf(hull.contact_times(point[None], twist, np.zeros(1))[0])
+
+
+@given(hulls, twists, clouds)
+@settings(max_examples=100, deadline=None)
+def test_no_part_of_a_hull_lies_beyond_its_reach(kind, twist, cloud):
+    hull = HULLS[kind]
+    beyond = cloud[np.hypot(*cloud.T) > hull.reach(0.05)]
+    assert (hull.gaps(beyond) >= 0.05 - 1e-9).all()
+
+
+def test_an_arm_that_reaches_out_touches_when_the_robot_turns_on_the_spot():
+    turning = Velocity(0.0, 0.0, 1.0)
+    post = np.array([[0.36, 0.36]])
+    time = HULLS["discs"].contact_times(post, turning, np.zeros(1))[0]
+    assert 0.2 < time < 0.8
+    assert not HULLS["discs"].turns_freely
+    assert math.isinf(HULLS["disc"].contact_times(post, turning, np.zeros(1))[0])
+
+
+poses = st.lists(
+    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-3, 3), st.floats(0, 2)), min_size=2, max_size=8
+)
+
+
+@given(hulls, poses, clouds, st.booleans())
+@settings(max_examples=200, deadline=None)
+def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
+    hull = HULLS[kind]
+    drift = np.flip(cloud, axis=0) / 2.0 if drifting else None
+    rows = [several, several[::-1][:1] * len(several)]
+    path = Path(*(np.array([[pose[n] for pose in row] for row in rows]) for n in range(4)))
+    found = hull.least_gaps(path, cloud, drift)
+    for row, gaps in zip(rows, found, strict=True):
+        least = np.full(len(cloud), np.inf)
+        for x, y, yaw, time_s in row:
+            there = cloud if drift is None else cloud + time_s * drift
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            local = (there - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
+            least = np.minimum(least, hull.gaps(local))
+        outside = least > -0.2  # the middle of a disc is not told to the millimetre
+        np.testing.assert_allclose(gaps[outside], least[outside], atol=2e-5)
+
+
+def test_a_profile_s_footprint_is_its_discs_then_its_outline_then_its_radius():
+    assert isinstance(footprint_of(tiago_profile()), Disc)
+    assert isinstance(footprint_of(box_profile()), Polygon)
+    assert isinstance(footprint_of(box_profile(discs=REACHING)), Discs)
+    with pytest.raises(ValueError, match="radius"):
+        footprint_of(tiago_profile(radius_m=None))
+
+
+@pytest.mark.parametrize("bad", [(), ((0.0, 0.0, 0.0),), ((math.nan, 0.0, 0.2),), ((0.0, 0.0, math.inf),)])
+def test_discs_that_are_none_are_refused(bad):
+    with pytest.raises(ValueError, match=r"disc|radius"):
+        Discs(bad)

@@ -1,0 +1,247 @@
+"""The roll-out against a fine play of the same motion, one point and one pose at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.bridge.gate import braking
+from robots.bridge.gate.footprint import footprint_of
+from robots.bridge.gate.rollout import CLEAR, MOVER_MARGIN_M, SHARES, Sent, safe_share, stepped_up
+from robots.bridge.gate.values import STILL, Limits, Velocity
+from tests.gate.conftest import box_profile, tiago_profile
+
+HOLONOMIC = Limits(1.0, 1.0, 0.8, 2.0, 1.0, 2.0)
+PROFILES = {
+    "disc": tiago_profile(),
+    "holonomic disc": tiago_profile(limits=HOLONOMIC),
+    "discs": tiago_profile(discs=((-0.15, 0.0, 0.25), (0.2, 0.0, 0.22), (0.45, 0.1, 0.08))),
+    "box": box_profile(),
+}
+PERIOD_S = 0.05
+LATENCY_S = 0.20
+HARD_M = 0.01
+kinds = st.sampled_from(sorted(PROFILES))
+coordinates = st.floats(-1.4, 1.4)
+clouds = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12).map(np.array)
+twists = st.builds(
+    Velocity,
+    st.floats(-1.0, 1.0).map(lambda v: round(v, 2)),
+    st.just(0.0),
+    st.floats(-2.0, 2.0).map(lambda w: round(w, 2)),
+)
+queues = st.lists(twists, max_size=6).map(
+    lambda several: [Sent(one, (len(several) - n) * 0.05) for n, one in enumerate(several)]
+)
+
+
+def roll(kind, candidate, points, queue=(), velocity=STILL, drift=None):
+    profile = PROFILES[kind]
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    drift = None if drift is None else np.asarray(drift, dtype=float).reshape(-1, 2)
+    return safe_share(
+        candidate, queue, velocity, points, drift, footprint_of(profile), profile, PERIOD_S, LATENCY_S
+    )
+
+
+def played(profile, candidate, queue, velocity, step_s=0.002):
+    """Every 2 ms: the time and the pose, and whether the queue is still what decides it."""
+    linear, angular = braking.deceleration(profile)
+    limits = profile.limits
+    rates = ((limits.linear_mps2, linear), (limits.linear_mps2, linear), (limits.angular_radps2, angular))
+    x = y = yaw = time_s = 0.0
+    speeds = list(velocity)
+    while time_s < LATENCY_S + PERIOD_S - 1e-9 or any(speeds):
+        yield time_s, x, y, yaw, time_s < LATENCY_S - 1e-9
+        if time_s < LATENCY_S - 1e-9:
+            due = [sent.velocity for sent in queue if sent.age_s + time_s >= LATENCY_S - 1e-9]
+            command = due[-1] if due else velocity
+        elif time_s < LATENCY_S + PERIOD_S - 1e-9:
+            command = candidate
+        else:
+            command = STILL
+        for axis, (up, down) in enumerate(rates):
+            now, wanted = speeds[axis], command[axis]
+            most = step_s * (up if now * wanted >= 0 and abs(wanted) > abs(now) else down)
+            speeds[axis] = now + min(max(wanted - now, -most), most)
+        yaw += speeds[2] * step_s
+        x += step_s * (speeds[0] * math.cos(yaw) - speeds[1] * math.sin(yaw))
+        y += step_s * (speeds[0] * math.sin(yaw) + speeds[1] * math.cos(yaw))
+        time_s += step_s
+    yield time_s, x, y, yaw, False
+
+
+def least_gaps(kind, candidate, points, queue, velocity, drift=None):
+    """The least gap of each point by fine play."""
+    profile = PROFILES[kind]
+    hull = footprint_of(profile)
+    drift = np.zeros_like(points) if drift is None else drift
+    least = np.full(len(points), np.inf)
+    for time_s, x, y, yaw, _ in played(profile, candidate, queue, velocity):
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        local = (points + time_s * drift - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
+        least = np.minimum(least, hull.gaps(np.asfortranarray(local)))
+    return least
+
+
+@given(kinds, twists, queues, twists, clouds)
+@settings(max_examples=250, deadline=None)
+def test_what_it_lets_through_stops_clear_or_no_nearer_than_stopping_now(kind, candidate, queue, now, points):
+    share = roll(kind, candidate, points, queue, now).share
+    allowed = Velocity(*(share * axis for axis in candidate))
+    stopping = least_gaps(kind, STILL, points, queue, now)
+    going = least_gaps(kind, allowed, points, queue, now)
+    # Half of what is left, for hulls that turn a corner out; the play's and the roll-out's steps differ a little.
+    must = np.minimum(HARD_M, max(0.0, 0.5 * stopping.min()))
+    between_poses_m = 0.004 if "disc" in kind else 0.014
+    assert (going >= np.minimum(must, stopping) - between_poses_m).all()
+
+
+@given(kinds, twists, queues, twists, clouds)
+@settings(max_examples=250, deadline=None)
+def test_what_stays_clear_is_left_whole(kind, candidate, queue, now, points):
+    going = least_gaps(kind, candidate, points, queue, now)
+    rolled = roll(kind, candidate, points[going > HARD_M + 0.012], queue, now)
+    assert rolled == CLEAR
+
+
+@given(kinds, twists, queues, twists, clouds, clouds)
+@settings(max_examples=150, deadline=None)
+def test_what_drifts_is_met_where_it_will_be(kind, candidate, queue, now, points, drifts):
+    several = min(len(points), len(drifts))
+    points, drift = points[:several], drifts[:several]
+    going = least_gaps(kind, candidate, points, queue, now, drift)
+    far = going > MOVER_MARGIN_M + 0.06  # how far it drifts between two poses
+    assert roll(kind, candidate, points[far], queue, now, drift[far]) == CLEAR
+    stopping = least_gaps(kind, STILL, points, queue, now, drift)
+    hit = (going < -0.02) & (stopping > MOVER_MARGIN_M + 0.06)
+    turns_a_disc = "disc" in kind and kind != "discs" and not candidate.vx and not any(map(any, (now,)))
+    if hit.any() and not turns_a_disc:
+        assert roll(kind, candidate, points, queue, now, drift).share < 1.0
+
+
+@given(kinds, twists, queues, twists, clouds)
+@settings(max_examples=100, deadline=None)
+def test_points_that_drift_at_no_speed_stand(kind, candidate, queue, now, points):
+    still = np.zeros_like(points)
+    assert roll(kind, candidate, points, queue, now, still) == roll(kind, candidate, points, queue, now)
+
+
+def wall_at(distance_m):
+    return [(distance_m, y) for y in np.linspace(-1.0, 1.0, 80)]
+
+
+def test_commands_on_their_way_count():
+    """Standing, 5 cm before a wall: a little step is fine, unless more of it has been sent already."""
+    nudge = Velocity(0.1, 0.0, 0.0)
+    assert roll("disc", nudge, wall_at(0.27 + 0.05)) == CLEAR
+    on_their_way = [Sent(Velocity(0.5, 0.0, 0.0), age_s) for age_s in (0.20, 0.15, 0.10, 0.05)]
+    assert roll("disc", nudge, wall_at(0.27 + 0.05), on_their_way).share == 0.0
+
+
+def test_an_old_command_that_was_overtaken_does_not_count():
+    overtaken = [Sent(Velocity(1.0, 0.0, 0.0), 5.0), Sent(STILL, 0.3)]
+    assert roll("disc", Velocity(0.1, 0.0, 0.0), wall_at(0.27 + 0.06), overtaken) == CLEAR
+
+
+def test_turning_in_late_bends_the_arc_into_what_the_twist_alone_would_pass():
+    """At 1 m/s the base cannot turn at once: what it wants to go round is in its way."""
+    fast, post = Velocity(1.0, 0.0, 0.0), [(0.95, 0.0)]
+    rushing = [Sent(fast, 0.20), Sent(fast, 0.05)]
+    evading = roll("disc", Velocity(1.0, 0.0, 1.0), post, rushing, fast)
+    assert evading.share < 1.0 and evading.row == 0
+
+
+@pytest.mark.parametrize(("room_m", "share"), [(0.33, 1.0), (0.29, 0.85), (0.25, 0.0)])
+def test_of_shares_the_largest_clear_one_is_taken(room_m, share):
+    """At 0.5 m/s, about to be 0.55: whole it takes 0.315 m, 0.85 of it takes 0.261 m, and braking now 0.257 m."""
+    half = Velocity(0.5, 0.0, 0.0)
+    wall = wall_at(0.27 + HARD_M + room_m)
+    rolled = roll("disc", Velocity(0.55, 0.0, 0.0), wall, [Sent(half, LATENCY_S)], half)
+    assert rolled.share == share
+    assert share in SHARES
+
+
+def test_the_row_tells_which_point_stands_in_the_way():
+    ways = [(-0.5, 0.0), (0.9, 0.9), (0.29, 0.0), (0.6, 0.5)]
+    forward = Velocity(0.6, 0.0, 0.0)
+    assert roll("disc", forward, ways, [Sent(forward, 0.1)]).row == 2
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.05), st.sampled_from([1.5, -0.7]))
+@settings(deadline=None)
+def test_a_disc_always_turns_on_the_spot_and_always_retreats(bearing, gap, w):
+    near = [((0.27 + gap) * math.cos(bearing), (0.27 + gap) * math.sin(bearing))]
+    assert roll("disc", Velocity(0.0, 0.0, w), near) == CLEAR
+    away = Velocity(math.copysign(0.2, -math.cos(bearing)), 0.0, 0.0)
+    assert roll("disc", away, near) == CLEAR
+
+
+@pytest.mark.parametrize("kind", sorted(PROFILES))
+@pytest.mark.parametrize("gap", [-0.02, 0.0, 0.004, 0.012])
+def test_every_hull_backs_off_from_a_wall_but_does_not_go_on(kind, gap):
+    nose = footprint_of(PROFILES[kind]).gaps(np.array([[2.0, 0.1]]))[0]
+    wall = wall_at(2.0 - nose + gap) if kind == "box" else [(2.0 - nose + gap, 0.1)]
+    assert roll(kind, Velocity(-0.2, 0.0, 0.0), wall) == CLEAR
+    slowly = Velocity(0.05, 0.0, 0.0)
+    assert roll(kind, Velocity(0.3, 0.0, 0.0), wall, [Sent(slowly, LATENCY_S)], slowly).share < 1.0
+
+
+@pytest.mark.parametrize("kind", ["disc", "box"])
+def test_along_a_wall_nearer_than_the_margin_the_robot_still_drives(kind):
+    side = 0.27 if kind == "disc" else 0.25
+    wall = [(x, side + 0.006) for x in np.linspace(-1, 2, 200)]
+    forward = Velocity(0.4, 0.0, 0.0)
+    assert roll(kind, forward, wall, [Sent(forward, 0.2)], forward) == CLEAR
+
+
+def test_a_box_that_turns_its_corner_into_a_post_is_held():
+    post = [(0.0, 0.40)]
+    turning = Velocity(0.0, 0.0, 1.5)
+    assert roll("box", turning, post, [Sent(turning, LATENCY_S)], turning).share < 1.0
+    assert roll("box", Velocity(0.0, 0.0, 0.1), post) == CLEAR
+
+
+def test_somebody_who_walks_across_is_let_by_and_somebody_who_stands_there_is_passed():
+    forward = Velocity(0.6, 0.0, 0.0)
+    driving = [Sent(forward, 0.2), Sent(forward, 0.1)]
+    beside = [(0.6, -0.9)]
+    assert roll("disc", forward, beside, driving, forward) == CLEAR
+    crossing = roll("disc", forward, beside, driving, forward, drift=[(0.0, 1.0)])
+    assert crossing.share < 1.0 and crossing.row == 0
+    leaving = roll("disc", forward, beside, driving, forward, drift=[(0.0, -1.0)])
+    assert leaving == CLEAR
+
+
+def test_from_somebody_who_stands_close_and_moves_the_robot_may_get_away():
+    close = [(0.32, 0.0)]
+    assert roll("disc", Velocity(-0.2, 0.0, 0.0), close, drift=[(0.0, 0.3)]) == CLEAR
+    assert roll("disc", Velocity(0.0, 0.0, 1.0), close, drift=[(-1.0, 0.0)]) == CLEAR
+
+
+# --- upward steps ---------------------------------------------------------------------------------
+
+amounts = st.builds(Velocity, *(st.floats(-2.0, 2.0) for _ in range(3)))
+
+
+@given(amounts, amounts, st.floats(0.001, 0.1))
+def test_steps_lead_up_no_faster_than_the_base_can_and_down_at_once(sent, wanted, dt_s):
+    profile = PROFILES["box"]
+    stepped = stepped_up(sent, wanted, profile, dt_s)
+    steps = (profile.limits.linear_mps2 * dt_s,) * 2 + (profile.limits.angular_radps2 * dt_s,)
+    for before, goal, after, step in zip(sent, wanted, stepped, steps, strict=True):
+        assert after * goal >= 0.0 and abs(after) <= abs(goal)
+        assert abs(after) <= max(abs(before) if before * goal > 0 else 0.0, 0.0) + step + 1e-12
+        if before * goal > 0.0 and abs(goal) <= abs(before):
+            assert after == goal
+        if after != goal:
+            assert abs(after) == pytest.approx((abs(before) if before * goal > 0 else 0.0) + step)
+
+
+def test_from_standstill_the_first_step_is_one_period_of_acceleration():
+    stepped = stepped_up(STILL, Velocity(1.0, 0.0, -2.0), PROFILES["box"], 0.05)
+    assert stepped == pytest.approx(Velocity(0.05, 0.0, -0.1))
