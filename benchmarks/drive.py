@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from statistics import median
 
 from websockets.exceptions import ConnectionClosed
@@ -18,7 +19,7 @@ from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from robots.bridge.commands import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
-from script.stack.stack import Stack, temporary_stack
+from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
 PERIOD_S = 0.02
@@ -33,14 +34,15 @@ REFERENCE_BARE_S = 0.08e-3
 PYTHON_P50_MS = 0.8
 PYTHON_P99_MS = 2.5
 # Every command asks for a turn of its own, a hair from the next one's: that is how the observer's Twists are told
-# apart. Turning on the spot a disc never meets anything, so the gate leaves it as it is.
+# apart. Turning on the spot a disc never meets anything, so the gate leaves it as it is; nothing steadies the stick.
 TURN = 0.30
 STEP = 1e-6
+BARE_STICKS = tuple(replace(robot, stick=()) for robot in PRACTICE_ROBOTS)
 
 
 def measure() -> list[Figure]:
     """Start a console with three robots and drive one."""
-    with temporary_stack() as stack:
+    with temporary_stack(BARE_STICKS) as stack:
         return asyncio.run(measure_on(stack))
 
 

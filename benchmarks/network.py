@@ -7,13 +7,13 @@ import itertools
 import math
 import time
 
-from benchmarks.drive import SHARE, Numbers, numbers_for
+from benchmarks.drive import BARE_STICKS, SHARE, Numbers, numbers_for
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.cable import Cable, Profile
 from benchmarks.parts.observer import Observer, Seen
 from robots.bridge.commands import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
-from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from script.stack.stack import Stack, temporary_stack
 
 # Bandwidths and round trips as browsers' developer tools name them; the losses are ours.
 PROFILES = (
@@ -36,7 +36,7 @@ SLACK_S = 0.03  # what two cores may add: the bridge's tick and its scheduling
 
 def measure() -> list[Figure]:
     """One robot, one profile after the other."""
-    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+    with temporary_stack(BARE_STICKS[:1]) as stack:
         return asyncio.run(measure_on(stack))
 
 

@@ -128,7 +128,7 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
         (
             "Driving",
             {
-                "fields": ["drive_topic", "default_share", "max_share", "overrides"],
+                "fields": ["drive_topic", "default_share", "max_share", "stick", "overrides"],
                 "description": "What differs from the profile. A change takes effect within 3 s; the robot "
                 "stops for it, other robots do not.",
             },
@@ -227,7 +227,7 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
                 "do makes the gate brake too late.",
             },
         ),
-        ("Driving", {"fields": ["default_share", "reverse_steering", "drive_topic", "drive_type"]}),
+        ("Driving", {"fields": ["default_share", "reverse_steering", "stick", "drive_topic", "drive_type"]}),
         ("Body and ROS interface", {"fields": ["footprint", "topics", "gate"]}),
     ]
 

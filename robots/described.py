@@ -18,8 +18,10 @@ from msgspec import Struct
 
 from robots.bridge.config import ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import Parameters
+from robots.bridge.stick import STEADYING, STEPS, StickStep
 
 T = TypeVar("T", bound=Struct)
+V = TypeVar("V")
 
 DRIVE_TYPES = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped")
 UNDERSTOOD_TYPES = {
@@ -77,6 +79,12 @@ class Overrides(Struct, frozen=True):
     topics: dict[str, Any] = {}
     limits: Tightening = Tightening()
     gate: dict[str, float] = {}
+
+
+class StickChain(Struct, frozen=True):
+    """What stick positions pass on their way to the gate, in order."""
+
+    stick: tuple[StickStep, ...]
 
 
 class Problems(ValueError):
@@ -266,7 +274,23 @@ def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]
             yield f"gate.{name}: {mine:g} is above the profile's {theirs:g}; a robot may only tighten"
 
 
-def first_of(problems: Callable[[T], Iterator[str]], value: T) -> T:
+def unknown_steps(given: object) -> Iterator[str]:
+    """Steps whose name is none, in decoded JSON."""
+    known = ", ".join(sorted(STEPS))
+    for index, step in enumerate(given if isinstance(given, list | tuple) else ()):
+        if isinstance(step, dict) and step.get("step") not in STEPS:
+            yield f"stick[{index}].step: there is no step {step.get('step')!r} (there are: {known})"
+
+
+def stick_problems(chain: StickChain) -> Iterator[str]:
+    """Each step once; the stick is steadied in one way."""
+    names = [step.__struct_config__.tag for step in chain.stick]
+    yield from _doublets([str(name) for name in names], "stick", "step")
+    if sum(isinstance(step, STEADYING) for step in chain.stick) > 1:
+        yield "stick: one of one_euro and mean steadies the stick, not both"
+
+
+def first_of(problems: Callable[[V], Iterator[str]], value: V) -> V:
     """`value`, or `Problems` with all that `problems` finds in it."""
     lines = list(problems(value))
     if lines:

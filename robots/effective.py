@@ -14,18 +14,22 @@ import msgspec
 
 from robots.bridge.config import Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits, Parameters
+from robots.bridge.stick import StickStep
 from robots.described import (
     CAREFUL_WHEN_SMALL,
     Footprint,
     Overrides,
     Problems,
+    StickChain,
     Tightening,
     first_of,
     footprint_problems,
     loosened_parameters,
     parameter_problems,
     parsed,
+    stick_problems,
     topic_problems,
+    unknown_steps,
 )
 
 if TYPE_CHECKING:
@@ -59,6 +63,16 @@ def profile_topics(profile: RobotProfile) -> Topics:
 def profile_parameters(profile: RobotProfile) -> Parameters:
     """The gate's parameters for this kind of robot."""
     return first_of(parameter_problems, parsed(Parameters, profile.gate))
+
+
+def profile_stick(profile: RobotProfile) -> tuple[StickStep, ...]:
+    """What is done to stick positions, for this kind of robot."""
+    return _stick(profile.stick)
+
+
+def _stick(given: object) -> tuple[StickStep, ...]:
+    first_of(unknown_steps, given)
+    return first_of(stick_problems, parsed(StickChain, {"stick": given})).stick
 
 
 def _topics(profile: RobotProfile, drive_topic: str, rest: object) -> Topics:
@@ -155,6 +169,11 @@ def gate_profile(robot: Robot) -> GateProfile:
         blind_mps=blind_mps(robot),
         parameters=parameters(robot),
     )
+
+
+def stick(robot: Robot) -> tuple[StickStep, ...]:
+    """What is done to stick positions: the robot's own steps in place of its profile's."""
+    return profile_stick(robot.profile) if robot.stick is None else _stick(robot.stick)
 
 
 def _lower(profile: RobotProfile, own: Tightening, name: str) -> float:

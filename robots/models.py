@@ -6,6 +6,7 @@ import uuid
 from collections.abc import Callable
 from typing import TypeVar
 
+import msgspec
 from django.conf import settings
 from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
@@ -13,6 +14,7 @@ from django.db import models
 from django.utils.functional import cached_property
 
 from robots import described, effective
+from robots.bridge import stick
 
 T = TypeVar("T")
 
@@ -61,6 +63,12 @@ class ReverseSteering(models.TextChoices):
 
     TURN = "turn", "Stick left always turns the robot left"
     CAR = "car", "Like a car: mirrored in reverse"
+
+
+def default_stick() -> list[dict[str, float | str]]:
+    """The steps of a profile that does not say otherwise."""
+    steps: list[dict[str, float | str]] = msgspec.to_builtins(list(stick.DEFAULT))
+    return steps
 
 
 class RobotProfile(models.Model):
@@ -137,6 +145,13 @@ class RobotProfile(models.Model):
         "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} "
         "unless you have measured.",
     )
+    stick = models.JSONField(
+        default=default_stick,
+        blank=True,
+        help_text="What a stick position passes on its way to the gate, in order; [] is nothing. Steps: scale (x, y, "
+        "w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to "
+        "steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways.",
+    )
     shipped = models.JSONField(default=dict, editable=False)  # as last taken from a data file
     updated_at = models.DateTimeField(auto_now=True)
 
@@ -154,6 +169,7 @@ class RobotProfile(models.Model):
             ("footprint", effective.footprint),
             ("topics", effective.profile_topics),
             ("gate", effective.profile_parameters),
+            ("stick", effective.profile_stick),
         ):
             _collect(errors, field, check, self)
         if None not in (self.default_share, self.forward_mps, self.reverse_mps, self.lateral_mps):
@@ -229,6 +245,12 @@ class Robot(models.Model):
         'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
     )
 
+    stick = models.JSONField(
+        null=True,
+        blank=True,
+        help_text="Empty: the profile's steps; else all that this robot's stick passes, as described there.",
+    )
+
     fence = models.BigIntegerField("highest fencing number", default=0, editable=False)
     updated_at = models.DateTimeField(auto_now=True)
 
@@ -247,6 +269,7 @@ class Robot(models.Model):
         _collect(errors, "bridge_address", described.check_bridge_address, self.bridge_address)
         if self.profile_id is not None:
             _collect(errors, "overrides", effective.check_overrides, self)
+            _collect(errors, "stick", effective.stick, self)
         if self.profile_id is not None and not errors and self.max_share is not None:
             _collect(errors, "default_share", effective.check_robot_share, self)
         if errors:
@@ -260,6 +283,7 @@ class Robot(models.Model):
         """
         try:
             effective.gate_profile(self)
+            effective.stick(self)
         except described.Problems as problems:
             return str(problems)
         return ""

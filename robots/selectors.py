@@ -99,6 +99,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         gate=effective.gate_profile(robot),
         reverse_steering=robot.profile.reverse_steering,
         link=link_address(robot),
+        stick=effective.stick(robot),
         state_dir=str(settings.FLEET_VAR / "bridges"),
         last_fence=robot.fence,
     )

@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from robots.bridge.config import Topic
 from robots.bridge.gate.values import Limits
+from robots.bridge.stick import DEFAULT, StickStep
 from robots.models import RobotProfile
 
 DIRECTORY = Path(__file__).parent / "profiles"
@@ -35,6 +36,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     footprint: dict[str, Any]
     topics: dict[str, Any]
     gate: dict[str, float]
+    stick: tuple[StickStep, ...] = DEFAULT
 
     def columns(self) -> dict[str, Any]:
         """The values of the profile's columns, the slug apart."""
@@ -50,6 +52,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
             "footprint": self.footprint,
             "topics": self.topics,
             "gate": self.gate,
+            "stick": msgspec.to_builtins(list(self.stick)),
         }
 
 

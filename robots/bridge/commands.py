@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from msgspec.structs import replace
+
 from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.stick import Memory, Position, StickStep, shaped
 from robots.wire import Drive, Refusal
 
 COMMAND_LIFE_S = 0.3
@@ -32,9 +37,15 @@ class AgeEstimator:
 
 
 class Stick:
-    """The newest command of one page. A command lives 0.3 s from when it can have been sent at the earliest."""
+    """The newest command of one page, its stick position passed through `steps`.
 
-    def __init__(self) -> None:
+    A command lives 0.3 s from when it can have been sent at the earliest.
+    """
+
+    def __init__(self, steps: Sequence[StickStep] = ()) -> None:
+        self._steps = steps
+        self._memory: Memory | None = None
+        self._taken_s = float("-inf")
         self._age = AgeEstimator()
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
@@ -61,13 +72,20 @@ class Stick:
                 "dead-man",
                 {"age_s": round(age_s, 3), "limit_s": COMMAND_LIFE_S},
             )
-        self._drive = drive
+        self._drive = self._shaped(drive, now_s)
         self._dies_s = now_s + COMMAND_LIFE_S - age_s
         return None
 
     def current(self, now_s: float) -> Drive | None:
         """The command that holds now, None when the last has died."""
         return self._drive if now_s < self._dies_s else None
+
+    def _shaped(self, drive: Drive, now_s: float) -> Drive:
+        """The command with what the steps make of its position: once for each, whatever the ticks."""
+        position = Position(drive.x, drive.y, drive.w)
+        position, self._memory = shaped(self._steps, self._memory, position, now_s - self._taken_s)
+        self._taken_s = now_s
+        return replace(drive, x=position.x, y=position.y, w=position.w)
 
 
 def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering: str) -> Velocity:

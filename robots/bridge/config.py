@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.gate.values import GateProfile
+from robots.bridge.stick import StickStep
 
 
 class Topic(Struct, frozen=True):
@@ -89,6 +90,7 @@ class BridgeConfig(Struct, frozen=True):
     reverse_steering: str  # "turn" or "car"
     link: LinkAddress
     state_dir: str  # lock, latch and fencing number
+    stick: tuple[StickStep, ...] = ()  # what stick positions pass on their way to the gate, in order
     last_fence: int = 0  # highest number the database knows: with it a lost latch file shows
 
     def digest(self) -> str:

@@ -85,7 +85,7 @@ class Core:
         self._gate = gate
         self._drives = drives
         self._announce = announce
-        self._stick = Stick()
+        self._stick = Stick(self.config.stick)
         self._page_gone = False
         self._neutral: str | None = None  # why the stick must return to neutral first
         self._asked = STILL  # by the stick
@@ -108,10 +108,10 @@ class Core:
         current = self.grants.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
-            self._stick = Stick()
+            self._stick = Stick(self.config.stick)
             self._neutral = "you have just taken control"
         elif self._page_gone:
-            self._stick = Stick()
+            self._stick = Stick(self.config.stick)
         self._page_gone = False
         self.grants.take(grant, link, now_s)
 
@@ -125,7 +125,7 @@ class Core:
         if self.grants.current is None or self.grants.current.fence != fence:
             return
         self._page_gone = True
-        self._stick = Stick()
+        self._stick = Stick(self.config.stick)
         self._halt(reason, now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:

@@ -61,6 +61,9 @@ class PracticeRobot:
     address: str = "127.0.0.1"
     console_address: str = "127.0.0.1"
     inside: tuple[str, ...] = ()
+    stick: tuple[()] | None = (
+        None  # (): the stick passes nothing on its way to the gate; None: as the profile says
+    )
 
 
 @dataclass(frozen=True)
@@ -284,6 +287,7 @@ class Stack:
                 "name": robot.plan.name,
                 "master_uri": robot.master_uri,
                 "advertised_address": robot.plan.console_address,
+                "stick": robot.plan.stick,
             }
             for robot in self.robots.values()
         ]

@@ -1,6 +1,6 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
-FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address"}],
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick"}],
 "accounts": [{"username", "role", "password"}]}. Run again it brings the robots' masters up to date and leaves the
 rest as people made it. Prints {slug: path of the bridge's socket}.
 """
@@ -31,6 +31,7 @@ class PracticeRobot(Struct, frozen=True):
     name: str
     master_uri: str
     advertised_address: str
+    stick: list[Any] | None = None
 
 
 class Account(Struct, frozen=True):
@@ -78,6 +79,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
             profile=profile,
             practice=True,
             advertised_address=planned.advertised_address,
+            stick=planned.stick,
         )
     robot.master_uri = planned.master_uri
     return robot_save(robot=robot, actor=None)

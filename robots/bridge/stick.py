@@ -1,0 +1,177 @@
+"""From the stick to what is asked of the base: a chain of named steps, which each robot has its own of. Pure.
+
+A step takes a stick position and gives one. Two of them remember: the steadying ones, which take the tremor out of a
+hand. They never hold the robot back when it is to stop: an axis that is let go of is zero at once, one that is reversed
+goes the other way at once, and what is older than a command's life is forgotten. No step makes an axis larger
+than the hand has just held it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+from msgspec import Meta, Struct
+
+FORGET_S = 0.3  # a command's life: what was held before such a gap says nothing of the hand now
+SHORTEST_S = 0.005  # two commands of one burst are taken to be this far apart
+
+Factor = Annotated[float, Meta(ge=0.0, le=1.0)]
+Hertz = Annotated[float, Meta(gt=0.0, le=20.0)]
+AxisMemory = tuple[float, ...]  # of a steadying step; the first is what it gave last
+
+
+class Position(NamedTuple):
+    """A stick position: forward, left, turn left; each -1..1."""
+
+    x: float
+    y: float
+    w: float
+
+
+Memory = tuple[AxisMemory, AxisMemory, AxisMemory]  # of x, y and w
+
+
+# --- steps without memory ------------------------------------------------------------------------
+
+
+class Scale(Struct, frozen=True, tag_field="step", tag="scale"):
+    """Less of an axis: 0.5 halves it."""
+
+    x: Factor = 1.0
+    y: Factor = 1.0
+    w: Factor = 1.0
+
+    def __call__(self, position: Position) -> Position:
+        """The position, scaled."""
+        return Position(position.x * self.x, position.y * self.y, position.w * self.w)
+
+
+class DeadZone(Struct, frozen=True, tag_field="step", tag="dead_zone"):
+    """Nothing within `width` of an axis' middle; beyond it the whole range, without a jump."""
+
+    width: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.03
+
+    def __call__(self, position: Position) -> Position:
+        """The position, its small values at zero."""
+        return Position(*(self._beyond(axis) for axis in position))
+
+    def _beyond(self, axis: float) -> float:
+        size = (abs(axis) - self.width) / (1.0 - self.width)
+        return math.copysign(size, axis) if size > 0.0 else 0.0
+
+
+class Curve(Struct, frozen=True, tag_field="step", tag="curve"):
+    """Fine near the middle, full at the rim: the axis to the power of `exponent`; 1 is linear."""
+
+    exponent: Annotated[float, Meta(ge=1.0, le=4.0)] = 1.0
+
+    def __call__(self, position: Position) -> Position:
+        """The position, bent."""
+        return Position(*(math.copysign(abs(axis) ** self.exponent, axis) for axis in position))
+
+
+class Snap(Struct, frozen=True, tag_field="step", tag="snap"):
+    """A stick held sideways, within `within_deg` of +-90 degrees, turns the robot on the spot, at `share` of the turn.
+
+    Not while the stick also asks for a slide.
+    """
+
+    within_deg: Annotated[float, Meta(gt=0.0, le=45.0)] = 15.0
+    share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
+
+    def __call__(self, position: Position) -> Position:
+        """The position, or the turn alone."""
+        from_sideways = math.atan2(abs(position.x), abs(position.w))
+        if position.w == 0.0 or position.y != 0.0 or from_sideways > math.radians(self.within_deg):
+            return position
+        return Position(0.0, 0.0, position.w * self.share)
+
+
+# --- steadying steps -----------------------------------------------------------------------------
+
+
+class OneEuro(Struct, frozen=True, tag_field="step", tag="one_euro"):
+    """The One-Euro filter (Casiez et al., 2012): a low pass whose cutoff rises with the stick's speed, so that a hand
+    at rest is steadied and a hand on the move is hardly held back.
+
+    Cutoff `min_hz` + `beta` x speed (axis ranges a second); the speed itself passes a low pass of `speed_hz`.
+    """
+
+    min_hz: Hertz = 1.0
+    beta: Annotated[float, Meta(ge=0.0, le=50.0)] = 5.0
+    speed_hz: Hertz = 1.0
+
+    def begin(self, axis: float) -> AxisMemory:
+        """A hand that has just come here: given, speed, held."""
+        return axis, 0.0, axis
+
+    def follow(self, memory: AxisMemory, axis: float, dt_s: float) -> AxisMemory:
+        """The hand moved on to `axis`."""
+        given, speed, held = memory
+        speed += _weight(self.speed_hz, dt_s) * ((axis - held) / dt_s - speed)
+        given += _weight(self.min_hz + self.beta * abs(speed), dt_s) * (axis - given)
+        return given, speed, axis
+
+
+class Mean(Struct, frozen=True, tag_field="step", tag="mean"):
+    """The mean of the newest `count` inputs, as far back as they are `similar` to the newest."""
+
+    count: Annotated[int, Meta(ge=2, le=20)] = 5
+    similar: Annotated[float, Meta(gt=0.0, le=2.0)] = 0.2
+
+    def begin(self, axis: float) -> AxisMemory:
+        """A hand that has just come here: given, then held, the newest first."""
+        return axis, axis
+
+    def follow(self, memory: AxisMemory, axis: float, dt_s: float) -> AxisMemory:
+        """The hand moved on to `axis`."""
+        held = [axis]
+        for before in memory[1 : self.count]:
+            if abs(before - axis) > self.similar:
+                break
+            held.append(before)
+        return sum(held) / len(held), *held
+
+
+def _weight(cutoff_hz: float, dt_s: float) -> float:
+    """Of the newest value in a low pass of first order."""
+    return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff_hz * dt_s))
+
+
+def steadied(step: OneEuro | Mean, memory: Memory | None, position: Position, dt_s: float) -> Memory:
+    """What `step` gives for `position`, the first of each axis, and remembers; past it at zero and at reversal."""
+    if memory is None or dt_s > FORGET_S:
+        return step.begin(position.x), step.begin(position.y), step.begin(position.w)
+    dt_s = max(dt_s, SHORTEST_S)
+
+    def follow(before: AxisMemory, axis: float) -> AxisMemory:
+        let_go_or_reversed = axis == 0.0 or axis * before[0] < 0.0
+        return step.begin(axis) if let_go_or_reversed else step.follow(before, axis, dt_s)
+
+    return follow(memory[0], position.x), follow(memory[1], position.y), follow(memory[2], position.w)
+
+
+# --- the chain -----------------------------------------------------------------------------------
+
+StickStep = Scale | DeadZone | Curve | OneEuro | Mean | Snap
+STEADYING = (OneEuro, Mean)
+STEPS = {str(step.__struct_config__.tag): step for step in (Scale, DeadZone, Curve, OneEuro, Mean, Snap)}
+DEFAULT: tuple[StickStep, ...] = (DeadZone(), Curve(), OneEuro())
+
+
+def shaped(
+    steps: Sequence[StickStep], memory: Memory | None, position: Position, dt_s: float
+) -> tuple[Position, Memory | None]:
+    """What the chain makes of a position that came `dt_s` after the last, and what its steadying step remembers.
+
+    `memory` None: nothing came before. There is at most one steadying step (`stick_problems`).
+    """
+    for step in steps:
+        if isinstance(step, STEADYING):
+            memory = steadied(step, memory, position, dt_s)
+            position = Position(*(axis[0] for axis in memory))
+        else:
+            position = step(position)
+    return position, memory
