@@ -249,11 +249,12 @@ PARAMETER_BOUNDS = {
     "hard_margin_m": (0.005, 0.2),
     "deceleration_share": (0.1, 0.9),
     "latency_s": (0.1, 1.0),
+    "operator_delay_s": (0.1, 1.0),
     "creep_mps": (0.02, 0.2),
     "near_miss_s": (0.02, 1.0),
 }
 # Of these a smaller value is the more careful one; of all others a larger one.
-CAREFUL_WHEN_SMALL = {"deceleration_share", "creep_mps"}
+CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps"}
 
 
 def parameter_problems(parameters: Parameters) -> Iterator[str]:

@@ -110,3 +110,56 @@ def test_the_wait_never_counts_for_more_than_the_longest_delay_that_is_looked_fo
     base = Base(0.1, deaf=True)
     base.drive(0.5, 0.0, 1.15)
     assert base.latency.in_force_s(base.now_s) == pytest.approx(LONGEST_S)
+
+
+@pytest.mark.parametrize("delay_s", [0.05, 0.4])
+def test_the_gate_reckons_with_what_it_measures_and_says_when_a_robot_is_late(tiago, delay_s):
+    base = Base(delay_s)
+    base.latency = tiago.gate.latency
+    for vx in (0.5, 0.0) * ENOUGH:
+        base.drive(vx, 0.0, 1.5)
+    tiago.now_s = base.now_s
+    tiago.all()
+    verdict = tiago.decide(1.0)
+    if delay_s < ASSUMED_S:
+        assert (verdict.code, verdict.limits) == ("free", ())
+    else:
+        assert verdict.code == "robot_late"
+        assert verdict.text == "held to 0.8 m/s: the robot answers after 0.46 s"
+        assert verdict.limits == (verdict.text,)
+    tiago.ahead_at(0.9)
+    tiago.now_s += 0.05
+    tiago.all()
+    assert tiago.decide(1.0).velocity.vx == pytest.approx({0.05: 0.99, 0.4: 0.77}[delay_s], abs=0.02)
+
+
+def test_what_is_sent_counts_from_when_it_was_decided(tiago):
+    base, sent = Base(0.15), Velocity(0.0, 0.0, 0.0)
+    base.latency = None
+    now_s, late, speed = tiago.now_s, [], 0.0
+    for tick in range(round(30.0 / 0.01)):
+        now_s += 0.01
+        tiago.now_s = now_s
+        if tick % 5 == 0:
+            asked = Velocity(0.5 if (tick // 150) % 2 else 0.0, 0.0, 0.0)
+            tiago.scan()
+            tiago.sonars()
+            sent = tiago.gate.decide(asked, sent, now_s).velocity
+            late.append((now_s + 0.15, sent.vx))
+        while late and late[0][0] <= now_s:
+            asked_vx = late.pop(0)[1]
+        if tick > 20:
+            speed += float(np.clip(asked_vx - speed, -0.01, 0.01))
+        if tick % 2 == 0:
+            tiago.velocity = Velocity(speed, 0.0, 0.0)
+            tiago.odometry()
+    assert 0.15 + ADDED_S - 0.02 <= tiago.gate.latency.measured_s <= 0.15 + ADDED_S + 0.03
+
+
+def test_an_operator_far_away_drives_slower_and_is_told(tiago):
+    tiago.gate.operator_delay_s = 0.25
+    assert tiago.decide(1.0).code == "free"
+    tiago.gate.operator_delay_s = 0.8
+    verdict = tiago.decide(1.0)
+    assert (verdict.code, verdict.velocity.vx) == ("operator_late", pytest.approx(0.73, abs=0.01))
+    assert verdict.text == "held to 0.7 m/s: the page answers after 0.80 s"

@@ -54,3 +54,13 @@ def speed_before(
     reaction = deceleration_mps2 * latency_s
     now = np.sqrt(reaction**2 + 2.0 * deceleration_mps2 * distance_m + there_mps**2) - reaction
     return np.maximum(now, there_mps)
+
+
+def speed_for(latency_s: float, full_mps: float, assumed_s: float, deceleration_mps2: float) -> float:
+    """The speed from which a robot that obeys after `latency_s` stops as short as from `full_mps` after `assumed_s`.
+
+    v T + v^2 / 2a = V T_0 + V^2 / 2a, in m/s; at most `full_mps`.
+    """
+    reaction = deceleration_mps2 * latency_s
+    way_m = full_mps * assumed_s + full_mps**2 / (2.0 * deceleration_mps2)
+    return min(math.sqrt(reaction**2 + 2.0 * deceleration_mps2 * way_m) - reaction, full_mps)

@@ -16,7 +16,9 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
     depth_missing     held to the blind speed: the depth camera is not used yet
     blind_direction   held to the blind speed: no sensor looks in the direction of travel
     sonar_stale       held to 0.1 m/s: the sonars that look in the direction of travel are silent
-    scan_late         a laser's newest scan is older than 0.25 s: slowed, down to nothing at 0.5 s
+    robot_late        held back: the robot answers later than its profile assumes
+    operator_late     held back: the way between robot and operator is longer than is good for this speed
+    scan_late         a laser's newest scan is older than 0.22 s: slowed, down to nothing at 0.28 s
     obstacle          braking must end before contact; slowed or stopped
     near_miss         something is passed closely; slowed
     free              nothing is taken away
@@ -28,8 +30,9 @@ import math
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
-from robots.bridge.gate import arc, words
+from robots.bridge.gate import arc, braking, words
 from robots.bridge.gate.footprint import footprint_of
 from robots.bridge.gate.health import (
     LASER_STALE_S,
@@ -41,6 +44,8 @@ from robots.bridge.gate.health import (
     Hold,
     late_share,
 )
+from robots.bridge.gate.laser_memory import LaserMemory
+from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.planar import joined
 from robots.bridge.gate.restraint import NEAR_MISS, Cause, clamped, is_finite, is_still, restrain
 from robots.bridge.gate.sources import Laser, Sonar, Source
@@ -71,6 +76,10 @@ class Gate:
         self._trail = Trail(fastest, limits.turn_radps)
         self._odometry = Freshness()
         self._velocity = STILL
+        self.latency = Latency(limits, profile.parameters.latency_s)
+        self._reckoned = profile
+        self._decided_s = -math.inf  # when the last twist was decided, and then sent
+        self.operator_delay_s: float | None = None  # to the page and back; None: not known
         self._lasers = {
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
             for name, pose in profile.scan_poses.items()
@@ -79,7 +88,9 @@ class Gate:
             name: Sonar(name, "sonar", Pose(*pose), profile.sonar_fov[name])
             for name, pose in profile.sonar_poses.items()
         }
-        self._sources: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *more)
+        self._memories = {name: LaserMemory(laser) for name, laser in self._lasers.items()}
+        self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *more)
+        self._sources = (*self._sensors, *self._memories.values())
         self._names = tuple(source.name for source in self._sources)
         self._cached: tuple[tuple[int, ...], Obstacles] | None = None
 
@@ -92,6 +103,7 @@ class Gate:
         if self._odometry.advances(stamp_s, arrival_s):
             self._trail.add(stamp_s, pose, velocity)
             self._velocity = velocity
+            self.latency.moved(velocity, arrival_s)
 
     def observe_scan(
         self,
@@ -105,8 +117,11 @@ class Gate:
         range_max_m: float,
     ) -> None:
         """Take a laser scan (ranges in metres). Malformed or of an unknown source: as if nothing had come."""
-        if laser := self._lasers.get(source):
-            laser.observe(stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m)
+        laser = self._lasers.get(source)
+        if laser and laser.observe(
+            stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
+        ):
+            self._memories[source].learn(self._trail, arrival_s)
 
     def observe_range(
         self, source: str, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float = math.inf
@@ -143,7 +158,7 @@ class Gate:
         """How each sensor is, odometry first."""
         return [
             self._odometry_health(now_s),
-            *(source.health(self._trail, now_s) for source in self._sources),
+            *(sensor.health(self._trail, now_s) for sensor in self._sensors),
         ]
 
     def _odometry_health(self, now_s: float) -> SensorHealth:
@@ -154,10 +169,21 @@ class Gate:
             text = "" if age_s <= ODOMETRY_STALE_S else f"nothing new for {age_s:.1f} s"
         return SensorHealth("odometry", "odometry", not text, age_s, text)
 
+    def _with_latency_of(self, now_s: float) -> GateProfile:
+        """The profile with the robot's latency as it is now in the place of the assumed one."""
+        latency_s = round(self.latency.in_force_s(now_s), 2)
+        if latency_s != self._reckoned.parameters.latency_s:
+            parameters = structs.replace(self.profile.parameters, latency_s=latency_s)
+            self._reckoned = structs.replace(self.profile, parameters=parameters)
+        return self._reckoned
+
     # --- what may be done ---------------------------------------------------------------------
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         """What of `asked` may be sent now; `sent` is the twist that was published last."""
+        if is_finite(sent):
+            self.latency.sent(sent, self._decided_s)
+        self._decided_s = now_s
         limits = self._standing_limits(now_s)
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
@@ -170,7 +196,8 @@ class Gate:
         wanted, code, text = self._held(asked, possible, now_s)
         obstacles = self.obstacles(now_s)
         turn_rates = (self._velocity.w, sent.w) if is_finite(sent) else (self._velocity.w,)
-        found = restrain(wanted, turn_rates, obstacles.points, obstacles.source, self.footprint, self.profile)
+        profile = self._with_latency_of(now_s)
+        found = restrain(wanted, turn_rates, obstacles.points, obstacles.source, self.footprint, profile)
         if found.cause is None or found.velocity == wanted:
             return Verdict(wanted, asked, code, text, limits=limits)
         return self._restrained(asked, wanted, found.velocity, found.cause, limits)
@@ -201,7 +228,11 @@ class Gate:
         speed = arc.speed(wanted)
         if speed > 0.0:
             direction = math.atan2(wanted.vy, wanted.vx)
-            holds = [*self._depth_hold(), *self._direction_hold(direction, now_s)]
+            holds = [
+                *self._delay_holds(now_s),
+                *self._depth_hold(),
+                *self._direction_hold(direction, now_s),
+            ]
             hold = min(holds, key=lambda hold: hold.mps, default=None)
             if hold is not None and hold.mps < speed:
                 wanted, code, text = _scaled(wanted, hold.mps / speed), hold.code, hold.text
@@ -216,11 +247,25 @@ class Gate:
 
     def _standing_limits(self, now_s: float) -> tuple[str, ...]:
         """In words, every limit on speed that holds whatever is in the way."""
-        holds = self._depth_hold()
+        holds = [*self._delay_holds(now_s), *self._depth_hold()]
         ways = (0.0, math.pi) if self.profile.limits.lateral_mps == 0.0 else (0.0, math.pi, 1.57, -1.57)
         for direction in ways:
             holds += self._direction_hold(direction, now_s)
         return tuple(hold.text for hold in holds)
+
+    def _delay_holds(self, now_s: float) -> list[Hold]:
+        """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""
+        parameters, full_mps = self.profile.parameters, self.profile.limits.forward_mps
+        linear, _ = braking.deceleration(self.profile)
+        holds = []
+        for code, delay_s, assumed_s, who in (
+            ("robot_late", self.latency.in_force_s(now_s), parameters.latency_s, "the robot answers"),
+            ("operator_late", self.operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
+        ):
+            if delay_s > assumed_s:
+                mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
+                holds.append(Hold(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps))
+        return holds
 
     def _depth_hold(self) -> list[Hold]:
         if not self.profile.has_depth:

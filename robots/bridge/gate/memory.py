@@ -141,9 +141,8 @@ class Memory:
 
     def _life_s(self, watched_s: NDArray[np.float64]) -> NDArray[np.float64]:
         shortest, longest = self._layer.shortest_life_s, self._layer.longest_life_s
-        share = np.clip((watched_s - BRIEFLY_S) / (LONG_S - BRIEFLY_S), 0.0, 1.0)
-        life_s: NDArray[np.float64] = shortest + (longest - shortest) * share
-        return life_s
+        life_s = shortest + (longest - shortest) / (LONG_S - BRIEFLY_S) * (watched_s - BRIEFLY_S)
+        return np.minimum(np.maximum(life_s, shortest), longest)
 
     def _expire(self, now_s: float) -> None:
         if self._first_expiry_s < now_s:
