@@ -330,6 +330,8 @@ class State(Struct, frozen=True):
     watchers: list[str]
     clock_skew_s: float | None
     refused: dict[str, int]  # refused messages so far, by code
+    latency_s: float = 0.0  # from a command to odometry that shows it, as the gate reckons with it
+    latency_measured: bool = False  # else it is the profile's
 
 
 class Scan(Struct, frozen=True):

@@ -113,6 +113,7 @@ class Core:
         elif self._page_gone:
             self._stick = Stick(self.config.stick)
         self._page_gone = False
+        self._gate.operator_delay_s = grant.delay_s
         self.grants.take(grant, link, now_s)
 
     def revoke(self, fence: int, reason: str, now_s: float) -> None:
@@ -262,6 +263,8 @@ class Core:
             watchers=watchers,
             clock_skew_s=self._skew_s if self._skew_s and abs(self._skew_s) > CLOCK_SKEW_S else None,
             refused=dict(self.refused),
+            latency_s=round(self._gate.latency.in_force_s(now_s), 2),
+            latency_measured=self._gate.latency.measured_s is not None,
         )
 
     def scan(self, now_s: float) -> wire.Scan:

@@ -8,6 +8,10 @@ function sensorText({ ok, age_s: ageS, text }) {
   return ok ? "ok" : `${ageS.toFixed(1)} s old`;
 }
 
+export function latencyText({ latency_s: latencyS, latency_measured: measured }) {
+  return `${Math.round(latencyS * 1000)} ms${measured ? "" : " (assumed)"}`;
+}
+
 function sameTexts(list, texts) {
   return (
     list.children.length === texts.length &&
@@ -27,9 +31,10 @@ export class Details {
   }
 
   set state(state) {
-    const { watchers, sensors, foreign, refusals, "all-limits": limits } = this.#parts;
+    const { watchers, sensors, latency, foreign, refusals, "all-limits": limits } = this.#parts;
     const { limits: standing = [] } = state.verdict;
     fill(limits, standing.length ? standing : ["None"]);
+    say(latency, latencyText(state));
     say(watchers, state.watchers.join(", ") || "Nobody");
     this.#showSensors(sensors, state.sensors);
     show(foreign, state.foreign.length > 0);

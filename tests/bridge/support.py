@@ -12,6 +12,7 @@ import numpy as np
 from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
+from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.sink import DriveSummary, Holder, RecordError, RecordSink
 from robots.bridge.store import Persisted
@@ -41,6 +42,8 @@ class OpenGate:
 
     def __init__(self) -> None:
         self.says: Callable[[Velocity], Verdict] | None = None
+        self.latency = Latency(LIMITS, 0.2)
+        self.operator_delay_s: float | None = None
 
     def observe_odometry(self, *_observation: object) -> None: ...
 

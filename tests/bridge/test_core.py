@@ -309,3 +309,10 @@ def test_a_robot_held_at_a_wall_is_still_one_drive(bench):
         bench.pass_time(0.05)
     bench.recorded()
     assert bench.sink.kinds == ["drive.start", "gate.begin"]
+
+
+def test_the_gate_reckons_with_the_way_to_the_page_and_the_page_is_shown_the_robots_latency(bench):
+    bench.core.grant(Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0, delay_s=0.7), 1, bench.now_s)
+    assert bench.gate.operator_delay_s == 0.7
+    state = bench.core.state(bench.now_s, [])
+    assert (state.latency_s, state.latency_measured) == (0.2, False)
