@@ -6,7 +6,7 @@ from robots.bridge.gate.memory import LASER_LAYER, Memory
 from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from
 from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.sight import sight
-from robots.bridge.gate.sources import Laser
+from robots.bridge.gate.sources import Laser, carried
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import Pose, SensorHealth
 
@@ -23,24 +23,27 @@ class LaserMemory:
         self.name = f"{laser.name}, remembered"
         self.word = f"{laser.word}, remembered"
         self._laser = laser
-        self._sensor_in_reverse = seen_from(ORIGIN, laser.pose)  # the base as the sensor sees it
         self._memory = Memory(LASER_LAYER)
-        self._points = NO_POINTS  # odometry frame
+        self._points = NO_POINTS  # base frame of `_stamp_s`
+        self._stamp_s: float | None = None
         self._resets = 0
         self._revision = 0
 
     def learn(self, trail: Trail, now_s: float) -> None:
         """Take in the laser's newest scan. One that does not match the odometry teaches nothing."""
-        self._forget_another_frame(trail)
         sweep, stamp_s = self._laser.sweep, self._laser.freshness.stamp_s
         base = None if stamp_s is None else trail.pose_at(stamp_s)
         if sweep is None or base is None:
             return
+        if self._resets != trail.resets:  # after a jump of the odometry what was remembered is anywhere
+            self._resets = trail.resets
+            self._memory.clear()
         self._memory.see(placed(self._laser.seen, base), base, now_s)
-        remembered = placed(self._memory.points(now_s), seen_from(ORIGIN, base))
-        told = sight(sweep, placed(remembered, self._sensor_in_reverse))
-        unseen = outside_hull(remembered.T[:, ~told.vouched].T, self._laser.footprint)
-        self._points = placed(unseen, base)
+        origin = seen_from(ORIGIN, base)
+        remembered = self._memory.points(now_s)
+        told = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
+        unseen = placed(remembered.T[:, ~told.vouched].T, origin)
+        self._points, self._stamp_s = outside_hull(unseen, self._laser.footprint), stamp_s
         self._memory.pass_through(told.through)
         self._revision += 1
 
@@ -48,17 +51,8 @@ class LaserMemory:
         return self._revision
 
     def points(self, trail: Trail, now_s: float) -> Points:
-        self._forget_another_frame(trail)
-        newest = trail.newest
-        return NO_POINTS if newest is None else placed(self._points, seen_from(ORIGIN, newest))
+        return carried(self._points, self._stamp_s, trail)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """As good as the laser."""
         return self._laser.health(trail, now_s)._replace(name=self.name)
-
-    def _forget_another_frame(self, trail: Trail) -> None:
-        """After a jump of the odometry what was remembered is anywhere."""
-        if self._resets != trail.resets:
-            self._resets = trail.resets
-            self._memory.clear()
-            self._points = NO_POINTS

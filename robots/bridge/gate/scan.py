@@ -125,7 +125,8 @@ def outside_hull(points: Points, footprint: Footprint) -> Points:
     """The points that are not the robot's own body."""
     if not len(points):
         return points
-    return points.T[:, footprint.gaps(points) >= -INSIDE_HULL_M].T
+    outside = footprint.gaps(points) >= -INSIDE_HULL_M
+    return points if outside.all() else points.T[:, outside].T
 
 
 def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> Points:

@@ -1,0 +1,570 @@
+"""What is out of view is remembered for a while, and what is seen to be gone is forgotten."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.bridge.gate.footprint import Disc
+from robots.bridge.gate.laser_memory import LaserMemory
+from robots.bridge.gate.memory import (
+    BRIEFLY_S,
+    DEPTH_LAYER,
+    GAP_S,
+    LASER_LAYER,
+    LONG_S,
+    PASSES,
+    Layer,
+    Memory,
+)
+from robots.bridge.gate.scan import Sweep
+from robots.bridge.gate.sight import sight
+from robots.bridge.gate.sources import Laser
+from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.values import STILL, Limits, Pose, Velocity
+from tests.gate.conftest import box_profile, tiago_profile
+from tests.gate.world import World, leg, wall
+
+NAN, INF = math.nan, math.inf
+HERE = Pose(0.0, 0.0, 0.0)
+SPOT = np.array([[1.0, 0.5]])
+
+
+def watched(layer, seconds, period_s=0.1):
+    """A memory that saw SPOT for so long, until now = `seconds`."""
+    memory = Memory(layer)
+    for number in range(round(seconds / period_s) + 1):
+        memory.see(SPOT, HERE, number * period_s)
+    return memory
+
+
+# --- the grid -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
+@pytest.mark.parametrize("seconds", [0.0, 0.5])
+def test_what_was_seen_in_passing_lives_for_the_shortest_life(layer, seconds):
+    memory = watched(layer, seconds)
+    assert len(memory.points(seconds + layer.shortest_life_s - 0.01)) == 1
+    assert len(memory.points(seconds + layer.shortest_life_s + 0.01)) == 0
+
+
+@pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
+@pytest.mark.parametrize("period_s", [0.025, 0.1])
+def test_what_was_watched_for_long_lives_for_the_longest_life_at_any_rate_of_scans(layer, period_s):
+    memory = watched(layer, 3.0, period_s)
+    assert len(memory.points(3.0 + layer.longest_life_s - 0.01)) == 1
+    assert len(memory.points(3.0 + layer.longest_life_s + 0.01)) == 0
+
+
+def test_life_grows_with_the_time_of_watching():
+    memory = watched(LASER_LAYER, 1.3)
+    assert len(memory.points(1.3 + 15.9)) == 1
+    assert len(memory.points(1.3 + 16.1)) == 0
+
+
+def test_two_ghosts_in_one_place_do_not_count_as_watching_in_between():
+    memory = Memory(LASER_LAYER)
+    memory.see(SPOT, HERE, 0.0)
+    memory.see(SPOT, HERE, 1.9)
+    assert len(memory.points(4.0)) == 0
+
+
+def test_after_six_metres_of_travel_everything_older_is_forgotten():
+    memory = watched(LASER_LAYER, 3.0)
+    for step in range(59):  # to and fro, so that it is the way that counts
+        memory.follow(Pose(0.1 * ((step + 1) % 2), 0.0, 0.0), 3.0)
+    assert len(memory.points(3.0)) == 1
+    memory.follow(HERE, 3.0)
+    memory.follow(Pose(0.11, 0.0, 0.0), 3.0)
+    assert len(memory.points(3.0)) == 0
+
+
+def test_the_point_itself_is_kept_and_the_newest_one():
+    memory = Memory(LASER_LAYER)
+    memory.see(np.array([[0.501, 0.502], [0.511, 0.512]]), HERE, 0.0)
+    np.testing.assert_array_equal(memory.points(0.0), [[0.511, 0.512]])
+    memory.see(np.array([[0.505, 0.506]]), HERE, 0.1)
+    np.testing.assert_array_equal(memory.points(0.1), [[0.505, 0.506]])
+
+
+def test_what_is_far_away_is_not_remembered_nor_found_again_where_it_never_was():
+    memory = Memory(LASER_LAYER)
+    width = 256 * 0.025
+    memory.see(np.array([[3.0, 0.0], [3.3, 0.0]]), HERE, 0.0)
+    assert len(memory.points(0.0)) == 1
+    there = Pose(width, 0.0, 0.0)
+    memory.see(np.array([[3.0 + width, 0.0]]), there, 0.1)
+    np.testing.assert_array_equal(memory.points(0.1), [[3.0 + width, 0.0]])
+
+
+def test_two_observations_of_free_space_forget_and_one_does_not():
+    memory = watched(DEPTH_LAYER, 1.0)
+    free = np.array([True])
+    memory.pass_through(free)
+    assert len(memory.points(1.0)) == 1
+    memory.see(SPOT, HERE, 1.1)
+    memory.pass_through(free)
+    assert len(memory.points(1.1)) == 1, "seen again in between"
+    memory.pass_through(free)
+    assert len(memory.points(1.1)) == 0
+
+
+def test_forgotten_is_forgotten_a_new_sighting_begins_anew():
+    memory = watched(LASER_LAYER, 5.0)
+    memory.clear()
+    assert len(memory.points(5.0)) == 0
+    memory.see(SPOT, HERE, 5.1)
+    assert len(memory.points(7.2)) == 0
+
+
+def test_the_revision_changes_when_points_come_and_when_they_expire():
+    memory = watched(LASER_LAYER, 0.0)
+    first = memory.revision(0.0)
+    assert memory.revision(1.9) == first
+    assert memory.revision(2.1) != first
+
+
+class Naive:
+    """The same rules over a dictionary, cell by cell."""
+
+    def __init__(self, layer):
+        self.layer, self.cells, self.robot, self.way = layer, {}, None, 0.0
+
+    def follow(self, pose, now_s):
+        if self.robot:
+            self.way += math.hypot(pose.x - self.robot.x, pose.y - self.robot.y)
+        self.robot = pose
+        self.cells = {key: cell for key, cell in self.cells.items() if self.near(*cell["point"], pose)}
+        self.cells = {key: cell for key, cell in self.cells.items() if cell["way"] >= self.way}
+        self.expire(now_s)
+
+    def near(self, x, y, pose):
+        return max(abs(x - pose.x), abs(y - pose.y)) <= 127 * self.layer.cell_m
+
+    def expire(self, now_s):
+        self.cells = {key: cell for key, cell in self.cells.items() if cell["until"] >= now_s}
+
+    def see(self, points, pose, now_s):
+        self.follow(pose, now_s)
+        before = dict(self.cells)
+        for x, y in points:
+            if not self.near(x, y, pose):
+                continue
+            key = math.floor(x / self.layer.cell_m), math.floor(y / self.layer.cell_m)
+            old = before.get(key)
+            watched = old["watched"] + min(now_s - old["seen"], GAP_S) if old else 0.0
+            share = min(max((watched - BRIEFLY_S) / (LONG_S - BRIEFLY_S), 0.0), 1.0)
+            life = self.layer.shortest_life_s + share * (
+                self.layer.longest_life_s - self.layer.shortest_life_s
+            )
+            self.cells[key] = {
+                "point": (x, y),
+                "watched": watched,
+                "seen": now_s,
+                "until": now_s + life,
+                "way": self.way + self.layer.travel_m,
+                "passes": 0,
+            }
+
+    def pass_through(self, points):
+        free = {tuple(point) for point in points}
+        for cell in self.cells.values():
+            cell["passes"] += cell["point"] in free
+        self.cells = {key: cell for key, cell in self.cells.items() if cell["passes"] < PASSES}
+
+    def points(self, now_s):
+        self.expire(now_s)
+        return sorted(cell["point"] for cell in self.cells.values())
+
+
+# An odd cell and odd steps: no figure falls upon a limit, where rounding would decide.
+COARSE = Layer(0.55, 3.03, 7.013, cell_m=0.0307)
+MOMENTS = st.lists(
+    st.tuples(
+        st.sampled_from([0.07, 0.11, 0.39]),  # seconds passed
+        st.integers(-9, 9),  # steps of the robot along x and y
+        st.integers(-9, 9),
+        st.integers(0, 2**20),  # which points: few places, so that they are seen again
+        st.integers(0, 12),  # how many
+        st.integers(0, 3),  # what is passed through: every n-th point
+    ),
+    max_size=60,
+)
+
+
+@given(MOMENTS, st.sampled_from([(0.0, 0.0), (1234.56, -9876.5), (-31.4, 7.85)]))
+@settings(max_examples=200, deadline=None)
+def test_the_rolling_grid_does_what_a_dictionary_does(moments, begin):
+    memory, naive = Memory(COARSE), Naive(COARSE)
+    now_s, (x, y) = 10.0, begin
+    for passed_s, dx, dy, seed, count, every in moments:
+        now_s, x, y = now_s + passed_s, x + 0.1013 * dx, y + 0.1013 * dy
+        pose, random = Pose(x, y, 0.0), np.random.default_rng(seed % 7)
+        points = np.array(begin) + random.uniform(-5.0, 5.0, (count, 2))
+        memory.see(points, pose, now_s)
+        naive.see(points.tolist(), pose, now_s)
+        known = memory.points(now_s)
+        free = np.zeros(len(known), dtype=bool)
+        if every:
+            free[::every] = True
+        naive.pass_through(known[free].tolist())
+        memory.pass_through(free)
+        assert sorted(map(tuple, memory.points(now_s).tolist())) == naive.points(now_s)
+    assert sorted(map(tuple, memory.points(now_s + 0.6).tolist())) == naive.points(now_s + 0.6)
+
+
+# --- what a scan can tell -------------------------------------------------------------------------
+
+STEP = math.radians(190) / 570
+
+
+def sweep(ranges):
+    return Sweep(ranges, -math.radians(95), STEP, 0.05, 25.0)
+
+
+def at(distance_m, degrees):
+    angle = math.radians(degrees)
+    return np.array([[distance_m * math.cos(angle), distance_m * math.sin(angle)]])
+
+
+def told(ranges, distance_m, degrees):
+    """(vouched, through) for one place."""
+    answer = sight(sweep(ranges), at(distance_m, degrees))
+    return bool(answer.vouched[0]), bool(answer.through[0])
+
+
+def hall(distance_m=INF):
+    return np.full(571, distance_m)
+
+
+def test_a_place_in_full_view_is_vouched_for_and_seen_through():
+    assert told(hall(), 2.0, 30.0) == (True, True)
+    assert told(hall(4.0), 2.0, 30.0) == (True, True)
+
+
+@pytest.mark.parametrize("degrees", [95.5, 120.0, 180.0, -96.0, 94.95])
+def test_nothing_is_known_outside_the_field_of_view_and_at_its_very_edge(degrees):
+    assert told(hall(), 2.0, degrees) == (False, False)
+
+
+def test_nothing_is_known_behind_what_is_hit():
+    assert told(hall(1.5), 2.0, 0.0) == (False, False)
+
+
+def test_what_is_hit_now_is_the_scans_own_to_tell():
+    assert told(hall(2.0), 2.0, 0.0) == (True, False)
+    assert told(hall(1.95), 2.0, 0.0) == (True, False)
+    assert told(hall(2.11), 2.0, 0.0) == (True, False), "a hand's breadth behind is not through"
+    assert told(hall(2.13), 2.0, 0.0) == (True, True)
+
+
+@pytest.mark.parametrize("lost", [NAN, -INF, 0.0, 30.0], ids=str)
+@pytest.mark.parametrize("beam", [284, 285, 286])
+def test_a_lost_beam_among_the_three_nearest_tells_nothing(lost, beam):
+    ranges = hall(4.0)
+    ranges[beam] = lost
+    assert told(ranges, 2.0, 0.0) == (False, False)
+    ranges[285] = ranges[beam]
+    assert told(ranges, 2.0, 1.5) == (True, True), "its neighbours still do"
+
+
+def test_a_beam_that_noise_may_have_bent_does_not_vouch_but_three_do_pass_through():
+    ranges = hall(NAN)
+    ranges[284:287] = [2.3, 2.0, 2.6]
+    assert told(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (False, False)
+    ranges[284:287] = [2.3, 2.2, 2.6]
+    assert told(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (True, True)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("beams_off", [-0.4, 0.0, 0.4, 0.9])
+def test_a_laser_that_sees_all_round_sees_over_its_seam(beams_off, sign):
+    step = math.tau / 720
+    ranges = np.full(720, 4.0)
+    place = at(2.0, math.degrees(math.pi + beams_off * step))
+    answer = sight(Sweep(ranges, -math.pi, sign * step, 0.05, 25.0), place)
+    assert answer.vouched[0] and answer.through[0]
+    ranges[[0, -1]] = 1.0
+    answer = sight(Sweep(ranges, -math.pi, sign * step, 0.05, 25.0), place)
+    assert not answer.vouched[0] and not answer.through[0]
+
+
+@given(
+    st.floats(-math.pi, math.pi),
+    st.floats(-math.pi, math.pi),
+    st.sampled_from([1.0, -1.0]),
+    st.integers(10, 720),
+    st.floats(0.3, 1.0),
+    st.integers(0, 2**20),
+)
+@settings(max_examples=300, deadline=None)
+def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, share, seed):
+    random = np.random.default_rng(seed)
+    increment = sign * share * math.tau / beams
+    ranges = random.choice(
+        [1.0, 1.5, 2.05, 3.0, INF, NAN, -INF], beams, p=[0.1, 0.1, 0.2, 0.2, 0.2, 0.1, 0.1]
+    )
+    try:
+        scan = Sweep(ranges, start, increment, 0.05, 25.0)
+    except ValueError:
+        return
+    place = 2.0 * np.array([[math.cos(bearing), math.sin(bearing)]])
+    offsets = [abs(math.remainder(start + number * increment - bearing, math.tau)) for number in range(beams)]
+    nearest = int(np.argmin(offsets))
+    if abs(sorted(offsets)[0] - sorted(offsets)[1]) < 1e-9:
+        return  # between two beams either may be the nearest
+    circle = abs(increment) * (beams + 0.5) > math.tau
+    three = [nearest - 1, nearest, nearest + 1]
+    seen = offsets[nearest] <= abs(increment) / 2
+    if circle:
+        three = [number % beams for number in three]
+    elif not 0 < nearest < beams - 1:
+        seen = False
+    ends = [scan.ends[number] for number in three] if seen else [-INF]
+    through = min(ends) > 2.12
+    trusted = seen and not any(scan.alone[number] for number in three) and min(ends) >= 1.9
+    answer = sight(scan, place)
+    assert (bool(answer.vouched[0]), bool(answer.through[0])) == (through or trusted, through)
+
+
+# --- a laser's memory -----------------------------------------------------------------------------
+
+
+class Bench:
+    """A laser at the base origin with its memory; the robot goes where it is told."""
+
+    def __init__(self):
+        self.laser = Laser("/scan", "laser", HERE, Disc(0.27))
+        self.memory = LaserMemory(self.laser)
+        self.trail = Trail(1.0, 20.0)  # it may turn at once
+        self.now_s = 100.0
+
+    def look(self, ranges, pose=HERE, seconds=0.1):
+        """Scans of this for so long, every 0.1 s."""
+        for _ in range(round(seconds / 0.1)):
+            self.now_s += 0.1
+            self.trail.add(self.now_s, pose, STILL)
+            self.laser.observe(self.now_s, self.now_s, ranges, -math.radians(95), STEP, 0.05, 25.0)
+            self.memory.learn(self.trail, self.now_s)
+
+    @property
+    def remembered(self):
+        return self.memory.points(self.trail, self.now_s)
+
+
+def something(distance_m=1.0, degrees=0.0, beams=5, behind=INF):
+    ranges = hall(behind)
+    middle = 285 + round(math.radians(degrees) / STEP)
+    ranges[middle - beams // 2 : middle + beams // 2 + 1] = distance_m
+    return ranges
+
+
+def test_what_is_in_view_is_not_given_twice():
+    bench = Bench()
+    bench.look(something(), seconds=1.0)
+    assert len(bench.remembered) == 0
+
+
+def test_what_turned_out_of_view_is_given_where_it_is():
+    bench = Bench()
+    bench.look(something(1.0, 90.0), seconds=1.0)
+    bench.look(hall(), pose=Pose(0.0, 0.0, math.radians(-30)))
+    assert len(bench.remembered) > 0
+    np.testing.assert_allclose(np.hypot(*bench.remembered.T), 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.arctan2(*bench.remembered.T[::-1]), math.radians(120), atol=0.02)
+
+
+def test_between_scans_memory_moves_with_the_robot():
+    bench = Bench()
+    bench.look(something(1.0, 90.0), seconds=1.0)
+    bench.look(hall(), pose=Pose(0.0, 0.0, math.radians(-30)))
+    bench.trail.add(bench.now_s + 0.05, Pose(0.0, 0.4, math.radians(-30)), STILL)
+    np.testing.assert_allclose(np.hypot(*bench.remembered.T), 0.6, atol=0.03)
+
+
+def test_what_is_hidden_behind_somebody_is_given():
+    bench = Bench()
+    bench.look(something(2.0), seconds=1.0)
+    bench.look(something(1.0, beams=21))
+    assert bench.remembered[:, 0] == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize("lost", [NAN, -INF])
+def test_what_the_laser_lost_sight_of_is_given(lost):
+    bench = Bench()
+    bench.look(something(2.0), seconds=1.0)
+    bench.look(something(lost, beams=41))
+    assert len(bench.remembered) > 0
+
+
+def test_seen_to_be_gone_it_is_not_given_any_more_and_after_two_scans_never_again():
+    for looks, left in ((1, True), (2, False)):
+        bench = Bench()
+        bench.look(something(2.0), seconds=3.0)
+        bench.look(hall(), seconds=0.1 * looks)
+        assert len(bench.remembered) == 0
+        bench.look(hall(), pose=Pose(0.0, 0.0, math.pi))
+        assert (len(bench.remembered) > 0) == left
+
+
+def test_a_ghost_of_one_scan_lives_two_seconds_and_only_where_nothing_tells_otherwise():
+    bench = Bench()
+    bench.look(something(2.0, 80.0, beams=3))
+    away = Pose(0.0, 0.0, math.radians(-90))
+    bench.look(hall(), pose=away, seconds=1.9)
+    assert len(bench.remembered) > 0
+    bench.look(hall(), pose=away, seconds=0.2)
+    assert len(bench.remembered) == 0
+
+
+def test_a_beam_that_stands_alone_is_not_remembered():
+    bench = Bench()
+    bench.look(something(2.0, beams=1))
+    bench.look(hall(), pose=Pose(0.0, 0.0, math.pi))
+    assert len(bench.remembered) == 0
+
+
+def test_what_lies_in_the_hull_is_not_given():
+    bench = Bench()
+    bench.look(something(1.0, 90.0), seconds=1.0)
+    bench.look(hall(), pose=Pose(0.0, 0.4, math.radians(-30)))
+    assert len(bench.remembered) > 0
+    bench.look(hall(), pose=Pose(0.0, 0.8, math.radians(-30)))
+    assert len(bench.remembered) == 0
+    bench.look(hall(), pose=Pose(0.0, 0.4, math.radians(-30)))
+    assert len(bench.remembered) > 0, "the odometry may have been wrong about it"
+
+
+def test_each_scan_that_taught_something_changes_the_revision():
+    bench = Bench()
+    before = bench.memory.revision(bench.now_s)
+    bench.look(hall())
+    assert bench.memory.revision(bench.now_s) != before
+
+
+@pytest.mark.parametrize("jump", ["pose", "clock"])
+def test_after_a_jump_of_the_odometry_nothing_is_known(jump):
+    bench = Bench()
+    bench.look(something(1.0, 90.0), seconds=1.0)
+    bench.look(hall(), pose=Pose(0.0, 0.0, math.radians(-30)))
+    assert len(bench.remembered) > 0
+    there = Pose(1.0 if jump == "pose" else 0.0, 0.0, math.radians(-30))
+    if jump == "pose":
+        bench.trail.add(bench.now_s + 0.02, there, STILL)
+    else:
+        bench.trail.add(bench.now_s - 60.0, there, STILL)
+        bench.now_s -= 60.0
+    assert len(bench.remembered) == 0
+    bench.look(hall(), pose=there)
+    assert len(bench.remembered) == 0
+
+
+def test_a_scan_that_matches_no_odometry_teaches_nothing():
+    bench = Bench()
+    bench.laser.observe(100.1, 100.1, something(), -math.radians(95), STEP, 0.05, 25.0)
+    bench.memory.learn(bench.trail, 100.1)
+    assert len(bench.remembered) == 0
+
+
+# --- the robot as it drives -----------------------------------------------------------------------
+
+SEEDS = [1, 2, 3]
+
+
+def half_blind_tiago():
+    """A TIAGo without sonars that reverses fast: what is behind it is known from memory only."""
+    return tiago_profile(
+        limits=Limits(1.0, 0.6, 0.0, 2.0944, 1.0, 2.0944), sonar_poses={}, sonar_fov={}, blind_mps=0.6
+    )
+
+
+def without_memory(world):
+    for memory in world.gate._memories.values():
+        memory.learn = lambda trail, now_s: None
+    return world
+
+
+def past_a_leg_and_back(world):
+    """Past a leg at the side, out of view, then back in a bend that leads over it. Returns all that was said."""
+    world.drive(Velocity(0.5, 0.0, 0.0), 3.6)
+    world.drive(STILL, 1.0)
+    return [world.drive(Velocity(-0.5, 0.0, -0.5), 0.05) for _ in range(80)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("x", [0.85, 0.95, 1.1])
+def test_a_leg_that_passed_out_of_view_is_not_hit_in_reverse(x, seed):
+    world = World(half_blind_tiago(), leg(x, 0.40), seed)
+    verdicts = past_a_leg_and_back(world)
+    assert world.least_gap_m > 0.0
+    held = [verdict for verdict in verdicts if verdict.code == "obstacle"]
+    assert held and all("laser, remembered" in verdict.text for verdict in held)
+
+
+def test_without_memory_the_same_leg_is_hit():
+    world = without_memory(World(half_blind_tiago(), leg(0.9, 0.40)))
+    past_a_leg_and_back(world)
+    assert world.least_gap_m < 0.0
+
+
+def turn_beside_a_leg(world):
+    world.drive(Velocity(0.5, 0.0, 0.0), 1.7)
+    world.drive(STILL, 1.0)
+    return world.drive(Velocity(0.0, 0.0, -1.0), 3.0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_corner_does_not_turn_into_a_leg_that_is_out_of_view(seed):
+    """The rear corner of a long box sweeps over what stands beside it, behind the laser's field of view."""
+    world = World(box_profile(), leg(0.4, 0.32), seed)
+    verdict = turn_beside_a_leg(world)
+    assert world.least_gap_m > 0.0
+    assert verdict.code == "obstacle" and "laser, remembered" in verdict.text
+
+
+def test_without_memory_the_corner_does_hit_it():
+    world = without_memory(World(box_profile(), leg(0.4, 0.32)))
+    turn_beside_a_leg(world)
+    assert world.least_gap_m < 0.0
+
+
+def person(x, y):
+    return np.array(leg(x, y, width=0.3), dtype=float).reshape(-1, 2, 2)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_who_walked_by_does_not_block_for_longer_than_the_shortest_life(seed):
+    """Somebody walks from the front along the side, close, to behind the robot and away."""
+    world = World(half_blind_tiago(), wall(6, -6, 6, 6), seed)
+    nobody = world.ends
+    for step in range(16):
+        world.ends = np.concatenate((nobody, person(1.5 - 0.1 * step, 0.5)))
+        world.drive(STILL, 0.1)
+    back = Velocity(-0.3, 0.0, -0.3)
+    for step in range(15):
+        world.ends = np.concatenate((nobody, person(-0.1 * step, 0.5 + 0.2 * step)))
+        world.drive(STILL, 0.1)
+    world.ends = nobody
+    assert len(world.gate._memories["/scan_raw"].points(world.gate._trail, world.now_s)), "left behind"
+    world.drive(STILL, LASER_LAYER.shortest_life_s - 1.4)
+    assert world.drive(back, 0.05).code == "free"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("stick", [Velocity(0.0, 0.0, 1.0), Velocity(0.3, 0.0, 0.4)], ids=["turn", "bend"])
+def test_boxed_in_by_what_is_no_longer_there_the_robot_gets_out(stick, seed):
+    """Everything about it was carried away unseen: the gate believes in a ring of walls around three sides."""
+    ring = wall(-0.4, -0.4, 0.3, -0.4) + wall(-0.4, 0.4, 0.3, 0.4) + wall(-0.4, -0.4, -0.4, 0.4)
+    world = World(half_blind_tiago(), ring, seed, half_view=math.pi * 0.999, beams=1000)
+    world.drive(STILL, 4.0)
+    world.half_view, world.beams, world.ends = math.radians(95), 572, person(9.0, 9.0)
+    assert world.drive(Velocity(-0.5, 0.0, 0.0), 1.0).code == "obstacle", "it is boxed in"
+    world.drive(stick, 6.0)
+    begin = world.pose
+    world.drive(Velocity(-0.5, 0.0, 0.0), 3.0)
+    assert math.hypot(world.pose.x - begin.x, world.pose.y - begin.y) > 1.0
