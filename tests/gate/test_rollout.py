@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -11,9 +12,17 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate import braking
 from robots.bridge.gate.footprint import footprint_of
-from robots.bridge.gate.rollout import CLEAR, MOVER_MARGIN_M, SHARES, Sent, safe_share, stepped_up
+from robots.bridge.gate.rollout import (
+    CLEAR,
+    MOVER_MARGIN_M,
+    SHARES,
+    Commands,
+    Sent,
+    safe_share,
+    stepped_up,
+)
 from robots.bridge.gate.values import STILL, Limits, Velocity
-from tests.gate.conftest import box_profile, tiago_profile
+from tests.gate.conftest import LASER, Feeder, box_profile, tiago_profile
 
 HOLONOMIC = Limits(1.0, 1.0, 0.8, 2.0, 1.0, 2.0)
 PROFILES = {
@@ -245,3 +254,68 @@ def test_steps_lead_up_no_faster_than_the_base_can_and_down_at_once(sent, wanted
 def test_from_standstill_the_first_step_is_one_period_of_acceleration():
     stepped = stepped_up(STILL, Velocity(1.0, 0.0, -2.0), PROFILES["box"], 0.05)
     assert stepped == pytest.approx(Velocity(0.05, 0.0, -0.1))
+
+
+# --- as the gate uses it --------------------------------------------------------------------------
+
+
+def ticks(feeder, stick, count):
+    """Decisions at 20 Hz in an unchanging world, each told what was sent before."""
+    verdicts, sent = [], STILL
+    for _ in range(count):
+        feeder.now_s += 0.05
+        feeder.all()
+        verdicts.append(feeder.gate.decide(stick, sent, feeder.now_s))
+        sent = verdicts[-1].velocity
+    return verdicts
+
+
+def test_the_gate_sends_no_more_than_the_base_can_follow_and_calls_that_free(tiago):
+    verdicts = ticks(tiago, Velocity(0.2, 0.0, 0.0), 5)
+    assert [verdict.velocity.vx for verdict in verdicts] == pytest.approx([0.1, 0.15, 0.2, 0.2, 0.2])
+    assert {verdict.code for verdict in verdicts} == {"free"}
+
+
+def test_after_a_pause_the_first_step_is_as_short_as_ever(tiago):
+    ticks(tiago, STILL, 1)
+    tiago.now_s += 60.0
+    tiago.all()
+    assert tiago.gate.decide(Velocity(1.0, 0.0, 0.0), STILL, tiago.now_s).velocity.vx == pytest.approx(0.1)
+
+
+def test_the_gate_remembers_what_is_on_its_way_and_names_what_is_in_it():
+    """A post beside the nose of a robot that drives on and is about to turn: the arcs pass it, their blend does not."""
+    feeder = Feeder(tiago_profile(scan_poses={LASER: (0.0, 0.0, 0.0)}))
+    feeder.velocity = Velocity(0.8, 0.0, 0.0)
+    feeder.ranges = np.full(571, math.inf)
+    feeder.ranges[282:289] = 0.62
+    feeder.all()
+    fast, turning = Velocity(0.8, 0.0, 0.0), Velocity(0.1, 0.0, 2.0)
+    for _ in range(3):
+        feeder.now_s += 0.05
+        feeder.all()
+        feeder.gate.decide(fast, fast, feeder.now_s)
+    with patch.object(feeder.gate.latency, "in_force_s", return_value=0.2):
+        verdict = feeder.gate.decide(turning, fast, feeder.now_s)
+    assert verdict.code == "obstacle"
+    assert verdict.sensor == LASER and verdict.side == "ahead"
+    assert verdict.text.endswith("laser, 0.3 m ahead")
+
+
+def commands_of(*sent):
+    commands = Commands()
+    for velocity, at_s in sent:
+        commands.add(velocity, at_s)
+    return commands
+
+
+def test_commands_are_kept_for_as_long_as_they_may_be_on_their_way():
+    fast, slow = Velocity(1.0, 0.0, 0.0), Velocity(0.5, 0.0, 0.0)
+    commands = commands_of((fast, 1.0), (slow, 1.1), (slow, 1.2), (STILL, 1.3))
+    assert commands.lately(1.4) == [
+        Sent(fast, pytest.approx(0.4)),
+        Sent(slow, pytest.approx(0.3)),
+        Sent(STILL, pytest.approx(0.1)),
+    ]
+    commands.add(STILL, 60.0)
+    assert commands.lately(60.0) == [Sent(STILL, pytest.approx(58.7))]

@@ -47,7 +47,17 @@ from robots.bridge.gate.health import (
 from robots.bridge.gate.laser_memory import LaserMemory
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.planar import joined
-from robots.bridge.gate.restraint import NEAR_MISS, Cause, clamped, is_finite, is_still, restrain
+from robots.bridge.gate.restraint import (
+    NEAR_MISS,
+    OBSTACLE,
+    Cause,
+    Restraint,
+    clamped,
+    is_finite,
+    is_still,
+    restrain,
+)
+from robots.bridge.gate.rollout import LONGEST_STEP_S, Commands, safe_share, stepped_up
 from robots.bridge.gate.sources import Laser, Sonar, Source
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import (
@@ -62,6 +72,7 @@ from robots.bridge.gate.values import (
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
+PERIOD_S = 0.05  # what is sent holds at most this long before the gate decides again
 
 
 class Gate:
@@ -76,6 +87,7 @@ class Gate:
         self._trail = Trail(fastest, limits.turn_radps)
         self._odometry = Freshness()
         self._velocity = STILL
+        self._commands = Commands()
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._reckoned = profile
         self._decided_s = -math.inf  # when the last twist was decided, and then sent
@@ -181,9 +193,15 @@ class Gate:
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         """What of `asked` may be sent now; `sent` is the twist that was published last."""
-        if is_finite(sent):
-            self.latency.sent(sent, self._decided_s)
+        sent = sent if is_finite(sent) else STILL
+        self.latency.sent(sent, self._decided_s)
+        self._commands.add(sent, now_s)
+        verdict = self._decided(asked, sent, now_s)
+        self._commands.add(verdict.velocity, now_s)
         self._decided_s = now_s
+        return verdict
+
+    def _decided(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         limits = self._standing_limits(now_s)
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
@@ -195,12 +213,41 @@ class Gate:
             return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
         wanted, code, text = self._held(asked, possible, now_s)
         obstacles = self.obstacles(now_s)
-        turn_rates = (self._velocity.w, sent.w) if is_finite(sent) else (self._velocity.w,)
+        turn_rates = (self._velocity.w, sent.w)
         profile = self._with_latency_of(now_s)
         found = restrain(wanted, turn_rates, obstacles.points, obstacles.source, self.footprint, profile)
+        step_s = min(now_s - self._decided_s, LONGEST_STEP_S)
+        risen = stepped_up(sent, found.velocity, profile, step_s)
+        rolled = self._rolled_out(risen, obstacles, profile, now_s)
+        if rolled.cause is not None:
+            return self._restrained(asked, wanted, rolled.velocity, rolled.cause, limits)
         if found.cause is None or found.velocity == wanted:
-            return Verdict(wanted, asked, code, text, limits=limits)
-        return self._restrained(asked, wanted, found.velocity, found.cause, limits)
+            return Verdict(risen, asked, code, text, limits=limits)
+        return self._restrained(asked, wanted, found.velocity, found.cause, limits)._replace(velocity=risen)
+
+    def _rolled_out(
+        self, candidate: Velocity, obstacles: Obstacles, profile: GateProfile, now_s: float
+    ) -> Restraint:
+        """The share of a candidate that stays clear when it is played out, and what is in the way of more."""
+        if is_still(candidate):
+            return Restraint(candidate)
+        rolled = safe_share(
+            candidate,
+            self._commands.lately(now_s),
+            self._velocity,
+            obstacles.points,
+            None,
+            self.footprint,
+            profile,
+            PERIOD_S,
+            profile.parameters.latency_s,
+        )
+        if rolled.share == 1.0:
+            return Restraint(candidate)
+        at = obstacles.points[rolled.row]
+        gap_m = float(self.footprint.gaps(at[None])[0])
+        cause = Cause(OBSTACLE, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
+        return Restraint(_scaled(candidate, rolled.share), cause)
 
     def _fault(self, now_s: float) -> Fault | None:
         """Data without which the robot must not move."""

@@ -9,6 +9,7 @@ is kept.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,6 +26,8 @@ MOVER_MARGIN_M = 0.10  # to what moves, in place of m_hard: where it will be is 
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest that is clear
 PIECE_S = 0.05  # a queue is played in pieces no longer than this
 MOST_POSES = 60  # of one braking
+REMEMBERED_S = 1.0  # commands: longer than any latency
+LONGEST_STEP_S = 0.1  # after a pause, what is sent does not make up for it
 
 
 class Sent(NamedTuple):
@@ -61,6 +64,24 @@ class _Rates(NamedTuple):
 
 
 CLEAR = Rolled(1.0)
+
+
+class Commands:
+    """What was published lately, as far as the gate is told."""
+
+    def __init__(self) -> None:
+        self._sent: deque[tuple[float, Velocity]] = deque()
+
+    def add(self, velocity: Velocity, now_s: float) -> None:
+        """Take note of the newest command. Told the same again, it is the one that is known already."""
+        if not self._sent or self._sent[-1][1] != velocity:
+            self._sent.append((now_s, velocity))
+        while len(self._sent) > 1 and now_s - self._sent[1][0] > REMEMBERED_S:
+            self._sent.popleft()
+
+    def lately(self, now_s: float) -> list[Sent]:
+        """Oldest first; the first of them was sent before all that can still be on its way."""
+        return [Sent(velocity, now_s - sent_s) for sent_s, velocity in self._sent]
 
 
 def safe_share(

@@ -1,0 +1,205 @@
+"""Movers in ray-cast scans: who walks is seen with his speed, and a standing world never moves, however badly seen."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.movers import MOST_MPS, Movers
+from robots.bridge.gate.planar import NO_POINTS, placed
+from robots.bridge.gate.scan import Sweep
+from robots.bridge.gate.values import STILL, Pose, Velocity
+from tests.gate.conftest import LASER, tiago_profile
+from tests.gate.world import ORIGIN, World, doorway, leg, wall
+
+ROOM = [*wall(5, -4, 5, 4), *wall(-2, 4, 5, 4), *wall(-2, -4, 5, -4), *wall(-2, -4, -2, 4)]
+FURNITURE = [
+    *leg(2.0, 0.8),
+    *leg(2.6, 0.8),
+    *leg(2.0, 1.6, 0.03),
+    *leg(3.0, -1.0, 0.4),
+    *wall(1.0, -2.0, 4.5, -2.6),
+    *doorway(4.0, 0.8, y=2.0)[:4],
+]
+SCAN_S = 0.1
+HALF_VIEW = math.radians(95)
+BEAMS = 572
+INCREMENT = 2 * HALF_VIEW / (BEAMS - 1)
+SENSOR = Pose(*tiago_profile().scan_poses[LASER])
+
+
+def person(x, y, radius=0.15):
+    """A body as an octagon."""
+    turns = np.linspace(0.0, math.tau, 9)
+    corners = [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]
+    return [(*a, *b) for a, b in pairwise(corners)]
+
+
+class Scene:
+    """Scans at 10 Hz of a room in which somebody may walk, from a robot that may drive, into one `Movers`."""
+
+    def __init__(self, seed=0, furniture=(), noise_m=0.01, drop_out=0.01, yaw_drift=0.0, way_drift=0.0):
+        self.world = World(tiago_profile(), ROOM, seed)
+        self.furniture = [*ROOM, *furniture]
+        self.movers = Movers()
+        self.now_s = 1000.0
+        self.noise_m, self.drop_out = noise_m, drop_out
+        self.yaw_drift, self.way_drift = yaw_drift, way_drift
+        self.told = ORIGIN  # by the odometry
+        self.points = NO_POINTS
+
+    def scan(self, somebody=()):
+        world, random = self.world, self.world.random
+        world.ends = np.array([*self.furniture, *somebody], dtype=float).reshape(-1, 2, 2)
+        ranges = world._rays(SENSOR, -HALF_VIEW + INCREMENT * np.arange(BEAMS))
+        ranges += random.normal(0.0, self.noise_m, BEAMS)
+        ranges[random.random(BEAMS) < self.drop_out] = math.nan
+        sweep = Sweep(ranges, -HALF_VIEW, INCREMENT, 0.05, 25.0)
+        sensor = Pose(*placed(np.array([SENSOR[:2]]), self.told)[0].tolist(), self.told.yaw)
+        self.points = placed(sweep.points(), sensor)
+        self.movers.observe(self.points, sweep, sensor, self.now_s)
+
+    def drive(self, velocity):
+        """On by 0.1 s; the odometry errs in proportion to the time that passes and the way that is made."""
+        self.now_s += SCAN_S
+        self.world.pose = self._on(self.world.pose, velocity.vx, velocity.w)
+        self.told = self._on(self.told, velocity.vx * (1 + self.way_drift), velocity.w + self.yaw_drift)
+
+    @staticmethod
+    def _on(pose, vx, w):
+        heading = pose.yaw + w * SCAN_S / 2
+        return Pose(
+            pose.x + SCAN_S * vx * math.cos(heading),
+            pose.y + SCAN_S * vx * math.sin(heading),
+            pose.yaw + w * SCAN_S,
+        )
+
+    def moving(self):
+        """The points that move, and their velocities."""
+        drift = self.movers.drift(self.points)
+        if drift is None:
+            return NO_POINTS, NO_POINTS
+        moving = drift.any(axis=1)
+        return self.points[moving], drift[moving]
+
+
+def walked(scene, start, velocity, seconds, robot=STILL, radius=0.15):
+    """What `Movers` says at each scan from half a second on: (where the person is, points, velocities)."""
+    seen = []
+    for step in range(round(seconds / SCAN_S)):
+        x, y = (start[axis] + velocity[axis] * step * SCAN_S for axis in (0, 1))
+        scene.scan(person(x, y, radius))
+        if step >= 5:
+            seen.append(((x, y), *scene.moving()))
+        scene.drive(robot)
+    return seen
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("start", "velocity"),
+    [
+        ((2.0, -1.5), (0.0, 1.0)),  # crossing
+        ((1.5, 1.2), (0.0, -0.6)),
+        ((3.5, 0.2), (-1.0, 0.0)),  # straight at the robot
+        ((3.0, -1.5), (-0.8, 0.8)),
+        ((2.5, 1.5), (-0.4, -1.2)),
+    ],
+)
+def test_who_walks_is_seen_with_about_the_right_velocity(start, velocity, seed):
+    seen = walked(Scene(seed), start, velocity, 2.0)
+    told = [velocities for _, points, velocities in seen if len(points)]
+    assert len(told) >= 0.8 * len(seen), "at nearly each scan"
+    errors = [np.hypot(*(velocities - velocity).T).mean() for velocities in told]
+    assert np.median(errors) < 0.25
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_moves_is_where_the_person_is_and_nothing_else(seed):
+    for (x, y), points, _ in walked(Scene(seed, FURNITURE), (2.5, -0.7), (0.0, 0.9), 1.5):
+        assert np.hypot(points[:, 0] - x, points[:, 1] - y).max(initial=0.0) < 0.35
+
+
+@pytest.mark.parametrize(
+    "robot", [Velocity(0.5, 0.0, 0.0), Velocity(0.3, 0.0, 0.8), Velocity(0.0, 0.0, -1.2)]
+)
+def test_who_walks_is_seen_from_a_robot_that_drives(robot):
+    seen = walked(Scene(4), (3.0, -0.8), (-0.2, 0.8), 1.5, robot)
+    assert sum(len(points) > 0 for _, points, _ in seen) >= 0.5 * len(seen)
+
+
+STANDING = {
+    "at rest": STILL,
+    "forward": Velocity(1.0, 0.0, 0.0),
+    "on an arc": Velocity(0.5, 0.0, 0.8),
+    "turning": Velocity(0.0, 0.0, 2.0),
+    "in reverse": Velocity(-0.2, 0.0, -0.5),
+}
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("robot", STANDING.values(), ids=STANDING)
+def test_in_a_standing_world_nothing_moves_whatever_noise_and_drift(robot, seed):
+    """Noise of 1 cm, 2% of drop-outs, 5% of the way and 1.2 deg/s wrong."""
+    sign = 1 if seed % 2 else -1
+    scene = Scene(seed, FURNITURE, drop_out=0.02, yaw_drift=sign * 0.02, way_drift=-sign * 0.05)
+    for _ in range(25):
+        scene.scan()
+        points, _ = scene.moving()
+        assert not len(points), points
+        scene.drive(robot)
+
+
+def test_who_stands_still_again_moves_no_longer():
+    scene = Scene(5)
+    walked(scene, (2.0, -1.0), (0.0, 1.0), 1.0)
+    last = walked(scene, (2.0, 0.0), (0.0, 0.0), 1.5)
+    assert not any(len(points) for _, points, _ in last[1:])
+
+
+def test_nobody_runs_faster_than_people_do():
+    for _, _, velocities in walked(Scene(6), (3.0, -2.2), (0.0, 1.9), 2.0):
+        assert np.hypot(*velocities.T).max(initial=0.0) <= MOST_MPS + 1e-9
+
+
+def test_who_leaves_straight_away_is_no_danger_and_stands():
+    seen = walked(Scene(7), (1.5, 0.0), (1.0, 0.0), 2.0)
+    assert not any(len(points) for _, points, _ in seen)
+
+
+def test_one_scan_alone_tells_nothing_and_a_pause_neither():
+    scene = Scene(8)
+    scene.scan(person(2.0, 0.0))
+    assert not len(scene.moving()[0])
+    scene.now_s += 3.0
+    scene.scan(person(2.0, 0.6))
+    assert not len(scene.moving()[0])
+
+
+def test_another_odometry_frame_makes_nothing_move():
+    scene = Scene(9)
+    walked(scene, (2.0, -1.0), (0.0, 1.0), 1.0)
+    scene.movers.clear()
+    assert not len(scene.moving()[0])
+    scene.scan(person(2.0, 0.0))
+    assert not len(scene.moving()[0])
+
+
+def test_stamps_that_go_back_start_anew():
+    scene = Scene(10)
+    walked(scene, (2.0, -1.0), (0.0, 1.0), 1.0)
+    scene.now_s -= 100.0
+    scene.scan(person(2.0, 0.5))
+    assert not len(scene.moving()[0])
+
+
+def test_an_empty_scan_is_fine():
+    scene = Scene(11)
+    scene.furniture = [(90.0, 0.0, 91.0, 0.0)]
+    for _ in range(8):
+        scene.scan()
+        scene.drive(STILL)
+    assert not len(scene.moving()[0])
