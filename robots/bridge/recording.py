@@ -1,0 +1,152 @@
+"""Recordings of what a gate was told and what it answered, and playing them again.
+
+A file is gzip of frames, each a length (4 bytes, big-endian) and a msgpack value: first the gate's profile, then
+``[method, arguments, answer]`` for each call that told or asked the gate something (``observe_...`` and ``decide``), in
+order. Numbers are kept to the last bit, NaN and infinities too.
+"""
+
+from __future__ import annotations
+
+import gzip
+import inspect
+import struct
+from collections.abc import Callable, Iterator
+from functools import wraps
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, cast, get_type_hints
+
+import msgspec
+import numpy as np
+
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import GateProfile, Velocity, Verdict
+
+_ARRAY = 1  # msgpack's extension: a dtype's name, a zero byte, the shape as text, a zero byte, the numbers
+_LARGEST_FRAME = 16 * 1024 * 1024
+_LENGTH = struct.Struct(">I")
+
+
+class BadRecording(ValueError):
+    """A file that is no recording, or one that was cut or damaged, in words."""
+
+
+class Decision(NamedTuple):
+    """One decision, as it was recorded and as it is taken now."""
+
+    now_s: float
+    asked: Velocity
+    recorded: Verdict
+    replayed: Verdict
+
+    @property
+    def same(self) -> bool:
+        """Whether every bit of the verdict is the same."""
+        return _encoder.encode(self.recorded) == _encoder.encode(self.replayed)
+
+
+class Recorder:
+    """Context: writes down all that passes through `recorded(gate)`."""
+
+    def __init__(self, path: Path, profile: GateProfile) -> None:
+        self._file = gzip.open(path, "wb", compresslevel=3)  # noqa: SIM115 - closed on leaving the context
+        self._write(profile)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def recorded(self, gate: Gate) -> Gate:
+        """The same gate; what it is told from now on is written down."""
+        for method in _methods():
+            setattr(gate, method, self._noted(method, getattr(gate, method)))
+        return gate
+
+    def _noted(self, method: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        signature = inspect.signature(call)
+
+        @wraps(call)
+        def note(*args: Any, **named: Any) -> Any:
+            answer = call(*args, **named)
+            bound = signature.bind(*args, **named)
+            bound.apply_defaults()
+            self._write((method, list(bound.args), answer if method == "decide" else None))
+            return answer
+
+        return note
+
+    def _write(self, frame: object) -> None:
+        raw = _encoder.encode(frame)
+        self._file.write(_LENGTH.pack(len(raw)) + raw)
+
+
+def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterator[Decision]:
+    """Tell a new gate all that the recorded one was told. BadRecording if the file makes no sense."""
+    frames = _frames(path)
+    try:
+        gate = gate_of(msgspec.msgpack.decode(next(frames), type=GateProfile))
+    except (StopIteration, msgspec.MsgspecError) as error:
+        raise BadRecording(f"{path.name} does not begin with a gate's profile") from error
+    arguments = {method: _kinds(getattr(Gate, method)) for method in _methods()}
+    for number, frame in enumerate(frames, 1):
+        try:
+            method, given, answer = _decoder.decode(frame)
+            kinds = arguments[method]
+            args = [_converted(value, kind) for value, kind in zip(given, kinds, strict=True)]
+        except (KeyError, TypeError, ValueError, msgspec.MsgspecError) as error:
+            raise BadRecording(f"{path.name}: call {number} makes no sense: {error}") from error
+        replayed = getattr(gate, method)(*args)
+        if method == "decide":
+            recorded = msgspec.convert(answer, Verdict)
+            yield Decision(args[2], args[0], recorded, replayed)
+
+
+def _frames(path: Path) -> Iterator[bytes]:
+    try:
+        with gzip.open(path, "rb") as file:
+            while head := file.read(_LENGTH.size):
+                [length] = _LENGTH.unpack(head)
+                frame = file.read(min(length, _LARGEST_FRAME))
+                if len(frame) != length:
+                    raise BadRecording(f"{path.name} ends in the middle of a call")
+                yield frame
+    except (OSError, EOFError, struct.error) as error:
+        raise BadRecording(f"{path.name} is no recording, or was cut: {error}") from error
+
+
+def _methods() -> list[str]:
+    return [name for name in vars(Gate) if name.startswith("observe_") or name == "decide"]
+
+
+def _kinds(method: Callable[..., Any]) -> list[Any]:
+    """The types of a method's arguments, `self` apart."""
+    hints = get_type_hints(method)
+    return [hints[name] for name in list(inspect.signature(method).parameters)[1:]]
+
+
+def _converted(value: Any, kind: Any) -> Any:
+    return value if isinstance(value, np.ndarray) else msgspec.convert(value, kind)
+
+
+def _packed(value: Any) -> msgspec.msgpack.Ext:
+    if not isinstance(value, np.ndarray):
+        raise NotImplementedError(f"a {type(value).__name__} cannot be recorded")
+    shape = ",".join(map(str, value.shape))
+    head = f"{value.dtype.str}\0{shape}\0".encode()
+    return msgspec.msgpack.Ext(_ARRAY, head + np.ascontiguousarray(value).tobytes())
+
+
+def _unpacked(code: int, raw: memoryview) -> Any:
+    if code != _ARRAY:
+        raise ValueError(f"unknown extension {code}")
+    dtype, shape, numbers = bytes(raw).split(b"\0", 2)
+    sizes = [int(size) for size in shape.decode().split(",") if size]
+    return np.frombuffer(numbers, dtype=np.dtype(dtype.decode())).reshape(sizes)
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=_packed)
+_decoder = msgspec.msgpack.Decoder(ext_hook=cast(Any, _unpacked))
