@@ -27,7 +27,8 @@ from robots.bridge.gate.sources import Laser
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import STILL, Limits, Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
-from tests.gate.world import World, leg, wall
+from tests.gate.test_driving import towards
+from tests.gate.world import World, doorway, leg, wall
 
 NAN, INF = math.nan, math.inf
 HERE = Pose(0.0, 0.0, 0.0)
@@ -332,6 +333,15 @@ def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, shar
     assert (bool(answer.vouched[0]), bool(answer.through[0])) == (through or trusted, through)
 
 
+def test_steadied_ranges_are_averages_over_one_surface_and_never_over_two():
+    ranges = hall()
+    ranges[100:105] = [2.00, 2.02, 1.98, 2.01, 1.99]
+    ranges[105:108] = [2.5, 2.5, 2.5]
+    distances = np.hypot(*sweep(ranges).steadied().T)
+    np.testing.assert_allclose(distances[:5], [2.00, 2.0025, 2.00, 2.00, 5.98 / 3])
+    np.testing.assert_allclose(distances[5:], 2.5)
+
+
 # --- a laser's memory -----------------------------------------------------------------------------
 
 
@@ -531,6 +541,23 @@ def test_without_memory_the_corner_does_hit_it():
     world = without_memory(World(box_profile(), leg(0.4, 0.32)))
     turn_beside_a_leg(world)
     assert world.least_gap_m < 0.0
+
+
+def through_a_door(world):
+    """Seconds until it is passed."""
+    while world.pose.x < 3.2 and world.steps < 1500:
+        world.drive(towards(1.4 if world.pose.x < 0.9 else 4.5, 0.0, 0.5), 0.05)
+    return world.now_s - 50.0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("width", "ratio"), [(0.80, 1.01), (0.70, 1.03), (0.64, 1.15)])
+def test_door_posts_that_are_remembered_cost_next_to_no_time(width, ratio, seed):
+    posts = doorway(2.0, width)
+    with_memory = World(tiago_profile(), posts, seed)
+    without = without_memory(World(tiago_profile(), posts, seed))
+    assert through_a_door(with_memory) <= ratio * through_a_door(without)
+    assert with_memory.least_gap_m > 0.0
 
 
 def person(x, y):
