@@ -51,7 +51,7 @@ class Scene:
         self.told = ORIGIN  # by the odometry
         self.points = NO_POINTS
 
-    def scan(self, somebody=()):
+    def scan(self, somebody=(), frame=0):
         world, random = self.world, self.world.random
         world.ends = np.array([*self.furniture, *somebody], dtype=float).reshape(-1, 2, 2)
         ranges = world._rays(SENSOR, -HALF_VIEW + INCREMENT * np.arange(BEAMS))
@@ -60,7 +60,7 @@ class Scene:
         sweep = Sweep(ranges, -HALF_VIEW, INCREMENT, 0.05, 25.0)
         sensor = Pose(*placed(np.array([SENSOR[:2]]), self.told)[0].tolist(), self.told.yaw)
         self.points = placed(sweep.points(), sensor)
-        self.movers.observe(self.points, sweep, sensor, self.now_s)
+        self.movers.observe(self.points, sweep, sensor, self.now_s, frame)
 
     def drive(self, velocity):
         """On by 0.1 s; the odometry errs in proportion to the time that passes and the way that is made."""
@@ -80,9 +80,8 @@ class Scene:
     def moving(self):
         """The points that move, and their velocities."""
         drift = self.movers.drift(self.points)
-        if drift is None:
-            return NO_POINTS, NO_POINTS
         moving = drift.any(axis=1)
+        assert self.movers.any or not moving.any()
         return self.points[moving], drift[moving]
 
 
@@ -182,9 +181,8 @@ def test_one_scan_alone_tells_nothing_and_a_pause_neither():
 def test_another_odometry_frame_makes_nothing_move():
     scene = Scene(9)
     walked(scene, (2.0, -1.0), (0.0, 1.0), 1.0)
-    scene.movers.clear()
-    assert not len(scene.moving()[0])
-    scene.scan(person(2.0, 0.0))
+    assert len(scene.moving()[0])
+    scene.scan(person(2.0, 0.0), frame=1)
     assert not len(scene.moving()[0])
 
 
@@ -203,3 +201,46 @@ def test_an_empty_scan_is_fine():
         scene.scan()
         scene.drive(STILL)
     assert not len(scene.moving()[0])
+
+
+# --- as the gate uses it --------------------------------------------------------------------------
+
+
+class Crossing(World):
+    """Somebody walks across, or at the robot, on a straight line and through it if need be."""
+
+    def __init__(self, seed, start, velocity):
+        super().__init__(tiago_profile(), ROOM, seed)
+        self.start, self.walk = start, velocity
+        self.touched_at_mps = None
+
+    def _sense(self):
+        x, y = (self.start[axis] + self.walk[axis] * (self.now_s - 50.0) for axis in (0, 1))
+        self.ends = np.array([*ROOM, *person(x, y)], dtype=float).reshape(-1, 2, 2)
+        super()._sense()
+        near = math.hypot(x - self.pose.x, y - self.pose.y) < 0.15 + self.profile.radius_m
+        if near and self.touched_at_mps is None:
+            self.touched_at_mps = abs(self.velocity.vx)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("early_s", [0.0, 0.3, 0.6])
+def test_the_robot_stands_when_somebody_walks_into_its_way(seed, early_s):
+    """At 0.6 m/s it would meet him 2 m ahead, in the middle or with its shoulder."""
+    world = Crossing(seed, (2.0, -3.3 + 0.8 * early_s), (0.0, 0.8))
+    codes = set()
+    for _ in range(120):
+        verdict = world.drive(Velocity(0.6, 0.0, 0.0), 0.05)
+        codes.add(verdict.code)
+        if verdict.code == "mover":
+            assert "moving, laser, " in verdict.text and "ahead" in verdict.side
+    assert world.touched_at_mps is None or world.touched_at_mps < 0.02
+    assert "mover" in codes
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_from_somebody_who_comes_near_a_standing_robot_it_may_turn_away(seed):
+    world = Crossing(seed, (2.0, 0.0), (-0.8, 0.0))
+    world.drive(STILL, 1.6)
+    world.start, world.walk = (0.72, 0.0), (0.0, 0.0)
+    assert world.drive(Velocity(0.0, 0.0, 1.0), 0.5).velocity.w == pytest.approx(1.0)

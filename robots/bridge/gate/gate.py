@@ -21,6 +21,7 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
     scan_late         a laser's newest scan is older than 0.22 s: slowed, down to nothing at 0.28 s
     obstacle          braking must end before contact; slowed or stopped
     near_miss         something is passed closely; slowed
+    mover             something that moves would be met before the robot stands; slowed or stopped
     free              nothing is taken away
 """
 
@@ -46,9 +47,9 @@ from robots.bridge.gate.health import (
 )
 from robots.bridge.gate.laser_memory import LaserMemory
 from robots.bridge.gate.latency import Latency
-from robots.bridge.gate.planar import joined
+from robots.bridge.gate.movers import MOVER, Movers
+from robots.bridge.gate.planar import Points, joined, placed, put
 from robots.bridge.gate.restraint import (
-    NEAR_MISS,
     OBSTACLE,
     Cause,
     Restraint,
@@ -101,6 +102,7 @@ class Gate:
             for name, pose in profile.sonar_poses.items()
         }
         self._memories = {name: LaserMemory(laser) for name, laser in self._lasers.items()}
+        self._movers = {name: Movers() for name in self._lasers}
         self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *more)
         self._sources = (*self._sensors, *self._memories.values())
         self._names = tuple(source.name for source in self._sources)
@@ -134,6 +136,7 @@ class Gate:
             stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
         ):
             self._memories[source].learn(self._trail, arrival_s)
+            self._look_for_movers(laser)
 
     def observe_range(
         self, source: str, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float = math.inf
@@ -141,6 +144,13 @@ class Gate:
         """Take a sonar's range; at or above `max_range_m` is free. Malformed or unknown: as if nothing had come."""
         if sonar := self._sonars.get(source):
             sonar.observe(stamp_s, arrival_s, range_m, max_range_m)
+
+    def _look_for_movers(self, laser: Laser) -> None:
+        stamp_s = laser.freshness.stamp_s
+        base = None if stamp_s is None else self._trail.pose_at(stamp_s)
+        if stamp_s is not None and base is not None and laser.sweep is not None:
+            seen, sensor = placed(laser.seen, base), put(laser.pose, base)
+            self._movers[laser.name].observe(seen, laser.sweep, sensor, stamp_s, self._trail.resets)
 
     # --- what is known ------------------------------------------------------------------------
 
@@ -231,12 +241,13 @@ class Gate:
         """The share of a candidate that stays clear when it is played out, and what is in the way of more."""
         if is_still(candidate):
             return Restraint(candidate)
+        drift = self._drift(obstacles.points)
         rolled = safe_share(
             candidate,
             self._commands.lately(now_s),
             self._velocity,
             obstacles.points,
-            None,
+            drift,
             self.footprint,
             profile,
             PERIOD_S,
@@ -246,8 +257,21 @@ class Gate:
             return Restraint(candidate)
         at = obstacles.points[rolled.row]
         gap_m = float(self.footprint.gaps(at[None])[0])
-        cause = Cause(OBSTACLE, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
+        rule = OBSTACLE if drift is None or not drift[rolled.row].any() else MOVER
+        cause = Cause(rule, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
         return Restraint(_scaled(candidate, rolled.share), cause)
+
+    def _drift(self, points: Points) -> Points | None:
+        """How points of the base frame move by themselves, m/s; None if nothing moves."""
+        newest = self._trail.newest
+        moving = [movers for movers in self._movers.values() if movers.any]
+        if newest is None or not moving:
+            return None
+        there = placed(points, newest)
+        drift = np.zeros_like(there)
+        for movers in moving:
+            drift = np.where(drift.any(axis=1, keepdims=True), drift, movers.drift(there))
+        return placed(drift, Pose(0.0, 0.0, -newest.yaw))
 
     def _fault(self, now_s: float) -> Fault | None:
         """Data without which the robot must not move."""
@@ -345,7 +369,7 @@ class Gate:
         """The verdict about a twist that an obstacle holds back."""
         source = self._sources[cause.source]
         bearing = math.atan2(cause.point[1], cause.point[0])
-        reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule == NEAR_MISS)
+        reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule)
         return Verdict(
             allowed,
             asked,

@@ -20,6 +20,8 @@ from robots.bridge.gate.scan import Sweep
 from robots.bridge.gate.sight import sight
 from robots.bridge.gate.values import Pose
 
+MOVER = "mover"
+
 LOOK_BACK_S = 0.4
 OLDEST_LOOK_S = 0.6
 LEAST_POINTS = 3
@@ -63,16 +65,21 @@ class Movers:
     def __init__(self) -> None:
         self._looks: deque[_Look] = deque()
         self._movers: list[_Mover] = []
+        self._frame = 0
 
-    def clear(self) -> None:
-        """Forget everything: the odometry frame is another one now."""
-        self._looks.clear()
-        self._movers = []
+    @property
+    def any(self) -> bool:
+        """Whether anything moves."""
+        return bool(self._movers)
 
-    def observe(self, points: Points, sweep: Sweep, sensor: Pose, stamp_s: float) -> None:
-        """Take a scan; `points` in the order of its beams, from a sensor that was at `sensor`."""
-        if self._looks and stamp_s <= self._looks[-1].stamp_s:
-            self.clear()
+    def observe(self, points: Points, sweep: Sweep, sensor: Pose, stamp_s: float, frame: int = 0) -> None:
+        """Take a scan; `points` in the order of its beams, from a sensor that was at `sensor`.
+
+        Another `frame` than before says that the odometry has jumped: what was seen before tells nothing then.
+        """
+        if frame != self._frame or (self._looks and stamp_s <= self._looks[-1].stamp_s):
+            self._looks.clear()
+            self._frame = frame
         x, y = points.T
         near = np.flatnonzero(np.hypot(x - sensor.x, y - sensor.y) < NEAR_M)
         now = _Look(stamp_s, sensor, sweep, points.T[:, near].T)
@@ -83,8 +90,8 @@ class Movers:
         known = LOOK_BACK_S / 2.0 <= stamp_s - then.stamp_s <= OLDEST_LOOK_S
         self._movers = list(_movers(then, now)) if known else []
 
-    def drift(self, points: Points) -> Points | None:
-        """The velocity (m/s) of each point; None if nothing moves."""
+    def drift(self, points: Points) -> Points:
+        """The velocity (m/s) of each point."""
         drift = np.zeros_like(points)
         for mover in self._movers:
             (left, low), (right, high) = mover.points.min(axis=0) - SAME_M, mover.points.max(axis=0) + SAME_M
@@ -92,7 +99,7 @@ class Movers:
             about = np.flatnonzero((x > left) & (x < right) & (y > low) & (y < high))
             apart = points[about, None] - mover.points
             drift[about[np.hypot(*apart.T).min(axis=0) < SAME_M]] = mover.velocity
-        return drift if drift.any() else None
+        return drift
 
 
 def _movers(then: _Look, now: _Look) -> Iterator[_Mover]:

@@ -48,6 +48,13 @@ def seen_from(pose: Pose, viewer: Pose) -> Pose:
     return Pose(cos * dx + sin * dy, -sin * dx + cos * dy, wrapped(pose.yaw - viewer.yaw))
 
 
+def put(pose: Pose, base: Pose) -> Pose:
+    """`pose`, given in the frame that stands at `base`, in the frame in which `base` is given."""
+    cos, sin = math.cos(base.yaw), math.sin(base.yaw)
+    x, y = base.x + cos * pose.x - sin * pose.y, base.y + sin * pose.x + cos * pose.y
+    return Pose(x, y, wrapped(base.yaw + pose.yaw))
+
+
 def joined(parts: list[Points]) -> Points:
     """All points of several arrays, in order."""
     if not parts:

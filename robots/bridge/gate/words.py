@@ -16,6 +16,7 @@ SIDES = (
     "right",
     "ahead right",
 )
+MANNERS = {"near_miss": "passing close, ", "mover": "moving, "}
 WAYS = ("forward", "to the left", "in reverse", "to the right")
 
 
@@ -39,10 +40,9 @@ def what_is_left(wanted: Velocity, allowed: Velocity) -> str:
     return "only turning" if allowed.w else "stopped"
 
 
-def obstacle(word: str, gap_m: float, bearing: float, passing: bool) -> str:
-    """What holds back: "laser, 0.6 m ahead left"."""
-    near = "passing close, " if passing else ""
-    return f"{near}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
+def obstacle(word: str, gap_m: float, bearing: float, rule: str) -> str:
+    """What holds back: "laser, 0.6 m ahead left", and by which rule if that is not plain."""
+    return f"{MANNERS.get(rule, '')}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
 
 
 def way(direction: float) -> str:
