@@ -10,7 +10,6 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 
 import asyncio
 import logging
-import math
 import os
 import socket
 import struct
@@ -29,7 +28,8 @@ from geometry_msgs.msg import Twist, TwistStamped
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.ros.convert import planar
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
 from robots.bridge.ros.types import message_class
 
@@ -216,9 +216,7 @@ class RosBase:
 
     def _on_odometry(self, message: Any) -> None:
         arrival_s, wall_s = time.monotonic(), time.time()
-        position, twist = message.pose.pose.position, message.twist.twist
-        pose = Pose(position.x, position.y, _yaw(message.pose.pose.orientation))
-        velocity = Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
+        pose, velocity = planar(message)
         stamp_s = message.header.stamp.to_sec()
         self._post(lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s))
 
@@ -272,11 +270,6 @@ class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
             connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
             connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, SEND_PATIENCE)
-
-
-def _yaw(q: Any) -> float:
-    """Heading of a quaternion, radians."""
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
 
 
 def _twist(velocity: Velocity) -> Twist:

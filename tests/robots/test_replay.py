@@ -1,0 +1,62 @@
+"""``manage.py replay_gate``: the verdicts of a recording or a rosbag, in words."""
+
+from __future__ import annotations
+
+import math
+from io import StringIO
+
+import numpy as np
+import pytest
+from django.core.management import CommandError, call_command
+
+from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.recording import Recorder
+from tests.gate.conftest import Feeder, tiago_profile
+
+
+def recorded(path):
+    """Two seconds towards a wall that comes nearer."""
+    feeder, sent = Feeder(tiago_profile()), STILL
+    with Recorder(path, feeder.gate.profile) as recorder:
+        feeder.gate = recorder.recorded(feeder.gate)
+        for tick in range(40):
+            feeder.now_s += 0.05
+            feeder.ranges = np.full(571, 2.0 - 0.04 * tick)
+            feeder.all()
+            sent = feeder.gate.decide(Velocity(0.6, 0.0, 0.0), sent, feeder.now_s).velocity
+            feeder.velocity = sent
+    return path
+
+
+def replayed(*arguments):
+    out = StringIO()
+    call_command("replay_gate", *arguments, stdout=out)
+    return out.getvalue()
+
+
+def test_a_recording_gives_the_same_verdicts_and_each_change_in_words(tmp_path):
+    told = replayed(str(recorded(tmp_path / "wall.gate")))
+    assert "40 decisions, 0 other than recorded" in told
+    assert "obstacle" in told and "laser" in told
+
+
+def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatch, capsys):
+    file = recorded(tmp_path / "wall.gate")
+    monkeypatch.setattr("robots.bridge.gate.restraint.arc.speed", lambda twist: 2.0 * math.hypot(*twist[:2]))
+    with pytest.raises(SystemExit, match="1"):
+        call_command("replay_gate", str(file))
+    assert "recorded: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", [b"no recording at all", b""])
+def test_a_file_that_is_none_is_refused_in_words(tmp_path, text):
+    file = tmp_path / "rubbish.gate"
+    file.write_bytes(text)
+    with pytest.raises(CommandError, match=r"rubbish\.gate"):
+        replayed(str(file))
+
+
+@pytest.mark.django_db
+def test_a_bag_needs_a_robot_that_there_is(tmp_path):
+    with pytest.raises(CommandError, match="no robot 'nobody'"):
+        replayed(str(tmp_path / "drive.bag"), "--robot", "nobody")

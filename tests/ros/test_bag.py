@@ -1,0 +1,64 @@
+"""A rosbag of a drive, told to the gate."""
+
+from __future__ import annotations
+
+import pytest
+
+from robots.bridge.gate.gate import Gate
+from robots.bridge.recording import BadRecording
+from robots.bridge.ros import bag
+from tests.gate.conftest import LASER, tiago_profile
+
+import rosbag  # isort: skip
+from geometry_msgs.msg import Twist  # isort: skip
+from nav_msgs.msg import Odometry  # isort: skip
+from rospy import Time  # isort: skip
+from sensor_msgs.msg import LaserScan  # isort: skip
+
+from robots.bridge.config import ScanSource, Topic, Topics  # isort: skip
+
+TOPICS = Topics(
+    drive=Topic("/key_vel", "geometry_msgs/Twist"),
+    odometry=Topic("/odom", "nav_msgs/Odometry"),
+    scans=[ScanSource(LASER, (0.202, 0.0, 0.0))],
+)
+PROFILE = tiago_profile(sonar_poses={}, sonar_fov={})
+
+
+def filled(path, *, odometry=True):
+    """Two seconds of full stick towards a wall that comes nearer."""
+    with rosbag.Bag(str(path), "w") as file:
+        for tick in range(100):
+            at = Time.from_sec(1000.0 + 0.02 * tick)
+            pose = Odometry()
+            pose.header.stamp = at
+            pose.pose.pose.orientation.w = 1.0
+            pose.pose.pose.position.x, pose.twist.twist.linear.x = 0.018 * tick, 0.9
+            if odometry:
+                file.write("/odom", pose, at)
+            if tick % 5 == 0:
+                scan = LaserScan(angle_min=-1.6, angle_increment=0.0056, range_min=0.05, range_max=25.0)
+                scan.header.stamp = at
+                scan.ranges = [float("inf")] * 261 + [2.0 - 0.018 * tick] * 50 + [float("inf")] * 260
+                file.write(LASER, scan, at)
+                twist = Twist()
+                twist.linear.x = 1.0
+                file.write("/key_vel", twist, at)
+    return path
+
+
+def test_the_commands_of_a_bag_are_judged_by_what_the_bag_saw(tmp_path):
+    told = list(bag.drive(filled(tmp_path / "drive.bag"), Gate(PROFILE), TOPICS))
+    assert len(told) == 20
+    assert [told[0][0], told[-1][0]] == pytest.approx([1000.0, 1001.9])
+    assert told[-1][1].code == "obstacle"
+    assert told[-1][1].velocity.vx < 0.1 < told[5][1].velocity.vx
+
+
+def test_a_bag_without_odometry_or_no_bag_at_all_is_refused_in_words(tmp_path):
+    with pytest.raises(BadRecording, match="holds nothing on /odom"):
+        list(bag.drive(filled(tmp_path / "blind.bag", odometry=False), Gate(PROFILE), TOPICS))
+    rubbish = tmp_path / "rubbish.bag"
+    rubbish.write_bytes(b"#ROSBAG V2.0\nrubbish")
+    with pytest.raises(BadRecording, match=r"rubbish\.bag"):
+        list(bag.drive(rubbish, Gate(PROFILE), TOPICS))
