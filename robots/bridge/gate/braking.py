@@ -61,6 +61,11 @@ def speed_for(latency_s: float, full_mps: float, assumed_s: float, deceleration_
 
     v T + v^2 / 2a = V T_0 + V^2 / 2a, in m/s; at most `full_mps`.
     """
-    reaction = deceleration_mps2 * latency_s
     way_m = full_mps * assumed_s + full_mps**2 / (2.0 * deceleration_mps2)
-    return min(math.sqrt(reaction**2 + 2.0 * deceleration_mps2 * way_m) - reaction, full_mps)
+    return min(speed_within(way_m, latency_s, deceleration_mps2), full_mps)
+
+
+def speed_within(way_m: float, latency_s: float, deceleration_mps2: float) -> float:
+    """The speed (m/s) from which a robot stops within `way_m`: v T + v^2 / 2a = way."""
+    reaction = deceleration_mps2 * latency_s
+    return math.sqrt(reaction**2 + 2.0 * deceleration_mps2 * way_m) - reaction

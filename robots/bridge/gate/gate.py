@@ -13,7 +13,10 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
     scan_stale        a laser's newest scan is older than 0.5 s: stop, then neutral
     scan_unpaired     a scan's stamp does not match the odometry's: stop, then neutral
     robot_limit       more is asked than the robot can do
-    depth_missing     held to the blind speed: the depth camera is not used yet
+    depth_missing     held to the blind speed: no picture of the depth camera has come yet, or it is not used
+    depth_stale       held to the blind speed: the depth camera's newest picture is older than 0.5 s
+    head_away         held to the blind speed: the depth camera looks elsewhere; or to the speed from which the robot
+                      stops within what of a bent way is in its picture
     blind_direction   held to the blind speed: no sensor looks in the direction of travel
     sonar_stale       held to 0.1 m/s: the sonars that look in the direction of travel are silent
     robot_late        held back: the robot answers later than its profile assumes
@@ -34,8 +37,10 @@ import numpy as np
 from msgspec import structs
 
 from robots.bridge.gate import arc, braking, words
+from robots.bridge.gate.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.footprint import footprint_of
 from robots.bridge.gate.health import (
+    DEPTH_STALE_S,
     LASER_STALE_S,
     ODOMETRY_STALE_S,
     SONAR_STALE_MPS,
@@ -73,6 +78,8 @@ from robots.bridge.gate.values import (
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
+REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
+AHEAD = Velocity(1.0, 0.0, 0.0)
 PERIOD_S = 0.05  # what is sent holds at most this long before the gate decides again
 
 
@@ -103,8 +110,15 @@ class Gate:
         }
         self._memories = {name: LaserMemory(laser) for name, laser in self._lasers.items()}
         self._movers = {name: Movers() for name in self._lasers}
-        self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *more)
-        self._sources = (*self._sensors, *self._memories.values())
+        self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
+        depth, depth_memory = ((self._depth,), (self._depth.remembered,)) if self._depth else ((), ())
+        self._sensors: tuple[Source, ...] = (
+            *self._lasers.values(),
+            *self._sonars.values(),
+            *depth,
+            *more,
+        )
+        self._sources = (*self._sensors, *self._memories.values(), *depth_memory)
         self._names = tuple(source.name for source in self._sources)
         self._cached: tuple[tuple[int, ...], Obstacles] | None = None
 
@@ -144,6 +158,16 @@ class Gate:
         """Take a sonar's range; at or above `max_range_m` is free. Malformed or unknown: as if nothing had come."""
         if sonar := self._sonars.get(source):
             sonar.observe(stamp_s, arrival_s, range_m, max_range_m)
+
+    def observe_depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
+        """Take a depth camera's picture."""
+        if self._depth:
+            self._depth.observe(frame, stamp_s, arrival_s, self._trail)
+
+    def observe_bad_depth(self, why: str) -> None:
+        """A depth camera's picture came that cannot be used."""
+        if self._depth:
+            self._depth.complain(why)
 
     def _look_for_movers(self, laser: Laser) -> None:
         stamp_s = laser.freshness.stamp_s
@@ -301,7 +325,7 @@ class Gate:
             direction = math.atan2(wanted.vy, wanted.vx)
             holds = [
                 *self._delay_holds(now_s),
-                *self._depth_hold(),
+                *self._depth_hold(wanted, now_s),
                 *self._direction_hold(direction, now_s),
             ]
             hold = min(holds, key=lambda hold: hold.mps, default=None)
@@ -318,7 +342,7 @@ class Gate:
 
     def _standing_limits(self, now_s: float) -> tuple[str, ...]:
         """In words, every limit on speed that holds whatever is in the way."""
-        holds = [*self._delay_holds(now_s), *self._depth_hold()]
+        holds = [*self._delay_holds(now_s), *self._depth_hold(AHEAD, now_s)]
         ways = (0.0, math.pi) if self.profile.limits.lateral_mps == 0.0 else (0.0, math.pi, 1.57, -1.57)
         for direction in ways:
             holds += self._direction_hold(direction, now_s)
@@ -338,12 +362,39 @@ class Gate:
                 holds.append(Hold(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps))
         return holds
 
-    def _depth_hold(self) -> list[Hold]:
+    def _depth_hold(self, wanted: Velocity, now_s: float) -> list[Hold]:
+        """The limit for a way that the depth camera does not show, so that table tops in it may be news."""
         if not self.profile.has_depth:
             return []
+        age_s = self._depth.freshness.age_s(now_s) if self._depth else None
+        if self._depth is None:
+            return [self._blind("depth_missing", "the depth camera is not used yet, table tops are not seen")]
+        if age_s is None:
+            return [self._blind("depth_missing", "no picture of the depth camera has come yet")]
+        if age_s > DEPTH_STALE_S:
+            return [self._blind("depth_stale", f"the depth camera's picture is {age_s:.1f} s old")]
+        return self._head_hold(self._depth, wanted)
+
+    def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[Hold]:
+        """The limit for a way that leaves the depth camera's picture. No head turns far enough to look behind."""
+        direction = math.atan2(wanted.vy, wanted.vx)
+        if abs(direction) > REVERSE_RAD:
+            return []
+        sight_m = depth.sight_m(direction, wanted.w / arc.speed(wanted))
+        if sight_m == 0.0:
+            return [self._blind("head_away", "the depth camera looks away from the way ahead")]
+        if math.isinf(sight_m):
+            return []
+        linear, _ = braking.deceleration(self.profile)
+        mps = max(
+            braking.speed_within(sight_m, self.profile.parameters.latency_s, linear), self.profile.blind_mps
+        )
+        text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera's view"
+        return [Hold("head_away", text, mps)]
+
+    def _blind(self, code: str, why: str) -> Hold:
         mps = self.profile.blind_mps
-        why = "the depth camera is not used yet, table tops are not seen"
-        return [Hold("depth_missing", f"held to {words.figure(mps)} m/s: {why}", mps)]
+        return Hold(code, f"held to {words.figure(mps)} m/s: {why}", mps)
 
     def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
         """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""

@@ -13,6 +13,7 @@ LASER_HALT_S = 0.28  # with one tick more, zero is sent within 0.35 s of the las
 LASER_STALE_S = 0.5
 ODOMETRY_STALE_S = 0.2
 SONAR_STALE_S = 0.5
+DEPTH_STALE_S = 0.5
 SONAR_STALE_MPS = 0.1
 CLOCK_SET_BACK_S = 1.0  # stamps this much older than the last mean a clock that was set, not a late message
 

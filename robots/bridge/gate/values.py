@@ -54,6 +54,14 @@ class Limits(Struct, frozen=True):
     angular_radps2: float
 
 
+class DepthView(Struct, frozen=True):
+    """What the gate knows of a depth camera on the robot's head, and of the robot below it."""
+
+    fov: float  # horizontal, radians
+    height_m: float  # of the robot, with everything that lifts at its lowest
+    own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
+
+
 class GateProfile(Struct, frozen=True):
     """What the gate knows of a robot beforehand.
 
@@ -72,6 +80,7 @@ class GateProfile(Struct, frozen=True):
     blind_mps: float  # speed in directions, or heights, that nobody watches
     parameters: Parameters = Parameters()
     discs: tuple[tuple[float, float, float], ...] | None = None
+    depth: DepthView | None = None  # None with `has_depth`: there is one, and it is not used
 
 
 class Obstacles(NamedTuple):

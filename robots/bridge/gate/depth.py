@@ -1,0 +1,278 @@
+"""From what a depth camera measured to columns that the robot must not run into (GATE.md, methods 7 and 8).
+
+A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's own
+bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:
+x right, y down, z ahead. Floor and ceiling are taken away by the camera's pose alone, the robot's own body by its
+footprint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.planar import Points, from_columns
+from robots.bridge.gate.scan import Malformed
+
+Floats = NDArray[np.float32]
+Transform = NDArray[np.float64]  # (4, 4), from the camera's frame to the base frame
+
+COLUMNS = 160  # of a thinned picture, about
+MOST_PIXELS = 4096  # along a side
+NEAREST_M = 0.25
+FARTHEST_M = 4.0  # twice what is needed to stop from 1 m/s; beyond, tilt errors make obstacles of the floor
+FLOOR_M = 0.05  # what is lower than this passes for floor; the laser sees most of it
+TILT_ERROR = 0.01  # metres of height for each metre of distance: half a degree
+NOISE_PER_M = 0.0015  # sigma of a structured-light camera, by the square of the distance
+NOISE_SIGMAS = 1.5  # of what noise along the ray leaves in the height
+ABOVE_CAMERA_M = 0.08  # the head's top, and a margin: what hangs higher than this is passed below
+CELL_M = 0.05
+HITS = 3  # in one cell; fewer are noise
+BEHIND_M = 0.10  # what is measured this far behind a place passed through it
+HEIGHTS = 4  # of a column that are looked at to see through it
+
+_HALF = math.ceil((FARTHEST_M + 1.0) / CELL_M)  # cells from the base to the edge of the counting grid
+_SIDE = 2 * _HALF
+
+
+class Lens(NamedTuple):
+    """A pinhole camera: focal lengths and middle in pixels."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @classmethod
+    def seeing(cls, fov: float, width: int, height: int) -> Lens:
+        """One with a horizontal field of view (radians) and its middle in the middle."""
+        focal = width / 2.0 / math.tan(fov / 2.0)
+        return cls(focal, focal, width / 2.0, height / 2.0)
+
+
+class DepthImage(NamedTuple):
+    """A depth image as it came: `encoding` 32FC1 (metres) or 16UC1 (millimetres), rows `step` bytes apart."""
+
+    width: int
+    height: int
+    encoding: str
+    big_endian: bool
+    step: int
+    data: bytes
+
+
+class Cloud(NamedTuple):
+    """A point cloud as it came; `offsets` of the 32-bit floats x, y, z within a point, bytes."""
+
+    width: int
+    height: int
+    point_step: int
+    row_step: int
+    offsets: Mapping[str, int]
+    big_endian: bool
+    data: bytes
+
+
+class Picture(NamedTuple):
+    """Distances along the optical axis (rows, columns), metres: NaN is not known, infinity is nothing in reach.
+
+    `right` and `down` are where columns and rows look, as parts of that distance.
+    """
+
+    ahead: Floats
+    right: Floats
+    down: Floats
+
+
+class Columns(NamedTuple):
+    """Obstacles: places in the base frame, and between which heights something was seen there (metres)."""
+
+    points: Points
+    low: Floats
+    high: Floats
+
+
+# --- messages -> pictures --------------------------------------------------------------------------
+
+
+def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
+    """A thinned depth image. Malformed if it cannot be one."""
+    kinds = {"32FC1": "f4", "16UC1": "u2"}
+    if image.encoding not in kinds:
+        raise Malformed(f"its pictures are {image.encoding[:20]!r}, only 32FC1 and 16UC1 are understood")
+    _check_size(image.width, image.height)
+    kind = np.dtype((">" if image.big_endian else "<") + kinds[image.encoding])
+    if image.step < image.width * kind.itemsize:
+        raise Malformed("the rows of its pictures are too short")
+    if (image.height - 1) * image.step + image.width * kind.itemsize > len(image.data):
+        raise Malformed("its pictures are shorter than they say")
+    thin = _thinning(image.width, image.height)
+    rows, columns = image.height // thin, image.width // thin
+    first = thin // 2  # the middle of each square stands for it
+    start = first * (image.step + kind.itemsize)
+    strides = (thin * image.step, thin * kind.itemsize)
+    pixels = _view(image.data, (rows, columns), kind, start, strides)
+    ahead = pixels.astype(np.float32)
+    if kind.kind == "u":
+        ahead *= np.float32(0.001)
+    ahead[~(ahead > 0.0)] = np.nan
+    across = first + thin * np.arange(columns)
+    along = first + thin * np.arange(rows)
+    return Picture(ahead, _parts(across, lens.cx, lens.fx), _parts(along, lens.cy, lens.fy))
+
+
+def picture_of_cloud(cloud: Cloud, fov: float) -> Picture:
+    """The nearest points of a cloud, as a camera in its place would see them. Malformed if it is none."""
+    x, y, z = _coordinates(cloud)
+    columns, rows = COLUMNS, COLUMNS * 3 // 4
+    lens = Lens.seeing(fov, columns, rows)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        across = np.floor(x / z * np.float32(lens.fx) + np.float32(lens.cx))
+        along = np.floor(y / z * np.float32(lens.fy) + np.float32(lens.cy))
+        kept = (z > 0.0) & (across >= 0) & (across < columns) & (along >= 0) & (along < rows)
+    ahead = np.full(rows * columns, np.inf, dtype=np.float32)
+    np.minimum.at(ahead, (along[kept] * columns + across[kept]).astype(np.intp), z[kept])
+    ahead[np.isinf(ahead)] = np.nan  # a pixel without a point is not known to be free
+    right, down = (
+        _parts(np.arange(n) + 0.5, c, f)
+        for n, c, f in ((columns, lens.cx, lens.fx), (rows, lens.cy, lens.fy))
+    )
+    return Picture(ahead.reshape(rows, columns), right, down)
+
+
+def _coordinates(cloud: Cloud) -> tuple[Floats, Floats, Floats]:
+    """x, y, z of a thinned cloud, flat."""
+    if cloud.width < 1 or cloud.height < 1 or cloud.width * cloud.height > MOST_PIXELS**2:
+        raise Malformed("its clouds have no points, or far too many")
+    if not all(0 <= cloud.offsets.get(axis, -1) <= cloud.point_step - 4 for axis in "xyz"):
+        raise Malformed("its clouds have no x, y and z")
+    if cloud.row_step < cloud.width * cloud.point_step:
+        raise Malformed("the rows of its clouds are too short")
+    if cloud.height > 1:
+        thin = thin_rows = _thinning(cloud.width, cloud.height)
+    else:
+        thin, thin_rows = max(cloud.width // (COLUMNS * COLUMNS), 1), 1
+    shape = (math.ceil(cloud.height / thin_rows), math.ceil(cloud.width / thin))
+    strides = (thin_rows * cloud.row_step, thin * cloud.point_step)
+    kind = np.dtype(">f4" if cloud.big_endian else "<f4")
+    x, y, z = (
+        _view(cloud.data, shape, kind, cloud.offsets[axis], strides).astype(np.float32).ravel()
+        for axis in "xyz"
+    )
+    return x, y, z
+
+
+def _view(
+    data: bytes, shape: tuple[int, int], kind: np.dtype[np.generic], start: int, strides: tuple[int, int]
+) -> NDArray[np.generic]:
+    last = start + (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + kind.itemsize
+    if last > len(data):
+        raise Malformed("its pictures are shorter than they say")
+    view: NDArray[np.generic] = np.ndarray(shape, kind, data, start, strides)
+    return view
+
+
+def _check_size(width: int, height: int) -> None:
+    if not (2 <= width <= MOST_PIXELS and 2 <= height <= MOST_PIXELS):
+        raise Malformed(f"its pictures have {width} x {height} pixels")
+
+
+def _thinning(width: int, height: int) -> int:
+    """The side of the squares of which one pixel is taken; at least two squares fit either way."""
+    return max(min(width // COLUMNS, height // 2), 1)
+
+
+def _parts(pixels: NDArray[Any], centre: float, focal: float) -> Floats:
+    parts: Floats = ((pixels - centre) / focal).astype(np.float32)
+    return parts
+
+
+# --- pictures -> obstacles -------------------------------------------------------------------------
+
+
+def top_m(to_base: Transform, height_m: float) -> float:
+    """Up to where the robot reaches: at least `height_m`; the head rises with the camera, which stands in the head."""
+    return max(height_m, float(to_base[2, 3]) + ABOVE_CAMERA_M)
+
+
+def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:
+    """What stands above the floor and below the robot's own height, in cells of 5 cm with three hits at least."""
+    ahead = picture.ahead
+    turned = to_base.astype(np.float32)
+    per_metre = turned[2, 0] * picture.right + (turned[2, 1] * picture.down + turned[2, 2])[:, None]
+    with np.errstate(invalid="ignore", over="ignore"):
+        height = ahead * per_metre + turned[2, 3]
+        floor = FLOOR_M + ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead)
+        hit = (height > floor) & (height < highest_m) & (ahead > NEAREST_M) & (ahead < FARTHEST_M)
+    hits = np.flatnonzero(hit)
+    rows, columns = np.divmod(hits, ahead.shape[1])
+    far, right, down = ahead.ravel()[hits], picture.right[columns], picture.down[rows]
+    x = far * (turned[0, 0] * right + turned[0, 1] * down + turned[0, 2]) + turned[0, 3]
+    y = far * (turned[1, 0] * right + turned[1, 1] * down + turned[1, 2]) + turned[1, 3]
+    return _counted(x, y, height.ravel()[hits])
+
+
+def _counted(x: Floats, y: Floats, height: Floats) -> Columns:
+    """The middle of the hits in each cell that has enough of them."""
+    near = np.maximum(np.abs(x), np.abs(y)) < _HALF * CELL_M
+    x, y, height = x[near], y[near], height[near]
+    cells = _cell(x) * _SIDE + _cell(y)
+    counts = np.bincount(cells, minlength=_SIDE * _SIDE)
+    many = _rim(counts >= HITS)
+    low = np.full(len(counts), np.inf, dtype=np.float32)
+    high = np.full(len(counts), -np.inf, dtype=np.float32)
+    np.minimum.at(low, cells, height)
+    np.maximum.at(high, cells, height)
+    middle_x = np.bincount(cells, x, len(counts))[many] / counts[many]
+    middle_y = np.bincount(cells, y, len(counts))[many] / counts[many]
+    return Columns(from_columns(middle_x, middle_y), low[many], high[many])
+
+
+def _cell(along: Floats) -> NDArray[np.intp]:
+    cells: NDArray[np.intp] = np.floor(along * np.float32(1.0 / CELL_M)).astype(np.intp) + _HALF
+    return cells
+
+
+def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """The cells that have a free one beside them: nothing comes to the inside of a table top but over its edge."""
+    grid = occupied.reshape(_SIDE, _SIDE)
+    inside = np.zeros_like(grid)
+    inside[1:-1, 1:-1] = grid[:-2, 1:-1] & grid[2:, 1:-1] & grid[1:-1, :-2] & grid[1:-1, 2:]
+    return np.flatnonzero(grid & ~inside)
+
+
+# --- evidence of free space ------------------------------------------------------------------------
+
+
+def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
+    """Which columns (base frame) have gone: at each height where something was, and a pixel to either side, something
+    well behind is measured. What is out of view, or not measured, shows nothing.
+    """
+    count = len(columns.points)
+    share = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
+    height = columns.low + share * (columns.high - columns.low)
+    x, y = (np.broadcast_to(axis, height.shape) for axis in columns.points.T)
+    inverse = np.linalg.inv(to_base)
+    right, down, ahead = (
+        inverse[i, 0] * x + inverse[i, 1] * y + inverse[i, 2] * height + inverse[i, 3] for i in range(3)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        column = _pixel(picture.right, right / ahead)
+        row = _pixel(picture.down, down / ahead)
+    rows, wide = picture.ahead.shape
+    in_view = (ahead > NEAREST_M) & (row >= 0) & (row < rows) & (column >= 1) & (column < wide - 1)
+    at = np.where(in_view, row * wide + column, 1).astype(np.intp)
+    behind = ahead + BEHIND_M + 4.0 * NOISE_PER_M * ahead**2
+    measured = picture.ahead.ravel()
+    through = in_view & (measured[at] > behind) & (measured[at - 1] > behind) & (measured[at + 1] > behind)
+    return through.all(axis=0) if count else np.zeros(0, dtype=np.bool_)
+
+
+def _pixel(looks: Floats, part: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The number of the row or column that looks where `part` of the distance says; they are evenly spaced."""
+    pixels: NDArray[np.float64] = np.rint((part - looks[0]) / (looks[1] - looks[0]))
+    return pixels

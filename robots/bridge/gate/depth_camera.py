@@ -1,0 +1,248 @@
+"""The depth camera as two more sources of obstacles: what its newest picture shows, and what earlier ones showed.
+
+What a picture shows stays remembered until a later picture sees through the place: the edge of a table leaves the
+picture by its lower border long before the robot is there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robots.bridge.gate.depth import Columns, Floats, Picture, Transform, columns_of, seen_through, top_m
+from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
+from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, Layer, Memory
+from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.scan import outside_hull
+from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.values import DepthView, Pose, SensorHealth
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+TABLE_M = 0.7  # at this height,
+AHEAD_M = (
+    1.2,
+    1.6,
+    2.0,
+    2.5,
+)  # and at one of these distances, something must be in the picture of who looks ahead
+EDGE_RAD = (
+    0.24  # half the robot's width at 1.2 m: so far from the picture's edge the whole of the path is in it
+)
+
+
+class Frame(NamedTuple):
+    """A picture with the camera's pose, and what stands there (base frame of the picture's stamp)."""
+
+    picture: Picture
+    to_base: Transform
+    columns: Columns
+
+
+def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
+    """All that needs no odometry. It is the costly part, and may be done on another thread."""
+    return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
+
+
+class DepthCamera:
+    """What the newest picture shows; `remembered` is what earlier ones showed."""
+
+    kind = "depth"
+    name = "depth"
+    word = "depth"
+
+    def __init__(self, view: DepthView, footprint: Footprint) -> None:
+        self.footprint = footprint
+        self.freshness = Freshness()
+        self.remembered = DepthMemory(self)
+        self._view = view
+        self._memory = Memory(DEPTH_LAYER)
+        self._spans = _Spans(DEPTH_LAYER)
+        self._frame: Frame | None = None
+        self._seen = NO_POINTS  # odometry frame
+        self._resets = 0
+        self._complaint = ""
+        self._frames = 0
+        self._known: tuple[int, int, bool] = (0, 0, False)
+        self._revision = 0
+
+    # --- what comes in --------------------------------------------------------------------------
+
+    def observe(self, frame: Frame, stamp_s: float, arrival_s: float, trail: Trail) -> None:
+        """Take a picture; one that the odometry cannot place is none."""
+        self._forget_another_frame(trail)
+        base = trail.pose_at(stamp_s) if math.isfinite(stamp_s) else None
+        if base is None:
+            self._complaint = "its stamps do not match the odometry's"
+            return
+        if not self.freshness.advances(stamp_s, arrival_s):
+            return
+        self._complaint = ""
+        self._frame = frame
+        self._frames += 1
+        self._learn(frame, base, arrival_s)
+
+    def complain(self, why: str) -> None:
+        """A picture came that cannot be used, and why."""
+        self._complaint = why
+
+    def _learn(self, frame: Frame, base: Pose, now_s: float) -> None:
+        shown = self._without_robot(frame.columns)
+        self._seen = placed(shown.points, base)
+        self._memory.see(self._seen, base, now_s)
+        self._spans.note(self._seen, shown.low, shown.high)
+        remembered = self._memory.points(now_s)
+        from_base = placed(remembered, seen_from(ORIGIN, base))
+        columns = Columns(from_base, *self._spans.of(remembered))
+        self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
+
+    def _without_robot(self, columns: Columns) -> Columns:
+        """Within its footprint, and a little about it, the camera sees the robot itself."""
+        if not len(columns.points):
+            return columns
+        kept = self.footprint.gaps(columns.points) >= self._view.own_m
+        return Columns(columns.points.T[:, kept].T, columns.low[kept], columns.high[kept])
+
+    def _forget_another_frame(self, trail: Trail) -> None:
+        """After a jump of the odometry what was remembered is anywhere."""
+        if self._resets != trail.resets:
+            self._resets = trail.resets
+            self._memory.clear()
+            self._seen = NO_POINTS
+
+    # --- what is known --------------------------------------------------------------------------
+
+    def is_fresh(self, now_s: float) -> bool:
+        """Whether a usable picture came within half a second."""
+        return self.freshness.within(DEPTH_STALE_S, now_s)
+
+    def sight_m(self, direction: float, curvature: float) -> float:
+        """How far a way is in the picture that begins in `direction` (base frame) and bends by `curvature` (1/m, left
+        positive): metres along it, infinite if all of it, 0 if the camera looks elsewhere.
+        """
+        if self._frame is None or not _shows_tables(self._frame):
+            return 0.0
+        to_base, right = self._frame.to_base, self._frame.picture.right
+        heading = math.atan2(to_base[1, 2], to_base[0, 2])
+        half = math.atan(min(-float(right[0]), float(right[-1]))) - EDGE_RAD
+        off = wrapped(direction - heading)
+        if abs(off) > half:
+            return 0.0
+        # The chord to a place on an arc turns half as fast as the arc itself.
+        room = half - math.copysign(1.0, curvature) * off
+        return 2.0 * room / abs(curvature) if curvature else math.inf
+
+    def revision(self, now_s: float) -> int:
+        known = (self._frames, self._memory.revision(now_s), self.is_fresh(now_s))
+        if known != self._known:
+            self._known = known
+            self._revision += 1
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        self._forget_another_frame(trail)
+        newest = trail.newest
+        if newest is None or not self.is_fresh(now_s):
+            return NO_POINTS
+        return placed(self._seen, seen_from(ORIGIN, newest))
+
+    def unseen(self, trail: Trail, now_s: float) -> Points:
+        """What is remembered and not in the newest picture, base frame of the newest odometry."""
+        self._forget_another_frame(trail)
+        newest = trail.newest
+        if newest is None:
+            return NO_POINTS
+        remembered = self._memory.points(now_s)
+        if self.is_fresh(now_s) and len(remembered):
+            remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
+        return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        age_s = self.freshness.age_s(now_s)
+        if age_s is None:
+            text = self._complaint or "nothing has come yet"
+        elif age_s > DEPTH_STALE_S:
+            text = self._complaint or f"nothing new for {age_s:.1f} s"
+        else:
+            text = ""
+        return SensorHealth(self.name, self.kind, not text, age_s, text)
+
+
+class DepthMemory:
+    """What a depth camera showed earlier and shows no longer, as a source of its own."""
+
+    name = "depth, remembered"
+    word = "depth, remembered"
+
+    def __init__(self, camera: DepthCamera) -> None:
+        self._camera = camera
+
+    def revision(self, now_s: float) -> int:
+        return self._camera.revision(now_s)
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return self._camera.unseen(trail, now_s)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        """As good as the camera."""
+        return self._camera.health(trail, now_s)._replace(name=self.name)
+
+
+class _Spans:
+    """Between which heights something was seen, for each cell of a memory's grid.
+
+    Fixed arrays, indexed as the memory's are: by the cell's coordinates modulo `CELLS`. An entry whose cell is another
+    one now begins anew.
+    """
+
+    def __init__(self, layer: Layer) -> None:
+        self._cell_m = layer.cell_m
+        self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
+        self._owner = np.full(CELLS * CELLS, -1, dtype=np.int64)
+        self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
+
+    def note(self, points: Points, low: Floats, high: Floats) -> None:
+        """Something was seen at `points` (odometry frame) between these heights."""
+        entries, owners = self._entries(points)
+        other = self._owner[entries] != owners
+        self._low[entries[other]], self._high[entries[other]] = np.inf, -np.inf
+        self._owner[entries] = owners
+        np.minimum.at(self._low, entries, low)
+        np.maximum.at(self._high, entries, high)
+
+    def of(self, points: Points) -> tuple[Floats, Floats]:
+        """Lowest and highest heights at remembered points."""
+        entries, _ = self._entries(points)
+        return self._low[entries], self._high[entries]
+
+    def share_cells(self, points: Points, others: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Which of `points` lie in a cell with one of `others`."""
+        theirs, _ = self._entries(others)
+        mine, _ = self._entries(points)
+        self._marked[theirs] = True
+        shared = self._marked[mine]
+        self._marked[theirs] = False
+        return shared
+
+    def _entries(
+        self, points: Points
+    ) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
+        """Where in the arrays the points' cells are, and a number for each cell that no other has."""
+        column, row = (np.floor(axis / self._cell_m).astype(np.int64) for axis in points.T)
+        entries = (column & (CELLS - 1)) * CELLS + (row & (CELLS - 1))
+        return entries.astype(np.intp), (column << 32) ^ (row & 0xFFFFFFFF)
+
+
+def _shows_tables(frame: Frame) -> bool:
+    """Whether the picture's middle column shows table height at a distance that matters."""
+    to_base, down = frame.to_base, frame.picture.down
+    level = math.hypot(to_base[0, 2], to_base[1, 2])  # what of the optical axis lies in the floor's plane
+    if level < 1e-3:
+        return False
+    tilt = math.atan2(-to_base[2, 2], level)  # downwards
+    drop = float(to_base[2, 3]) - TABLE_M
+    lowest, highest = tilt + math.atan(float(down[-1])), tilt + math.atan(float(down[0]))
+    out = math.hypot(float(to_base[0, 3]), float(to_base[1, 3]))
+    return any(highest < math.atan2(drop, far - out) < lowest for far in AHEAD_M)

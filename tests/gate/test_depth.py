@@ -1,0 +1,513 @@
+"""Depth pictures become obstacles: floor, robot and ceiling away, table tops and walls kept and remembered."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.depth import (
+    Cloud,
+    Columns,
+    DepthImage,
+    Lens,
+    Picture,
+    columns_of,
+    picture_of_cloud,
+    picture_of_image,
+    seen_through,
+    top_m,
+)
+from robots.bridge.gate.depth_camera import frame_of
+from robots.bridge.gate.scan import Malformed
+from robots.bridge.gate.values import DepthView, Pose, Velocity
+from tests.gate.conftest import Feeder, tiago_profile
+
+FOV = math.radians(63.0)
+WIDTH, HEIGHT = 640, 480
+LENS = Lens.seeing(FOV, WIDTH, HEIGHT)
+VIEW = DepthView(FOV, height_m=1.10)
+HOME_M = 1.217  # the camera with the torso as in TIAGo's home posture
+LOOK_AHEAD = -0.68
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+FLOOR = ((-20.0, -20.0, -1.0), (20.0, 20.0, 0.0))
+TABLE = ((1.6, -0.8, 0.70), (2.6, 0.8, 0.74))  # its near edge 1.6 m from the base
+WALL = ((3.0, -5.0, 0.0), (3.1, 5.0, 2.5))
+
+
+def camera(tilt=0.0, pan=0.0, height_m=HOME_M):
+    """The camera's pose; a positive tilt looks up."""
+    forward = np.array([math.cos(tilt) * math.cos(pan), math.cos(tilt) * math.sin(pan), math.sin(tilt)])
+    left = np.array([-math.sin(pan), math.cos(pan), 0.0])
+    to_base = np.eye(4)
+    to_base[:3, :3] = np.stack((-left, -np.cross(forward, left), forward), axis=1)
+    to_base[:3, 3] = (0.175, 0.0, height_m)
+    return to_base
+
+
+def drawn(boxes, to_base, at=ORIGIN, noise=0.0, seed=0):
+    """What a camera on a robot at `at` measures of axis-parallel boxes, metres along its axis; NaN for nothing."""
+    right = (np.arange(2, WIDTH, 4) - LENS.cx) / LENS.fx  # as the simulated camera: one ray for 4 x 4 pixels
+    down = (np.arange(2, HEIGHT, 4) - LENS.cy) / LENS.fy
+    rays = np.stack(np.broadcast_arrays(right[None, :], down[:, None], 1.0), axis=-1) @ to_base[:3, :3].T
+    cos, sin = math.cos(at.yaw), math.sin(at.yaw)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    rays, origin = rays @ turn.T, turn @ to_base[:3, 3] + (at.x, at.y, 0.0)
+    nearest = np.full(rays.shape[:2], np.inf)
+    for low, high in boxes:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            first, second = (np.array(low) - origin) / rays, (np.array(high) - origin) / rays
+        enter = np.nanmax(np.minimum(first, second), axis=-1)
+        leave = np.nanmin(np.maximum(first, second), axis=-1)
+        nearest = np.where((enter <= leave) & (enter > 0.0), np.minimum(nearest, enter), nearest)
+    nearest[np.isinf(nearest)] = np.nan
+    nearest += np.random.default_rng(seed).standard_normal(nearest.shape) * noise * nearest**2
+    depth = nearest.astype(np.float32)
+    return depth.repeat(4, axis=0).repeat(4, axis=1)
+
+
+def image(depth, encoding="32FC1", big_endian=False, padding=0):
+    kind = np.dtype((">" if big_endian else "<") + ("f4" if encoding == "32FC1" else "u2"))
+    values = depth if encoding == "32FC1" else np.nan_to_num(depth * 1000.0)
+    rows = values.astype(kind).view(np.uint8).reshape(depth.shape[0], -1)
+    rows = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
+    return DepthImage(depth.shape[1], depth.shape[0], encoding, big_endian, rows.shape[1], rows.tobytes())
+
+
+def picture(boxes, to_base, **options):
+    return picture_of_image(image(drawn(boxes, to_base, **options)), LENS)
+
+
+def cloud_of(shown: Picture, big_endian=False, organised=True):
+    """The same as a cloud: x, y, z and four bytes of colour for each point."""
+    x, y = shown.ahead * shown.right, shown.ahead * shown.down[:, None]
+    points = np.stack((x, y, shown.ahead, np.zeros_like(x)), axis=-1).astype(">f4" if big_endian else "<f4")
+    rows, columns = x.shape if organised else (1, x.size)
+    offsets = {"x": 0, "y": 4, "z": 8}
+    return Cloud(columns, rows, 16, 16 * columns, offsets, big_endian, points.tobytes())
+
+
+def obstacles(boxes, to_base, **options) -> Columns:
+    return columns_of(picture(boxes, to_base, **options), to_base, top_m(to_base, VIEW.height_m))
+
+
+def nearest(columns: Columns) -> float:
+    return float(columns.points[:, 0].min())
+
+
+# --- messages ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("encoding", ["32FC1", "16UC1"])
+@pytest.mark.parametrize("big_endian", [False, True])
+@pytest.mark.parametrize("padding", [0, 12])
+def test_every_way_to_write_a_picture_shows_the_same(encoding, big_endian, padding):
+    depth = drawn([FLOOR, TABLE, WALL], camera())
+    shown = picture_of_image(image(depth, encoding, big_endian, padding), LENS)
+    np.testing.assert_allclose(shown.ahead, depth[2::4, 2::4], atol=0.001)
+
+
+def test_what_is_not_measured_is_not_known_and_infinity_is_nothing_in_reach():
+    depth = np.full((HEIGHT, WIDTH), 2.0, dtype=np.float32)
+    depth[:120], depth[120:240], depth[240:360] = np.nan, 0.0, np.inf
+    shown = picture_of_image(image(depth), LENS).ahead
+    assert np.isnan(shown[:60]).all()
+    assert np.isposinf(shown[60:90]).all()
+    assert (shown[90:] == 2.0).all()
+
+
+@pytest.mark.parametrize("organised", [True, False])
+@pytest.mark.parametrize("big_endian", [False, True])
+def test_a_cloud_shows_what_a_picture_shows(organised, big_endian):
+    to_base = camera(tilt=-0.3)
+    shown = picture([FLOOR, TABLE, WALL], to_base)
+    points = picture_of_cloud(cloud_of(shown, big_endian, organised), FOV)
+    by_cloud, by_image = (columns_of(each, to_base, 1.3) for each in (points, shown))
+    assert nearest(by_cloud) == pytest.approx(nearest(by_image), abs=0.03)
+    assert len(by_cloud.points) == pytest.approx(len(by_image.points), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"encoding": "rgb8"},
+        {"encoding": ""},
+        {"width": 0},
+        {"height": -3},
+        {"width": 2**31},
+        {"height": 100_000},
+        {"step": 4},
+        {"step": 2**31},
+        {"data": b""},
+        {"data": b"short"},
+        {"height": 481},
+    ],
+)
+def test_a_picture_that_cannot_be_one_is_refused(changes):
+    with pytest.raises(Malformed):
+        picture_of_image(image(np.ones((HEIGHT, WIDTH), dtype=np.float32))._replace(**changes), LENS)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width": 0},
+        {"width": 2**31, "height": 2**31},
+        {"point_step": 0},
+        {"point_step": 8},
+        {"row_step": 1},
+        {"row_step": 2**31},
+        {"offsets": {"x": 0, "y": 4}},
+        {"offsets": {"x": -4, "y": 4, "z": 8}},
+        {"data": b""},
+    ],
+)
+def test_a_cloud_that_cannot_be_one_is_refused(changes):
+    with pytest.raises(Malformed):
+        picture_of_cloud(cloud_of(picture([WALL], camera()))._replace(**changes), FOV)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 0.0, -1.0, 1e38, 1e-38])
+def test_pictures_of_nonsense_show_no_obstacle(value):
+    shown = picture_of_image(image(np.full((HEIGHT, WIDTH), value, dtype=np.float32)), LENS)
+    assert not len(columns_of(shown, camera(), 1.3).points)
+
+
+def test_random_bytes_break_nothing():
+    random = np.random.default_rng(1)
+    for encoding in ("32FC1", "16UC1"):
+        size = 4 if encoding == "32FC1" else 2
+        noise = DepthImage(64, 48, encoding, False, 64 * size, random.bytes(64 * 48 * size))
+        shown = picture_of_image(noise, Lens.seeing(FOV, 64, 48))
+        found = columns_of(shown, camera(), 1.3)
+        assert np.isfinite(found.points).all()
+
+
+def test_small_and_large_pictures_show_the_wall():
+    for width, height in ((8, 6), (320, 240), (1280, 720)):
+        shown = picture_of_image(
+            image(np.full((height, width), 2.0, dtype=np.float32)), Lens.seeing(FOV, width, height)
+        )
+        assert shown.ahead.shape[1] < 320
+        if width > 8:
+            assert nearest(columns_of(shown, camera(), 1.3)) == pytest.approx(2.175, abs=0.01)
+
+
+# --- floor, ceiling, noise ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tilt", [0.0, -0.3, LOOK_AHEAD, -1.0])
+@pytest.mark.parametrize("pan", [-0.6, 0.0, 0.6])
+@pytest.mark.parametrize("height_m", [1.067, HOME_M, 1.417])
+def test_a_floor_is_no_obstacle_however_the_head_stands(tilt, pan, height_m):
+    assert not len(obstacles([FLOOR], camera(tilt, pan, height_m), noise=0.0015).points)
+
+
+def test_a_floor_is_no_obstacle_when_the_tilt_is_half_a_degree_off():
+    seen = picture([FLOOR], camera(LOOK_AHEAD), noise=0.0015)
+    wrong = camera(LOOK_AHEAD + math.radians(0.5))
+    assert not len(columns_of(seen, wrong, 1.3).points)
+
+
+@pytest.mark.parametrize("height_m", [1.067, HOME_M, 1.417])
+@pytest.mark.parametrize("noise", [0.0, 0.0015])
+def test_the_edge_of_a_table_top_is_where_it_is(height_m, noise):
+    found = obstacles([FLOOR, TABLE], camera(-0.3, height_m=height_m), noise=noise)
+    assert nearest(found) == pytest.approx(1.6, abs=0.03)
+    assert found.points[:, 1].min() == pytest.approx(-0.8, abs=0.05)
+    assert found.points[:, 1].max() == pytest.approx(0.8, abs=0.05)
+
+
+def test_of_a_table_top_only_the_rim_is_kept():
+    found = obstacles([FLOOR, TABLE], camera(-0.3))
+    inside = (abs(found.points[:, 1]) < 0.6) & (abs(found.points[:, 0] - 1.85) < 0.15)
+    assert not inside.any()
+    assert len(found.points) < 300, "a table top of 1.0 m x 1.6 m has 640 cells"
+
+
+@pytest.mark.parametrize("pan", [-0.5, 0.5])
+def test_a_wall_is_where_it_is_with_the_head_turned(pan):
+    found = obstacles([FLOOR, WALL], camera(-0.1, pan), noise=0.0015)
+    assert np.median(found.points[:, 0]) == pytest.approx(3.0, abs=0.05)
+
+
+def test_a_seat_and_a_parcel_stand_above_the_floor():
+    seat, parcel = ((1.4, -0.2, 0.41), (1.8, 0.2, 0.45)), ((1.5, 0.5, 0.0), (1.7, 0.7, 0.12))
+    found = obstacles([FLOOR, seat, parcel], camera(LOOK_AHEAD), noise=0.0015)
+    assert (found.points[:, 1] < 0.3).any()
+    assert (found.points[:, 1] > 0.4).any()
+
+
+def test_what_hangs_above_the_robot_is_passed_below_and_what_it_would_hit_is_not():
+    lamp = ((1.5, -0.2, 1.35), (1.9, 0.2, 1.6))
+    assert not len(obstacles([FLOOR, lamp], camera()).points)
+    shelf = ((1.5, -0.2, 1.20), (1.9, 0.2, 1.6))
+    assert len(obstacles([FLOOR, shelf], camera()).points)
+    assert len(obstacles([FLOOR, lamp], camera(height_m=1.417)).points), "the torso is up"
+
+
+def test_two_hits_are_noise_and_three_are_not():
+    pixel = np.full((HEIGHT, WIDTH), np.nan, dtype=np.float32)
+    pixel[242, 322] = pixel[242, 326] = 1.0
+    assert not len(columns_of(picture_of_image(image(pixel), LENS), camera(), 1.3).points)
+    pixel[246, 322] = 1.0
+    assert len(columns_of(picture_of_image(image(pixel), LENS), camera(), 1.3).points) == 1
+
+
+# --- evidence ----------------------------------------------------------------------------------------
+
+
+def test_a_picture_sees_through_where_a_table_was_taken_away():
+    found = obstacles([FLOOR, TABLE, WALL], camera(-0.3))
+    table = found.points[:, 0] < 2.8
+    gone = seen_through(picture([FLOOR, WALL], camera(-0.3), noise=0.0015), camera(-0.3), found)
+    assert gone[table].mean() > 0.9
+    assert not gone[~table].any()
+
+
+def test_what_is_still_there_is_not_seen_through():
+    found = obstacles([FLOOR, TABLE, WALL], camera(-0.3))
+    for seed in range(5):
+        later = picture([FLOOR, TABLE, WALL], camera(-0.3), noise=0.0015, seed=seed)
+        assert not seen_through(later, camera(-0.3), found).any()
+
+
+def test_nothing_is_seen_through_out_of_view_or_behind_something():
+    found = obstacles([FLOOR, TABLE], camera(-0.3))
+    screen = ((1.0, -3.0, 0.0), (1.1, 3.0, 2.0))
+    nothing = Picture(
+        *(np.full_like(part, np.nan) if part.ndim == 2 else part for part in picture([FLOOR], camera(-0.3)))
+    )
+    for shown, to_base in (
+        (picture([FLOOR], camera(0.0, pan=1.3)), camera(0.0, pan=1.3)),
+        (picture([FLOOR], camera(0.6)), camera(0.6)),
+        (picture([FLOOR, screen], camera(-0.3)), camera(-0.3)),
+        (nothing, camera(-0.3)),
+    ):
+        assert not seen_through(shown, to_base, found).any()
+
+
+# --- the camera on the robot -------------------------------------------------------------------------
+
+
+class Looker(Feeder):
+    """A TIAGo whose laser sees an empty hall and whose camera sees boxes of the odometry frame."""
+
+    def __init__(self, boxes, **view) -> None:
+        super().__init__(tiago_profile(has_depth=True, depth=DepthView(FOV, 1.10, **view)))
+        self.boxes = boxes
+        self.pose = Pose(0.0, 0.0, 0.0)
+        self.to_base = camera()
+        self.seed = 0
+
+    def odometry(self):
+        self.gate.observe_odometry(self.stamp_s, self.now_s, self.pose, self.velocity)
+
+    def look(self):
+        self.seed += 1
+        shown = picture(self.boxes, self.to_base, at=self.pose, noise=0.0015, seed=self.seed)
+        frame = frame_of(shown, self.to_base, self.gate.profile.depth)
+        self.gate.observe_depth(frame, self.stamp_s, self.now_s)
+
+    def stand(self, seconds, looks=True):
+        for _ in range(round(seconds / 0.1)):
+            self.now_s += 0.1
+            self.all()
+            if looks:
+                self.look()
+
+    def nearest_by(self, name):
+        known = self.gate.obstacles(self.now_s)
+        mine = known.points[known.source == known.names.index(name)]
+        ahead = mine[np.abs(mine[:, 1]) < 0.3]
+        return float(ahead[:, 0].min()) if len(ahead) else math.inf
+
+    def sensor(self):
+        return next(s for s in self.gate.sensor_health(self.now_s) if s.kind == "depth")
+
+
+@pytest.fixture
+def looker():
+    looker = Looker([FLOOR, TABLE])
+    looker.stand(0.2)
+    return looker
+
+
+def test_a_table_top_stops_the_robot_at_its_edge_though_the_edge_leaves_the_picture(looker):
+    for step in range(400):
+        looker.now_s += 0.05
+        looker.all()
+        if step % 2:
+            looker.look()
+        verdict = looker.decide(1.0)
+        looker.velocity = Velocity(verdict.velocity.vx, 0.0, 0.0)
+        looker.pose = Pose(looker.pose.x + 0.05 * verdict.velocity.vx, 0.0, 0.0)
+    gap = 1.6 - looker.pose.x - 0.27
+    assert 0.0 < gap < 0.2
+    assert verdict.velocity.vx == 0.0
+    assert verdict.code == "obstacle"
+    assert verdict.text.startswith("stopped: depth")
+    assert verdict.side == "ahead"
+
+
+def test_with_a_clear_view_ahead_speed_is_free_and_what_is_seen_comes_from_the_camera(looker):
+    looker.boxes = [FLOOR]
+    looker.stand(0.5)
+    verdict = looker.decide(1.0)
+    assert verdict.velocity.vx == 1.0
+    assert verdict.limits == () or not any("depth" in limit for limit in verdict.limits)
+
+
+def test_a_table_that_is_carried_away_is_forgotten_after_two_pictures(looker):
+    assert looker.nearest_by("depth") == pytest.approx(1.6, abs=0.03)
+    looker.boxes = [FLOOR]
+    looker.stand(0.1)
+    assert looker.nearest_by("depth") == math.inf
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.06)
+    looker.stand(0.6)
+    assert looker.nearest_by("depth, remembered") > 2.0, "but for what lies deep in the shade of the noise"
+
+
+def test_what_left_the_picture_stays_remembered_while_the_head_looks_elsewhere(looker):
+    looker.to_base = camera(pan=1.2)
+    looker.stand(10.0)
+    assert looker.nearest_by("depth") == math.inf
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.05)
+    looker.stand(90.0, looks=False)
+    assert looker.nearest_by("depth, remembered") == math.inf
+
+
+def test_what_is_remembered_moves_with_the_robot(looker):
+    looker.pose = Pose(0.5, 0.0, 0.0)
+    looker.to_base = camera(pan=1.2)
+    looker.now_s += 0.6
+    looker.all()
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.1, abs=0.05)
+
+
+def test_a_jump_of_the_odometry_clears_what_was_remembered(looker):
+    looker.pose = Pose(7.0, 3.0, 1.0)
+    looker.stand(0.1, looks=False)
+    assert looker.nearest_by("depth") == looker.nearest_by("depth, remembered") == math.inf
+
+
+def test_the_robots_own_arm_is_no_obstacle():
+    gripper = ((0.20, -0.1, 0.8), (0.31, 0.1, 0.9))
+    looker = Looker([FLOOR, gripper])
+    looker.to_base = camera(-0.9)
+    looker.stand(0.3)
+    assert looker.nearest_by("depth") == math.inf
+    assert looker.nearest_by("depth, remembered") == math.inf
+    looker = Looker([FLOOR, gripper], own_m=0.0)
+    looker.to_base = camera(-0.9)
+    looker.stand(0.3)
+    assert looker.nearest_by("depth") < 0.35, "the camera does see it"
+
+
+# --- what the camera vouches for ---------------------------------------------------------------------
+
+
+def test_until_the_first_picture_speed_is_the_blind_one():
+    looker = Looker([FLOOR])
+    looker.stand(0.2, looks=False)
+    verdict = looker.decide(1.0)
+    assert verdict.velocity.vx == pytest.approx(0.3)
+    assert (verdict.code, verdict.text) == (
+        "depth_missing",
+        "held to 0.3 m/s: no picture of the depth camera has come yet",
+    )
+    assert not looker.sensor().ok
+
+
+def test_a_camera_that_falls_silent_means_blind_speed_after_half_a_second():
+    looker = Looker([FLOOR])
+    looker.stand(0.2)
+    looker.stand(0.5, looks=False)
+    assert looker.decide(1.0).velocity.vx == 1.0
+    looker.stand(0.1, looks=False)
+    verdict = looker.decide(1.0)
+    assert (verdict.velocity.vx, verdict.code) == (pytest.approx(0.3), "depth_stale")
+    assert verdict.text == "held to 0.3 m/s: the depth camera's picture is 0.6 s old"
+    assert looker.decide(-0.2).velocity.vx == pytest.approx(-0.2)
+    assert looker.sensor().text == "nothing new for 0.6 s"
+
+
+def test_frozen_stamps_are_no_pictures():
+    looker = Looker([FLOOR])
+    looker.stand(0.2)
+    frozen_s = looker.stamp_s
+    frame = frame_of(picture([FLOOR], camera()), camera(), VIEW)
+    for _ in range(8):
+        looker.now_s += 0.1
+        looker.all()
+        looker.gate.observe_depth(frame, frozen_s, looker.now_s)
+    assert looker.decide(1.0).code == "depth_stale"
+
+
+def test_pictures_that_the_odometry_cannot_place_do_not_count():
+    looker = Looker([FLOOR])
+    looker.all()
+    frame = frame_of(picture([FLOOR], camera()), camera(), VIEW)
+    for stamp_s in (looker.stamp_s - 3600.0, math.nan):
+        looker.gate.observe_depth(frame, stamp_s, looker.now_s)
+    assert looker.decide(1.0).code == "depth_missing"
+    assert looker.sensor().text == "its stamps do not match the odometry's"
+    looker.gate.observe_bad_depth("its pictures are 'rgb8'")
+    assert looker.sensor().text == "its pictures are 'rgb8'"
+
+
+@pytest.mark.parametrize("pan", [-0.35, 0.35, 1.2])
+def test_a_head_that_is_turned_away_means_blind_speed(pan):
+    looker = Looker([FLOOR])
+    looker.to_base = camera(pan=pan)
+    looker.stand(0.3)
+    verdict = looker.decide(1.0)
+    assert verdict.velocity.vx == pytest.approx(0.3)
+    assert verdict.code == "head_away"
+    assert verdict.text == "held to 0.3 m/s: the depth camera looks away from the way ahead"
+    assert looker.decide(-0.2).code != "head_away"
+
+
+@pytest.mark.parametrize("tilt", [0.5, -1.0])
+def test_a_head_that_looks_up_or_at_the_feet_means_blind_speed(tilt):
+    looker = Looker([FLOOR])
+    looker.to_base = camera(tilt)
+    looker.stand(0.3)
+    assert looker.decide(1.0).code == "head_away"
+
+
+@pytest.mark.parametrize("height_m", [1.067, HOME_M, 1.417])
+@pytest.mark.parametrize("tilt", [0.0, -0.3, LOOK_AHEAD])
+def test_a_head_that_looks_ahead_frees_the_speed(tilt, height_m):
+    looker = Looker([FLOOR])
+    looker.to_base = camera(tilt, 0.2, height_m)
+    looker.stand(0.3)
+    assert looker.decide(1.0).velocity.vx == 1.0
+
+
+def test_on_a_bend_the_robot_is_as_fast_as_it_can_stop_in_what_it_sees_of_its_way():
+    looker = Looker([FLOOR])
+    looker.stand(0.3)
+    allowed = [looker.decide(1.0, w=w) for w in (0.3, 1.0, 2.0)]
+    speeds = [verdict.velocity.vx for verdict in allowed]
+    assert speeds[0] == 1.0
+    assert 0.3 < speeds[2] < speeds[1] < 1.0
+    assert {verdict.code for verdict in allowed[1:]} == {"head_away"}
+    assert allowed[2].velocity.w / speeds[2] == pytest.approx(2.0), "the arc stays"
+    looker.to_base = camera(pan=0.25)
+    looker.stand(0.1)
+    assert looker.decide(1.0, w=1.0).velocity.vx > speeds[1], "the head follows the turn"
+
+
+def test_a_picture_costs_less_than_a_millisecond():
+    to_base = camera(-0.3)
+    message = image(drawn([FLOOR, TABLE, WALL], to_base, noise=0.0015))
+    took_s = []
+    for _ in range(40):
+        began = time.perf_counter()
+        frame_of(picture_of_image(message, LENS), to_base, VIEW)
+        took_s.append(time.perf_counter() - began)
+    assert sorted(took_s)[5] < 0.001
