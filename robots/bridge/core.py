@@ -113,7 +113,7 @@ class Core:
         elif self._page_gone:
             self._stick = Stick(self.config.stick)
         self._page_gone = False
-        self._gate.operator_delay_s = grant.delay_s
+        self._gate.observe_operator(grant.delay_s)
         self.grants.take(grant, link, now_s)
 
     def revoke(self, fence: int, reason: str, now_s: float) -> None:

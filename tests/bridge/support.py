@@ -45,6 +45,9 @@ class OpenGate:
         self.latency = Latency(LIMITS, 0.2)
         self.operator_delay_s: float | None = None
 
+    def observe_operator(self, delay_s: float | None) -> None:
+        self.operator_delay_s = delay_s
+
     def observe_odometry(self, *_observation: object) -> None: ...
 
     def observe_range(self, *_observation: object) -> None: ...

@@ -157,9 +157,9 @@ def test_what_is_sent_counts_from_when_it_was_decided(tiago):
 
 
 def test_an_operator_far_away_drives_slower_and_is_told(tiago):
-    tiago.gate.operator_delay_s = 0.25
+    tiago.gate.observe_operator(0.25)
     assert tiago.decide(1.0).code == "free"
-    tiago.gate.operator_delay_s = 0.8
+    tiago.gate.observe_operator(0.8)
     verdict = tiago.decide(1.0)
     assert (verdict.code, verdict.velocity.vx) == ("operator_late", pytest.approx(0.73, abs=0.01))
     assert verdict.text == "held to 0.7 m/s: the page answers after 0.80 s"

@@ -99,7 +99,7 @@ class Gate:
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._reckoned = profile
         self._decided_s = -math.inf  # when the last twist was decided, and then sent
-        self.operator_delay_s: float | None = None  # to the page and back; None: not known
+        self._operator_delay_s: float | None = None  # to the page and back; None: not known
         self._lasers = {
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
             for name, pose in profile.scan_poses.items()
@@ -175,6 +175,10 @@ class Gate:
         if stamp_s is not None and base is not None and laser.sweep is not None:
             seen, sensor = placed(laser.seen, base), put(laser.pose, base)
             self._movers[laser.name].observe(seen, laser.sweep, sensor, stamp_s, self._trail.resets)
+
+    def observe_operator(self, delay_s: float | None) -> None:
+        """Take how long the way to the operator's page and back is; None if nobody knows."""
+        self._operator_delay_s = delay_s
 
     # --- what is known ------------------------------------------------------------------------
 
@@ -355,7 +359,7 @@ class Gate:
         holds = []
         for code, delay_s, assumed_s, who in (
             ("robot_late", self.latency.in_force_s(now_s), parameters.latency_s, "the robot answers"),
-            ("operator_late", self.operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
+            ("operator_late", self._operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
         ):
             if delay_s > assumed_s:
                 mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
