@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 from uuid import UUID
@@ -15,6 +15,7 @@ from fleet.audit.models import Record
 from robots import effective
 from robots.bridge.config import BridgeConfig, LinkAddress, SonarSource
 from robots.bridge.gate.values import Limits as GateLimits
+from robots.bridge.stick import StickStep, in_words
 from robots.described import Problems
 from robots.models import Robot, RobotProfile, RobotRole, Role
 from robots.wire import Limits, RobotFacts, SonarPose
@@ -110,13 +111,16 @@ def robot_facts(robot: Robot) -> RobotFacts:
     page must work, to say so and to stop.
     """
     if robot.problems:
-        return _facts(robot, limits=robot.profile, share=robot.profile.default_share, footprint=[], sonars=[])
+        return _facts(
+            robot, limits=robot.profile, share=robot.profile.default_share, footprint=[], sonars=[], steps=()
+        )
     return _facts(
         robot,
         limits=effective.limits(robot),
         share=effective.default_share(robot),
         footprint=_drawn_footprint(robot),
         sonars=effective.topics(robot).sonars,
+        steps=effective.stick(robot),
     )
 
 
@@ -127,6 +131,7 @@ def _facts(
     share: float,
     footprint: list[tuple[float, float]],
     sonars: list[SonarSource],
+    steps: Sequence[StickStep],
 ) -> RobotFacts:
     return RobotFacts(
         slug=robot.slug,
@@ -141,6 +146,7 @@ def _facts(
         reverse_steering=robot.profile.reverse_steering,
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
+        stick=in_words(steps),
     )
 
 

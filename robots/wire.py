@@ -181,6 +181,7 @@ class RobotFacts(Struct, frozen=True):
     reverse_steering: str  # "turn": stick left always turns left; "car": mirrored in reverse
     drive_topic: str
     sonars: list[SonarPose]
+    stick: str  # what its stick passes on the way to the gate, in words
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):

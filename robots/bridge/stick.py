@@ -178,3 +178,24 @@ def shaped(
         else:
             position = step(position)
     return position, memory
+
+
+def in_words(steps: Sequence[StickStep]) -> str:
+    """What an operator may want to know of the chain."""
+    return ", ".join(filter(None, map(_words, steps))) or "as it is"
+
+
+def _words(step: StickStep) -> str:
+    match step:
+        case Scale(x, y, w):
+            return f"scaled (forward {x:g}, left {y:g}, turn {w:g})"
+        case DeadZone(width):
+            return f"dead zone {width:g}" if width else ""
+        case Curve(exponent):
+            return f"curve {exponent:g}" if exponent != 1.0 else ""
+        case OneEuro():
+            return "steadied (One-Euro)"
+        case Mean(count):
+            return f"steadied (mean of {count})"
+        case Snap(_, share):
+            return f"sideways turns on the spot at {share:.0%}"

@@ -39,6 +39,7 @@ export class Face {
   set facts(robot) {
     say(this.#parts["drive-topic"], robot.drive_topic);
     say(this.#parts.profile, robot.profile);
+    say(this.#parts["stick-steps"], robot.stick);
   }
 
   /** What becomes of a pressed stop, until the robot itself reports. */

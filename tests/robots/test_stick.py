@@ -14,7 +14,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.bridge.stick import Curve, DeadZone, Mean, OneEuro, Snap
 from robots.models import Robot, RobotProfile
-from robots.selectors import bridge_config
+from robots.selectors import bridge_config, robot_facts
 from tests.robots.test_admin import filled
 
 pytestmark = pytest.mark.django_db
@@ -24,6 +24,16 @@ def test_a_robot_takes_its_profiles_steps(robot: Robot) -> None:
     assert bridge_config(robot).stick == (DeadZone(0.03), Curve(1.0), OneEuro(1.0, 5.0, 1.0))
     robot.profile.stick = [{"step": "snap"}]
     assert bridge_config(robot).stick == (Snap(15.0, 0.25),)
+
+
+def test_the_page_says_what_the_stick_passes(robot: Robot) -> None:
+    assert robot_facts(robot).stick == "dead zone 0.03, steadied (One-Euro)"
+    robot.stick = [{"step": "scale", "w": 0.5}, {"step": "mean"}, {"step": "snap"}]
+    assert robot_facts(robot).stick == (
+        "scaled (forward 1, left 1, turn 0.5), steadied (mean of 5), sideways turns on the spot at 25%"
+    )
+    robot.stick = []
+    assert robot_facts(robot).stick == "as it is"
 
 
 def test_a_robots_own_steps_take_their_place_in_order(robot: Robot) -> None:
