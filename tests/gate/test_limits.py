@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from robots.bridge.gate.values import STILL, Limits, Velocity
-from tests.gate.conftest import Feeder, tiago_profile
+from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 
 def fed(profile) -> Feeder:
@@ -89,3 +90,30 @@ def test_an_obstacle_outweighs_a_standing_limit_in_the_words():
     feeder.all()
     verdict = feeder.decide(0.9)
     assert verdict.code == "obstacle" and verdict.limits
+
+
+def test_corners_swing_no_faster_than_the_blind_speed_where_nobody_looks():
+    feeder = Feeder(box_profile())
+    feeder.all()
+    verdict = feeder.decide(w=2.0)
+    swing = math.hypot(0.4, 0.25)
+    assert abs(verdict.velocity.w) * swing == pytest.approx(0.3)
+    assert (verdict.code, verdict.text) == (
+        "blind_direction",
+        "turning held to 0.6 rad/s: no sensor looks where the corners swing",
+    )
+
+
+def test_corners_swing_freely_where_lasers_look_all_round():
+    feeder = Feeder(box_profile())
+    feeder.ranges = np.full(721, math.inf)
+    feeder.all()
+    feeder.scan(angle_min=-math.pi, angle_increment=math.tau / 720)
+    feeder.now_s += 0.05
+    feeder.odometry()
+    feeder.scan(angle_min=-math.pi, angle_increment=math.tau / 720)
+    assert feeder.decide(w=2.0).code == "free"
+
+
+def test_a_disc_turns_as_fast_as_it_can_whoever_looks(tiago):
+    assert tiago.decide(w=2.0).code == "free"

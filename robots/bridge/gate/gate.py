@@ -80,6 +80,7 @@ STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
 AHEAD = Velocity(1.0, 0.0, 0.0)
+AROUND = tuple(math.radians(degrees) for degrees in range(0, 360, 30))
 PERIOD_S = 0.05  # what is sent holds at most this long before the gate decides again
 
 
@@ -250,6 +251,8 @@ class Gate:
             text = f"stopped: {fault.text}"
             return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
         wanted, code, text = self._held(asked, possible, now_s)
+        if is_still(wanted):
+            return Verdict(STILL, asked, code, text, limits=limits)
         obstacles = self.obstacles(now_s)
         turn_rates = (self._velocity.w, sent.w)
         profile = self._with_latency_of(now_s)
@@ -335,6 +338,11 @@ class Gate:
             hold = min(holds, key=lambda hold: hold.mps, default=None)
             if hold is not None and hold.mps < speed:
                 wanted, code, text = _scaled(wanted, hold.mps / speed), hold.code, hold.text
+        swing = abs(wanted.w) * self.footprint.reach(0.0)
+        if swing > self.profile.blind_mps and self._swings_unwatched():
+            wanted = _scaled(wanted, self.profile.blind_mps / swing)
+            code = "blind_direction"
+            text = f"turning held to {words.figure(abs(wanted.w))} rad/s: no sensor looks where the corners swing"
         for laser in self._lasers.values():
             age_s = laser.freshness.age_s(now_s) or 0.0
             share = late_share(age_s)
@@ -399,6 +407,16 @@ class Gate:
     def _blind(self, code: str, why: str) -> Hold:
         mps = self.profile.blind_mps
         return Hold(code, f"held to {words.figure(mps)} m/s: {why}", mps)
+
+    def _swings_unwatched(self) -> bool:
+        """Whether turning takes corners to where neither laser nor sonar looks. A disc has none."""
+        if self.footprint.turns_freely:
+            return False
+        return any(
+            not any(sensor.covers(direction) for sensor in self._lasers.values())
+            and not any(sensor.watches(direction) for sensor in self._sonars.values())
+            for direction in AROUND
+        )
 
     def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
         """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
