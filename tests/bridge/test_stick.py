@@ -75,7 +75,7 @@ def test_a_stick_let_go_of_is_zero_at_once(chain, hand):
 
 @given(steadying, hands, positions)
 def test_a_reversed_axis_goes_the_other_way_at_once(step, hand, last):
-    *_, before, after = through((step,), [*hand, (last, PERIOD_S)]) if hand else (CENTRE, last)
+    *_, before, after = through((step,), [*hand, (last, PERIOD_S)])
     for axis, was, now in zip(last, before, after, strict=True):
         if axis * was < 0.0:
             assert now == axis
