@@ -312,10 +312,12 @@ def commands_of(*sent):
 def test_commands_are_kept_for_as_long_as_they_may_be_on_their_way():
     fast, slow = Velocity(1.0, 0.0, 0.0), Velocity(0.5, 0.0, 0.0)
     commands = commands_of((fast, 1.0), (slow, 1.1), (slow, 1.2), (STILL, 1.3))
-    assert commands.lately(1.4) == [
+    assert commands.lately(1.4, 0.35) == [
         Sent(fast, pytest.approx(0.4)),
         Sent(slow, pytest.approx(0.3)),
         Sent(STILL, pytest.approx(0.1)),
     ]
+    assert commands.lately(1.4, 0.2) == [Sent(slow, pytest.approx(0.3)), Sent(STILL, pytest.approx(0.1))]
+    assert commands.lately(1.4, 0.9)[0].velocity == fast
     commands.add(STILL, 60.0)
-    assert commands.lately(60.0) == [Sent(STILL, pytest.approx(58.7))]
+    assert commands.lately(60.0, 90.0) == [Sent(STILL, pytest.approx(58.7))]

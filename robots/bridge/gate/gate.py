@@ -275,7 +275,7 @@ class Gate:
         drift = self._drift(obstacles.points)
         rolled = safe_share(
             candidate,
-            self._commands.lately(now_s),
+            self._commands.lately(now_s, profile.parameters.latency_s),
             self._velocity,
             obstacles.points,
             drift,

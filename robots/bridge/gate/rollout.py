@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -79,9 +80,14 @@ class Commands:
         while len(self._sent) > 1 and now_s - self._sent[1][0] > REMEMBERED_S:
             self._sent.popleft()
 
-    def lately(self, now_s: float) -> list[Sent]:
-        """Oldest first; the first of them was sent before all that can still be on its way."""
-        return [Sent(velocity, now_s - sent_s) for sent_s, velocity in self._sent]
+    def lately(self, now_s: float, latency_s: float) -> list[Sent]:
+        """Oldest first: the one that is in effect, if the gate has been told so long, and all that are on their way."""
+        queue: list[Sent] = []
+        for sent_s, velocity in reversed(self._sent):
+            queue.append(Sent(velocity, now_s - sent_s))
+            if queue[-1].age_s >= latency_s:
+                break
+        return queue[::-1]
 
 
 def safe_share(
@@ -102,12 +108,12 @@ def safe_share(
     and what moves keeps a wider margin. The robot need not come nearer to anything than stopping now would bring
     it, and no more than that distance is ever demanded (method 4).
     """
-    if not len(points) or _only_turns_a_disc(candidate, queue, velocity, footprint):
+    if _only_turns_a_disc(candidate, queue, velocity, footprint):
         return CLEAR
     rates = _rates(profile)
     onset = _played(queue, velocity, rates, latency_s)
-    onward = [_moved(onset[-1], _scaled(candidate, share), rates, period_s) for share in SHARES]
-    first = _followed(_path(onset), _stopped(onward[:1], rates, footprint))
+    whole = _moved(onset[-1], candidate, rates, period_s)
+    first = _followed(_path(onset), _stopped([whole], rates, footprint))
     met = _within(points, drift, first, footprint)
     if not len(met):
         return CLEAR
@@ -118,6 +124,7 @@ def safe_share(
     if spare.min() >= 0.0:
         return CLEAR
     worst = int(met[spare.argmin()])
+    onward = [whole, *(_moved(onset[-1], _scaled(candidate, share), rates, period_s) for share in SHARES[1:])]
     distinct = list(dict.fromkeys(onward))
     after = footprint.least_gaps(_stopped(distinct, rates, footprint), points, drift)
     stopping = after[distinct.index(onward[-1])]
@@ -223,28 +230,40 @@ def _changed(speed: float, command: float, up: float, down: float) -> float:
 
 def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
     """From each state a row: full braking to standstill."""
-    x, y, yaw, time_s = (np.array([[state[n]] for state in begun]) for n in range(4))
-    vx, vy, w = (np.array([[state.velocity[n]] for state in begun]) for n in range(3))
+    x, y, yaw, time_s = np.array([state[:4] for state in begun]).T[..., None]
+    vx, vy, w = np.array([state.velocity for state in begun]).T[..., None]
     linear_s = np.maximum(np.abs(vx), np.abs(vy)) / rates.linear_down
     spans = np.maximum(linear_s, np.abs(w) / rates.angular_down)
-    swept_m = np.hypot(vx, vy) + (0.0 if footprint.turns_freely else footprint.reach(0.0)) * np.abs(w)
+    swept_m = np.abs(vx) + np.abs(vy) + (0.0 if footprint.turns_freely else footprint.reach(0.0)) * np.abs(w)
     poses = min(math.ceil((swept_m * spans).max() / 2.0 / footprint.pose_spacing_m) + 1, MOST_POSES)
-    # Evenly along a way that is braked: dense in time while the robot is fast.
-    passed_s = spans * (1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1)))
+    passed_s = spans * _evenly_along_a_braked_way(poses)
     turned = _braked(w, rates.angular_down, passed_s)
-    forward = np.diff(_braked(vx, rates.linear_down, passed_s))
+    way = _braked(vx, rates.linear_down, passed_s)
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
     cos, sin = np.cos(heading), np.sin(heading)
+    forward = way[:, 1:] - way[:, :-1]
     dx, dy = cos * forward, sin * forward
     if vy.any():
-        left = np.diff(_braked(vy, rates.linear_down, passed_s))
+        aside = _braked(vy, rates.linear_down, passed_s)
+        left = aside[:, 1:] - aside[:, :-1]
         dx, dy = dx - sin * left, dy + cos * left
-    return Path(
-        np.hstack((x, x + np.cumsum(dx, axis=1))),
-        np.hstack((y, y + np.cumsum(dy, axis=1))),
-        yaw + turned,
-        time_s + passed_s,
-    )
+    return Path(_summed(x, dx), _summed(y, dy), yaw + turned, time_s + passed_s)
+
+
+@cache
+def _evenly_along_a_braked_way(poses: int) -> Metres:
+    """Shares of the time of braking: dense while the robot is fast."""
+    shares: Metres = 1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1))
+    return shares
+
+
+def _summed(start: Metres, steps: Metres) -> Metres:
+    """Where one is at first and after each step, (rows, 1 + steps)."""
+    places = np.empty((len(steps), steps.shape[1] + 1))
+    places[:, :1] = start
+    np.cumsum(steps, axis=1, out=places[:, 1:])
+    places[:, 1:] += start
+    return places
 
 
 def _braked(speeds: Metres, rate: float, passed_s: Metres) -> Metres:
@@ -255,12 +274,12 @@ def _braked(speeds: Metres, rate: float, passed_s: Metres) -> Metres:
 
 
 def _path(states: list[_State]) -> Path:
-    return Path(*(np.array([[state[n] for state in states]]) for n in range(4)))
+    return Path(*np.array([state[:4] for state in states]).T[:, None])
 
 
 def _followed(first: Path, then: Path) -> Path:
     """One path after the other."""
-    return Path(*(np.hstack(parts) for parts in zip(first, then, strict=True)))
+    return Path(*(np.concatenate(parts, axis=1) for parts in zip(first, then, strict=True)))
 
 
 # --- what is in the way ---------------------------------------------------------------------------
