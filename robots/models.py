@@ -248,7 +248,7 @@ class Robot(models.Model):
     stick = models.JSONField(
         null=True,
         blank=True,
-        help_text="Empty: the profile's steps; else all that this robot's stick passes, as described there.",
+        help_text="Empty or null: the profile's steps; else all that this robot's stick passes, as described there.",
     )
 
     fence = models.BigIntegerField("highest fencing number", default=0, editable=False)

@@ -16,7 +16,7 @@ class Migration(migrations.Migration):
             name="stick",
             field=models.JSONField(
                 blank=True,
-                help_text="Empty: the profile's steps; else all that this robot's stick passes, as described there.",
+                help_text="Empty or null: the profile's steps; else all that this robot's stick passes, as described there.",
                 null=True,
             ),
         ),
