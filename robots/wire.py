@@ -340,6 +340,8 @@ class Scan(Struct, frozen=True):
 
     laser_cm: list[int]
     sonar_cm: list[int | None]  # by index of RobotFacts.sonars; None: nothing in range
+    depth_cm: list[int] = []
+    remembered_cm: list[int] = []  # seen before, and not to be seen from here and now
 
 
 class View(Struct, frozen=True, tag_field="t", tag="view"):

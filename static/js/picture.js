@@ -16,6 +16,8 @@ const COLOURS = [
   "grid",
   "grid-text",
   "laser",
+  "depth",
+  "remembered",
   "sonar",
   "robot",
   "robot-edge",
@@ -125,7 +127,10 @@ export class Picture {
     pen.globalAlpha = this.#stale ? 0.3 : 1;
     this.#drawSonars(this.#view.scan?.sonar_cm ?? [], pixel);
     this.#drawPath(this.#view.state.verdict.allowed, pixel);
-    this.#drawLaser(this.#view.scan?.laser_cm ?? [], pixel);
+    const { laser_cm = [], depth_cm = [], remembered_cm = [] } = this.#view.scan ?? {};
+    this.#drawPoints(remembered_cm, "remembered", 2.5 * pixel);
+    this.#drawPoints(depth_cm, "depth", 4 * pixel);
+    this.#drawPoints(laser_cm, "laser", 3 * pixel);
     this.#drawRobot(pixel);
     this.#drawHold(this.#view.state.verdict.point, pixel);
   }
@@ -178,12 +183,11 @@ export class Picture {
     });
   }
 
-  #drawLaser(laserCm, pixel) {
+  #drawPoints(flatCm, colour, size) {
     const pen = this.#pen;
-    const size = 3 * pixel;
-    pen.fillStyle = this.#colour.laser;
-    for (let i = 0; i < laserCm.length; i += 2) {
-      pen.fillRect(laserCm[i] / 100 - size / 2, laserCm[i + 1] / 100 - size / 2, size, size);
+    pen.fillStyle = this.#colour[colour];
+    for (let i = 0; i < flatCm.length; i += 2) {
+      pen.fillRect(flatCm[i] / 100 - size / 2, flatCm[i + 1] / 100 - size / 2, size, size);
     }
   }
 

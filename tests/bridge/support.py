@@ -58,7 +58,7 @@ class OpenGate:
         return Verdict(asked, asked, "idle" if asked == STILL else "free", "")
 
     def obstacles(self, _now_s: float) -> Obstacles:
-        return Obstacles(np.zeros((0, 2)), np.zeros(0, int), ())
+        return Obstacles(np.zeros((0, 2)), np.zeros(0, int), (), ())
 
     def sensor_health(self, _now_s: float) -> list[tuple[str, str, bool, float | None, str]]:
         return []

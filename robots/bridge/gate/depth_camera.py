@@ -173,6 +173,7 @@ class DepthCamera:
 class DepthMemory:
     """What a depth camera showed earlier and shows no longer, as a source of its own."""
 
+    kind = "memory"
     name = "depth, remembered"
     word = "depth, remembered"
 

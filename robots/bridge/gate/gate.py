@@ -121,6 +121,7 @@ class Gate:
         )
         self._sources = (*self._sensors, *self._memories.values(), *depth_memory)
         self._names = tuple(source.name for source in self._sources)
+        self._kinds = tuple(source.kind for source in self._sources)
         self._cached: tuple[tuple[int, ...], Obstacles] | None = None
 
     # --- what comes in ------------------------------------------------------------------------
@@ -189,7 +190,7 @@ class Gate:
         if self._cached is None or self._cached[0] != key:
             parts = [source.points(self._trail, now_s) for source in self._sources]
             source = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-            self._cached = key, Obstacles(joined(parts), source, self._names)
+            self._cached = key, Obstacles(joined(parts), source, self._names, self._kinds)
         return self._cached[1]
 
     def standstill(self, now_s: float) -> bool:

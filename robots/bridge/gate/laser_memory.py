@@ -19,6 +19,8 @@ class LaserMemory:
     It gives only points of which the newest scan cannot tell whether they are still there.
     """
 
+    kind = "memory"
+
     def __init__(self, laser: Laser) -> None:
         self.name = f"{laser.name}, remembered"
         self.word = f"{laser.word}, remembered"

@@ -27,6 +27,7 @@ class Source(Protocol):
     """Something that knows where obstacles are."""
 
     name: str
+    kind: str  # scan, sonar, depth, or memory: seen before, not now
     word: str  # for the operator: "laser"
 
     def revision(self, now_s: float) -> int:

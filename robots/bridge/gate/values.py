@@ -89,6 +89,7 @@ class Obstacles(NamedTuple):
     points: NDArray[np.float64]
     source: NDArray[np.intp]
     names: tuple[str, ...]
+    kinds: tuple[str, ...]  # of the sources: scan, sonar, depth, memory
 
 
 class Verdict(NamedTuple):
