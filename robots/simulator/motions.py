@@ -21,7 +21,7 @@ from robots.simulator.base import clamp
 from robots.simulator.joints import HOME, JOINTS
 
 # An eased way begins and ends at rest: at its middle it is this much faster than on average.
-_EASED_PEAK = 1.5
+EASED_PEAK = 1.5
 
 
 class ErrorCode(IntEnum):
@@ -118,7 +118,7 @@ class Run:
     def _shortest_s(self, begin: Sequence[float], end: Sequence[float]) -> float:
         """How long the slowest joint needs between two points."""
         ways = zip(self.joints, begin, end, strict=True)
-        return max(_EASED_PEAK * abs(to - at) / JOINTS[joint].speed for joint, at, to in ways)
+        return max(EASED_PEAK * abs(to - at) / JOINTS[joint].speed for joint, at, to in ways)
 
     def positions(self, now: float) -> dict[str, float]:
         """Its joints at `now`; ends the run when its time has come."""

@@ -18,6 +18,7 @@ from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.controllers import CONTROLLERS, TrajectoryController
 from robots.simulator.ros.eyes import Eyes
+from robots.simulator.ros.head import HeadServer
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
 from robots.simulator.ros.motions import MotionServer
@@ -66,6 +67,9 @@ class SimulatorNode:
                 controller = TrajectoryController(robot, name)
                 self._servers.append(controller.step)
                 self._duties.append(Duty(TICK_HZ // 10, index, controller.publish))
+            head = HeadServer(robot)
+            self._servers.append(head.step)
+            self._duties.append(Duty(TICK_HZ // 10, 4, head.publish))
             self._eyes = Eyes(robot, depth_encoding)
             self._duties.append(Duty(TICK_HZ // 10, 2, self._eyes.publish_depth))
             self._duties.append(Duty(TICK_HZ // 5, 4, self._eyes.publish_rgb))
