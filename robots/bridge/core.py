@@ -20,8 +20,9 @@ from robots import wire
 from robots.bridge.commands import COMMAND_LIFE_S, Stick, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
 from robots.bridge.drives import WAITING, DriveLog
+from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.grants import Grants
 from robots.bridge.sink import Holder
 from robots.bridge.store import Persisted
@@ -219,6 +220,14 @@ class Core:
         max_range_m = self._sonar_reach_m.get(source, math.inf)
         self._gate.observe_range(source, stamp_s, arrival_s, range_m, max_range_m)
 
+    def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
+        """One picture of the depth camera."""
+        self._gate.observe_depth(frame, stamp_s, arrival_s)
+
+    def bad_depth(self, why: str) -> None:
+        """A picture of the depth camera that cannot be used, and why."""
+        self._gate.observe_bad_depth(why)
+
     def battery(self, percent: float) -> None:
         """Charge in percent."""
         if math.isfinite(percent):
@@ -270,11 +279,12 @@ class Core:
     def scan(self, now_s: float) -> wire.Scan:
         """What is seen, for pictures."""
         obstacles = self._gate.obstacles(now_s)
-        lasers = [n for n, name in enumerate(obstacles.names) if name in self.config.gate.scan_poses]
-        seen = obstacles.points[np.isin(obstacles.source, lasers)]
-        near = seen[np.einsum("ij,ij->i", seen, seen) < VIEW_RADIUS_M**2]
-        centimetres = np.rint(near * 100).astype(int).ravel().tolist()
-        return wire.Scan(centimetres, [self._range_cm(s, now_s) for s in self.config.topics.sonars])
+        return wire.Scan(
+            laser_cm=_centimetres(obstacles, "scan"),
+            sonar_cm=[self._range_cm(s, now_s) for s in self.config.topics.sonars],
+            depth_cm=_centimetres(obstacles, "depth"),
+            remembered_cm=_centimetres(obstacles, "memory"),
+        )
 
     # --- inside ----------------------------------------------------------------------------------
 
@@ -386,6 +396,15 @@ class Core:
     def _range_cm(self, sonar: SonarSource, now_s: float) -> int | None:
         range_m = self._gate.sonar_range(sonar.frame_id, now_s)
         return None if range_m is None else round(range_m * 100)
+
+
+def _centimetres(obstacles: Obstacles, kind: str) -> list[int]:
+    """The points near enough to be drawn that sources of one kind know of, flat."""
+    sources = [number for number, other in enumerate(obstacles.kinds) if other == kind]
+    points = obstacles.points[np.isin(obstacles.source, sources)]
+    near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
+    flat: list[int] = np.rint(near * 100).astype(int).ravel().tolist()
+    return flat
 
 
 def _verdict_view(verdict: Verdict) -> wire.Verdict:
