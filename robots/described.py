@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import ScanSource, SonarSource, Topic, Topics
+from robots.bridge.config import DepthSource, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import Parameters
 from robots.bridge.stick import STEADYING, STEPS, StickStep
 
@@ -167,6 +167,8 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _name_problem(name, f"{field}.{'name' if isinstance(source, Topic) else 'topic'}")
         if source.type not in understood:
             yield f"{field}.type: {source.type!r} is not understood here, only {' or '.join(understood)}"
+    if topics.depth:
+        yield from _depth_problems(topics.depth)
     for index, scan in enumerate(topics.scans):
         yield from _name_problem(scan.topic, f"scans[{index}].topic")
         yield from _pose_problems(scan, f"scans[{index}]")
@@ -176,6 +178,26 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     yield from _doublets([scan.topic for scan in topics.scans], "scans", "topic")
     yield from _doublets([sonar.frame_id for sonar in topics.sonars], "sonars", "frame_id")
+
+
+# Lowest and highest of what is told of a depth camera.
+_DEPTH_BOUNDS = {
+    "fov": (0.2, 2.8, "rad"),
+    "every_s": (0.02, 0.4, "s"),  # below half a second, by which a picture is stale
+    "height_m": (0.1, 3.0, "m"),
+    "own_m": (0.0, 0.3, "m"),
+}
+
+
+def _depth_problems(depth: DepthSource) -> Iterator[str]:
+    for name, (lowest, highest, unit) in _DEPTH_BOUNDS.items():
+        value = getattr(depth, name)
+        if not lowest <= value <= highest:
+            yield f"depth.{name}: must be between {lowest:g} and {highest:g} {unit}, not {value:g}"
+    if depth.info is not None:
+        yield from _name_problem(depth.info, "depth.info")
+    if not depth.base_frame:
+        yield "depth.base_frame: must name the frame that lies on the floor below the robot"
 
 
 def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from robots.bridge.config import Topic, Topics
-from robots.bridge.gate.values import GateProfile, Limits, Parameters
+from robots.bridge.config import DepthSource, Topic, Topics
+from robots.bridge.gate.values import DepthView, GateProfile, Limits, Parameters
 from robots.bridge.stick import StickStep
 from robots.described import (
     CAREFUL_WHEN_SMALL,
@@ -105,6 +105,16 @@ def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
         mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
         if mine < theirs:
             yield f"{kind}: {mine} here, {theirs} in the profile; what watches the way may be renamed, not removed"
+    if given.depth and profile.depth:
+        yield from _seen_less(given.depth, profile.depth)
+
+
+def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
+    """Where a robot's depth camera would leave out what its profile's counts."""
+    if given.height_m < profile.height_m:
+        yield f"depth.height_m: {given.height_m:g} is below the profile's {profile.height_m:g}; only tighten"
+    if given.own_m > profile.own_m:
+        yield f"depth.own_m: {given.own_m:g} is above the profile's {profile.own_m:g}; only tighten"
 
 
 def parameters(robot: Robot) -> Parameters:
@@ -168,7 +178,12 @@ def gate_profile(robot: Robot) -> GateProfile:
         has_depth=interface.depth is not None or profile_topics(robot.profile).depth is not None,
         blind_mps=blind_mps(robot),
         parameters=parameters(robot),
+        depth=_depth_view(interface.depth),
     )
+
+
+def _depth_view(source: DepthSource | None) -> DepthView | None:
+    return DepthView(source.fov, source.height_m, source.own_m) if source else None
 
 
 def stick(robot: Robot) -> tuple[StickStep, ...]:

@@ -41,10 +41,16 @@ class SonarSource(Struct, frozen=True):
 
 
 class DepthSource(Struct, frozen=True):
-    """A depth image or cloud."""
+    """A depth image or cloud of a camera that tf places above `base_frame`, which lies on the floor."""
 
     topic: str
     type: str
+    info: str | None = None  # sensor_msgs/CameraInfo of the images; where it is silent, `fov` is taken
+    fov: float = 1.1  # horizontal, radians
+    base_frame: str = "base_footprint"
+    every_s: float = 0.1  # pictures that come faster are left out
+    height_m: float = 1.5  # of the robot, with everything that lifts at its lowest
+    own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
 
 
 class Topics(Struct, frozen=True):

@@ -28,8 +28,10 @@ from geometry_msgs.msg import Twist, TwistStamped
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
+from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.ros.convert import planar
+from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
 from robots.bridge.ros.types import message_class
 
@@ -58,6 +60,7 @@ class RosBase:
         self._cancels: list[rospy.Publisher] = []
         self._publishers: list[rospy.Publisher] = []
         self._subscribers: list[rospy.Subscriber] = []
+        self._depth: DepthTopics | None = None
         self._ending = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
@@ -81,6 +84,11 @@ class RosBase:
         """How many nodes listen to the drive topic."""
         return self._drive.get_num_connections() if self._drive is not None else 0
 
+    def look(self, wanted: bool) -> None:
+        """Whether anybody drives or looks: what is costly to the robot is asked of it only then."""
+        if self._depth is not None:
+            self._depth.look(wanted)
+
     # --- life ----------------------------------------------------------------------------------------
 
     def start(self, loop: asyncio.AbstractEventLoop, core: Core) -> None:
@@ -94,6 +102,8 @@ class RosBase:
     def stop(self) -> None:
         """Zero, then off the master's books."""
         self._ending.set()
+        if self._depth is not None:
+            self._depth.close()
         if self._drive is None:
             return
         self.publish(STILL)
@@ -171,12 +181,14 @@ class RosBase:
                 queue_size=None,
             )
         self._publishers = [self._drive, *self._cancels]
+        if topics.depth and self._config.gate.depth:
+            self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
 
     def _register_again(self, own_uri: str) -> None:
         """What `rospy.init_node` and its topics told the last master, told to its successor."""
         for publisher in self._publishers:
             self._master.register("registerPublisher", publisher.resolved_name, publisher.type, own_uri)
-        for subscriber in self._subscribers:
+        for subscriber in self._subscribers + (self._depth.subscribers if self._depth else []):
             name = subscriber.resolved_name
             publishers = self._master.register("registerSubscriber", name, subscriber.type, own_uri)
             Master(own_uri, "/master").call("publisherUpdate", name, publishers)
@@ -251,6 +263,14 @@ class RosBase:
 
     def _on_charging(self, message: Any) -> None:
         self._post(lambda: self._core.charging(bool(message.data)))
+
+    def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
+        """A picture of the depth camera."""
+        self._post(lambda: self._core.depth(frame, stamp_s, arrival_s))
+
+    def bad_depth(self, why: str) -> None:
+        """A picture of the depth camera that cannot be used."""
+        self._post(lambda: self._core.bad_depth(why))
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

@@ -1,0 +1,178 @@
+"""Where a frame is in the base frame at a stamp, from raw /tf and /tf_static messages.
+
+A robot tells of thirty frames fifty times a second; of these the way from the base to one camera is wanted ten times a
+second, and numbers are unpacked only then. What arrives is kept as it is, by its child frame.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+import time
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+KEPT = 100  # of each frame: 2 s at 50 Hz
+PATIENCE_S = 0.15  # that a picture waits for the frames of its stamp
+LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
+SET_BACK_S = 1.0
+TURNING_RADPS = 0.5  # while a joint turns faster, the least error of a stamp lifts the floor into the way
+LONGEST_WAY = 30
+
+_HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
+_LENGTH = struct.Struct("<I")
+_TRANSFORM = struct.Struct("<7d")  # translation, rotation (x, y, z, w)
+
+Matrix = NDArray[np.float64]  # (4, 4)
+
+
+class PoseUnknown(Exception):
+    """The frames do not tell where something is, and why, in words that follow "depth camera:"."""
+
+
+class Told(NamedTuple):
+    """A child frame's place in its parent, not unpacked yet."""
+
+    stamp_s: float
+    parent: str
+    packed: bytes
+
+
+class Frames:
+    """The newest transforms of every frame. `hear` and `place` may be called on different threads."""
+
+    def __init__(self, base: str) -> None:
+        self._base = base
+        self._fixed: dict[str, Told] = {}
+        self._moving: dict[str, deque[Told]] = {}
+        self._news = threading.Condition()
+
+    def hear(self, raw: bytes, fixed: bool) -> None:
+        """Take a serialized tf2_msgs/TFMessage. One that is cut short tells what it tells."""
+        with self._news:
+            for child, told in transforms(raw):
+                if fixed:
+                    self._fixed[child] = told
+                    continue
+                history = self._moving.setdefault(child, deque(maxlen=KEPT))
+                if history and told.stamp_s <= history[-1].stamp_s:
+                    if told.stamp_s > history[-1].stamp_s - SET_BACK_S:
+                        continue
+                    history.clear()
+                history.append(told)
+            self._news.notify_all()
+
+    def place(self, frame: str, stamp_s: float, patience_s: float = PATIENCE_S) -> Matrix:
+        """The transform from `frame` to the base at a stamp. Waits for frames that are still to come; PoseUnknown."""
+        deadline_s = time.monotonic() + patience_s
+        with self._news:
+            while self._to_come(frame, stamp_s) and (left_s := deadline_s - time.monotonic()) > 0.0:
+                self._news.wait(left_s)
+            matrix = np.eye(4)
+            for child in self._way(frame):
+                matrix = self._at(child, stamp_s) @ matrix
+            return matrix
+
+    def _to_come(self, frame: str, stamp_s: float) -> bool:
+        try:
+            way = self._way(frame)
+        except PoseUnknown:
+            return True
+        return any(child not in self._fixed and self._moving[child][-1].stamp_s < stamp_s for child in way)
+
+    def _way(self, frame: str) -> list[str]:
+        """The frames from `frame` to the base, the base not among them."""
+        way: list[str] = []
+        while frame != self._base:
+            told = self._newest(frame)
+            if told is None or len(way) == LONGEST_WAY:
+                raise PoseUnknown(f"tf does not tell where {frame} is on {self._base}")
+            way.append(frame)
+            frame = told.parent
+        return way
+
+    def _newest(self, child: str) -> Told | None:
+        if child in self._fixed:
+            return self._fixed[child]
+        return self._moving[child][-1] if child in self._moving else None
+
+    def _at(self, child: str, stamp_s: float) -> Matrix:
+        """The transform of one frame to its parent."""
+        if child in self._fixed:
+            return _matrix(*_parts(self._fixed[child]))
+        history = self._moving[child]
+        later = bisect_left([told.stamp_s for told in history], stamp_s)
+        if later == len(history):
+            raise PoseUnknown(f"tf did not tell in time where {child} was")
+        if later > 0:
+            return _between(child, history[later - 1], history[later], stamp_s)
+        if history[0].stamp_s > stamp_s:
+            raise PoseUnknown(f"tf does not tell where {child} was then")
+        return _matrix(*_parts(history[0]))
+
+
+def transforms(raw: bytes) -> Iterator[tuple[str, Told]]:
+    """The child frames of a serialized tf2_msgs/TFMessage, and what is told of each."""
+    try:
+        (count,) = _LENGTH.unpack_from(raw)
+        at = _LENGTH.size
+        for _ in range(count):
+            _, seconds, nanoseconds = _HEADER.unpack_from(raw, at)
+            parent, at = _name(raw, at + _HEADER.size)
+            child, at = _name(raw, at)
+            packed = raw[at : at + _TRANSFORM.size]
+            at += _TRANSFORM.size
+            if len(packed) < _TRANSFORM.size:
+                return
+            yield child, Told(seconds + nanoseconds * 1e-9, parent, packed)
+    except struct.error:
+        return
+
+
+def _name(raw: bytes, at: int) -> tuple[str, int]:
+    """A frame's name, and where the next field begins. Old publishers write a slash before it."""
+    (length,) = _LENGTH.unpack_from(raw, at)
+    begin = at + _LENGTH.size
+    return raw[begin : begin + length].decode(errors="replace").lstrip("/"), begin + length
+
+
+def _parts(told: Told) -> tuple[Matrix, Matrix]:
+    """Translation and unit quaternion."""
+    numbers = np.array(_TRANSFORM.unpack(told.packed))
+    translation, rotation = numbers[:3], numbers[3:]
+    length = math.sqrt(float(rotation @ rotation))
+    if not (np.isfinite(numbers).all() and length > 0.5):
+        raise PoseUnknown("tf tells numbers that make no sense")
+    return translation, rotation / length
+
+
+def _between(child: str, before: Told, after: Told, stamp_s: float) -> Matrix:
+    hole_s = after.stamp_s - before.stamp_s
+    if hole_s > LARGEST_HOLE_S:
+        raise PoseUnknown(f"tf did not tell where {child} was for {hole_s:.1f} s")
+    (start, first), (end, second) = _parts(before), _parts(after)
+    if first @ second < 0.0:
+        second = -second
+    if 2.0 * math.acos(min(float(first @ second), 1.0)) > TURNING_RADPS * hole_s:
+        raise PoseUnknown("the head is turning")
+    share = (stamp_s - before.stamp_s) / hole_s
+    rotation = first + share * (second - first)
+    return _matrix(start + share * (end - start), rotation / math.sqrt(float(rotation @ rotation)))
+
+
+def _matrix(translation: Matrix, rotation: Matrix) -> Matrix:
+    x, y, z, w = rotation.tolist()
+    matrix = np.eye(4)
+    matrix[:3, :3] = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
+        (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
+        (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    matrix[:3, 3] = translation
+    return matrix

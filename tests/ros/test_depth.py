@@ -1,0 +1,162 @@
+"""The depth camera on the way from the robot to the gate: subscribed when needed, a table top stops the robot."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import math
+from contextlib import contextmanager
+
+import msgspec
+import pytest
+import rosgraph
+from geometry_msgs.msg import Pose2D
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from robots import wire
+from robots.bridge.config import DepthSource
+from robots.bridge.gate.values import DepthView
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.support import until
+
+IMAGES = DepthSource(
+    "/xtion/depth_registered/image_raw",
+    "sensor_msgs/Image",
+    info="/xtion/depth_registered/camera_info",
+    fov=math.radians(63.0),
+    height_m=1.1,
+)
+CLOUDS = msgspec.structs.replace(
+    IMAGES, topic="/xtion/depth_registered/points", type="sensor_msgs/PointCloud2", info=None
+)
+BEFORE_TABLE = Pose2D(
+    5.0, 2.9, -math.pi / 2.0
+)  # its top's edge is at y = 1.0, its legs to either side of the way
+EDGE_Y = 1.0
+
+
+@contextmanager
+def bridge(master, folder, source):
+    config = tiago_config(master, folder)
+    view = DepthView(source.fov, source.height_m, source.own_m)
+    process = BridgeProcess(
+        msgspec.structs.replace(
+            config,
+            topics=msgspec.structs.replace(config.topics, depth=source),
+            gate=msgspec.structs.replace(config.gate, depth=view),
+        ),
+        master,
+        folder,
+    )
+    hand = process.link()
+    try:
+        hand.state_until(lambda state: state.phase == "online", "a robot that can be driven")
+        yield hand
+    finally:
+        hand.close()
+        process.stop()
+
+
+@pytest.fixture
+def stage(ros, tmp_path):
+    """The robot before the table, by the ground truth."""
+    with (
+        ros.listen("/ground_truth/pose", Odometry) as truth,
+        ros.listen("/ground_truth/contacts", String) as contacts,
+        ros.speak("/ground_truth/teleport", Pose2D) as teleport,
+    ):
+        teleport.publish(BEFORE_TABLE)
+        truth.until(lambda message: abs(message.pose.pose.position.y - BEFORE_TABLE.y) < 0.01)
+        yield truth, contacts
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    return simulator(seed=1)
+
+
+def listeners(master, topic):
+    _, subscribers, _ = rosgraph.Master("/test", master.uri).getSystemState()
+    return [node for name, nodes in subscribers if name == topic for node in nodes if node == "/fleet_bridge"]
+
+
+def depth_limits(state: wire.State) -> list[str]:
+    return [limit for limit in state.verdict.limits if "depth" in limit]
+
+
+def depth_sensor(state: wire.State) -> wire.Sensor:
+    return next(sensor for sensor in state.sensors if sensor.kind == "depth")
+
+
+@pytest.mark.parametrize("source", [IMAGES, CLOUDS], ids=["image", "cloud"])
+def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(rosmaster, stage, tmp_path, source):
+    truth, contacts = stage
+    with bridge(rosmaster, tmp_path, source) as hand:
+        hand.take_control(1)
+        hand.state_until(lambda state: not depth_limits(state), "pictures of the way ahead")
+        contacts.drain()
+        truth.drain()
+        hand.stick(1.0)
+        state = hand.state_until(
+            lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
+        )
+        drive = truth.drain()
+    fastest = max(message.twist.twist.linear.x for message in drive)
+    gap = drive[-1].pose.pose.position.y - 0.27 - EDGE_Y
+    assert fastest > 0.5, "well above the blind speed"
+    assert 0.0 < gap < 0.2
+    assert state.verdict.text.startswith("stopped: depth")
+    assert state.verdict.text.endswith("m ahead")
+    assert state.verdict.side == "ahead"
+    assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
+
+
+def test_the_camera_is_listened_to_while_somebody_has_control_or_looks(rosmaster, stage, tmp_path):
+    with bridge(rosmaster, tmp_path, IMAGES) as hand:
+        assert not listeners(rosmaster, IMAGES.topic)
+        hand.take_control(1)
+        until(lambda: listeners(rosmaster, IMAGES.topic), "it listens while somebody has control")
+        hand.let_go()
+        hand.send(wire.Revoke(1, "enough"))
+        until(lambda: not listeners(rosmaster, IMAGES.topic), "nobody needs it")
+        assert not listeners(rosmaster, "/tf")
+        hand.send(wire.Watch(["Ann"]))
+        until(lambda: listeners(rosmaster, IMAGES.topic), "it listens while somebody looks")
+
+
+def test_a_head_that_is_turned_away_is_said_and_over_when_it_is_back(ros, rosmaster, stage, tmp_path):
+    def turned(radians: float) -> JointTrajectory:
+        point = JointTrajectoryPoint(positions=[radians, 0.0])
+        point.time_from_start.nsecs = 300_000_000
+        return JointTrajectory(joint_names=["head_1_joint", "head_2_joint"], points=[point])
+
+    with (
+        bridge(rosmaster, tmp_path, IMAGES) as hand,
+        ros.speak("/head_controller/command", JointTrajectory) as head,
+        ros.listen("/joint_states", JointState),
+    ):
+        hand.take_control(1)
+        hand.state_until(lambda state: not depth_limits(state), "a free way ahead")
+        head.publish(turned(1.2))
+        state = hand.state_until(
+            lambda state: any("looks away" in limit for limit in depth_limits(state)), "head away"
+        )
+        assert depth_limits(state) == ["held to 0.3 m/s: the depth camera looks away from the way ahead"]
+        head.publish(turned(0.0))
+        hand.state_until(lambda state: not depth_limits(state), "a free way ahead again")
+        assert depth_sensor(hand.state_until(lambda state: True, "any")).ok
+
+
+def test_a_dead_camera_is_said_within_a_second(ros, rosmaster, stage, tmp_path):
+    with bridge(rosmaster, tmp_path, IMAGES) as hand, ros.speak("/ground_truth/fault", String) as fault:
+        hand.take_control(1)
+        hand.state_until(lambda state: not depth_limits(state), "a free way ahead")
+        fault.publish("depth_dead")
+        state = hand.state_until(depth_limits, "a limit")
+        assert "old" in depth_limits(state)[0]
+        fault.publish("none")
+        hand.state_until(lambda state: not depth_limits(state), "a free way ahead again")
