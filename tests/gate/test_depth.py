@@ -349,7 +349,7 @@ def test_a_table_top_stops_the_robot_at_its_edge_though_the_edge_leaves_the_pict
     assert 0.0 < gap < 0.2
     assert verdict.velocity.vx == 0.0
     assert verdict.code == "obstacle"
-    assert verdict.text.startswith("stopped: depth")
+    assert verdict.text.startswith("stopped (1.0 m/s asked): depth")
     assert verdict.side == "ahead"
 
 

@@ -47,7 +47,7 @@ def test_while_it_slows_for_a_late_laser_the_words_say_so(tiago):
     tiago.odometry()
     verdict = tiago.decide(1.0)
     assert (verdict.code, verdict.neutral) == ("scan_late", False)
-    assert verdict.text == "slowed to 0.5 m/s: laser is 0.2 s old"
+    assert verdict.text == "slowed from 1.0 to 0.5 m/s: laser is 0.2 s old"
 
 
 def test_a_laser_that_is_back_within_half_a_second_needs_no_neutral_stick(tiago):
@@ -55,7 +55,7 @@ def test_a_laser_that_is_back_within_half_a_second_needs_no_neutral_stick(tiago)
     tiago.odometry()
     verdict = tiago.decide(1.0)
     assert (verdict.velocity, verdict.code, verdict.neutral) == (STILL, "scan_late", False)
-    assert verdict.text == "stopped: laser is 0.4 s old"
+    assert verdict.text == "stopped (1.0 m/s asked): laser is 0.4 s old"
     tiago.scan()
     assert tiago.decide(1.0).code == "free"
 

@@ -37,7 +37,7 @@ def test_slowed_says_how_much_is_left_what_saw_it_where_and_how_far():
     feeder.all()
     verdict = feeder.decide(1.0)
     assert verdict.code == "obstacle"
-    assert verdict.text == f"slowed to {verdict.velocity.vx:.1f} m/s: laser, 0.6 m ahead"
+    assert verdict.text == f"slowed from 1.0 to {verdict.velocity.vx:.1f} m/s: laser, 0.6 m ahead"
     assert verdict.asked == Velocity(1.0, 0.0, 0.0)
     assert (verdict.sensor, verdict.side) == (LASER, "ahead")
     assert verdict.distance_m == pytest.approx(0.632, abs=0.01)
@@ -49,8 +49,8 @@ def test_stopped_says_so():
     feeder = Feeder(tiago_profile())
     feeder.ahead_at(0.12)
     feeder.all()
-    assert feeder.decide(0.5).text == "stopped: laser, 0.05 m ahead"
-    assert feeder.decide(0.5, w=0.8).text == "only turning: laser, 0.05 m ahead"
+    assert feeder.decide(0.5).text == "stopped (0.5 m/s asked): laser, 0.05 m ahead"
+    assert feeder.decide(0.5, w=0.8).text == "only turning (0.5 m/s asked): laser, 0.05 m ahead"
 
 
 def test_the_side_is_named():
@@ -66,7 +66,7 @@ def test_a_sonar_is_named():
     feeder.sonar_m = 0.1
     feeder.all()
     verdict = feeder.decide(-0.2)
-    assert verdict.text == "stopped: sonar, 0.09 m behind"
+    assert verdict.text == "stopped (0.2 m/s asked): sonar, 0.09 m behind"
     assert verdict.sensor == "base_sonar_02_link"
 
 
@@ -90,5 +90,9 @@ def test_two_lasers_are_told_apart_by_name():
 
 def test_turning_has_words_of_its_own():
     still, turning = Velocity(0.0, 0.0, 0.0), Velocity(0.0, 0.0, -0.3)
-    assert words.what_is_left(Velocity(0.0, 0.0, -1.0), turning) == "turning slowed to 0.3 rad/s"
+    assert words.what_is_left(Velocity(0.0, 0.0, -1.0), turning) == "turning slowed from 1.0 to 0.3 rad/s"
     assert words.what_is_left(Velocity(0.0, 0.0, 1.0), still) == "not turning"
+
+
+def test_speeds_that_look_the_same_are_named_once():
+    assert words.what_is_left(Velocity(0.32, 0.0, 0.0), Velocity(0.28, 0.0, 0.0)) == "slowed to 0.3 m/s"

@@ -448,7 +448,7 @@ class Gate:
             allowed,
             asked,
             cause.rule,
-            f"{words.what_is_left(wanted, allowed)}: {reason}",
+            f"{words.what_is_left(asked, allowed)}: {reason}",
             source.name,
             cause.gap_m,
             bearing,

@@ -30,14 +30,20 @@ def figure(number: float) -> str:
     return f"{number:.1f}" if number >= 0.095 else f"{number:.2f}"
 
 
-def what_is_left(wanted: Velocity, allowed: Velocity) -> str:
-    """How the allowed twist differs from the wanted one: "slowed to 0.2 m/s"."""
-    speed = math.hypot(allowed.vx, allowed.vy)
-    if wanted.vx == 0.0 and wanted.vy == 0.0:
-        return f"turning slowed to {figure(abs(allowed.w))} rad/s" if allowed.w else "not turning"
-    if speed > 0.0:
-        return f"slowed to {figure(speed)} m/s"
-    return "only turning" if allowed.w else "stopped"
+def what_is_left(asked: Velocity, allowed: Velocity) -> str:
+    """How the allowed twist differs from the one asked for: "slowed from 0.8 to 0.2 m/s"."""
+    speed, allowed_speed = math.hypot(asked.vx, asked.vy), math.hypot(allowed.vx, allowed.vy)
+    if speed == 0.0:
+        return f"turning slowed {_from_to(abs(asked.w), abs(allowed.w))} rad/s" if allowed.w else "not turning"
+    if allowed_speed > 0.0:
+        return f"slowed {_from_to(speed, allowed_speed)} m/s"
+    return f"{'only turning' if allowed.w else 'stopped'} ({figure(speed)} m/s asked)"
+
+
+def _from_to(asked: float, allowed: float) -> str:
+    """Two figures, or one if they look the same."""
+    first, second = figure(asked), figure(allowed)
+    return f"from {first} to {second}" if first != second else f"to {second}"
 
 
 def obstacle(word: str, gap_m: float, bearing: float, rule: str) -> str:
