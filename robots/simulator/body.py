@@ -96,11 +96,10 @@ _CENTRE_LASER = LaserMount(frame="laser", pose=(0.0, 0.0, 0.2, 0.0), half_angle=
 
 TIAGO = Body(
     mass_kg=70.0,
-    # With the arm folded the upper body stays within the base's circle; a table top meets it all the same.
+    # With the arm folded (see `arm`) all this stays within the base's circle; a table top meets it all the same.
     parts=(
         _PMB2_BASE,
         Part("torso", (-0.06, 0.0), 0.30, 1.0, radius=0.19),
-        Part("folded_arm", (0.09, 0.0), 0.55, 0.95, radius=0.18),
         Part("head", (0.06, 0.0), 1.0, 1.15, radius=0.13),
     ),
     limits=TIAGO_LIMITS,

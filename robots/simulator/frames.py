@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from numpy.typing import NDArray
 
 from robots.simulator.body import Body
 from robots.simulator.joints import CAMERA_M, HEAD_PAN_M, HEAD_TILT_M, JOINTS, TORSO_M
@@ -16,6 +21,11 @@ OPTICAL_FRAME = "xtion_rgb_optical_frame"
 
 Vector = tuple[float, float, float]
 Rotation = tuple[float, float, float, float]
+Matrix = NDArray[np.float64]
+
+
+class FrameError(ValueError):
+    """No such frame."""
 
 
 class Frame(NamedTuple):
@@ -28,6 +38,17 @@ class Frame(NamedTuple):
     joint: str | None = None
     kind: str = "fixed"
     axis: Vector = _UP
+
+
+class Placed(NamedTuple):
+    """A frame in another one: its origin (3,), and its axes as columns (3, 3)."""
+
+    origin: Matrix
+    axes: Matrix
+
+    def point(self, inside: Matrix) -> Matrix:
+        """A point of this frame, in the other one."""
+        return self.origin + self.axes @ inside
 
 
 def frames(body: Body) -> list[Frame]:
@@ -60,7 +81,28 @@ def _upper_body(base: str) -> list[Frame]:
         ),
         Frame("head_2_link", "xtion_rgb_frame", CAMERA_M),
         Frame("xtion_rgb_frame", OPTICAL_FRAME, (0.0, 0.0, 0.0), (-quarter, 0.0, -quarter)),
+        *_arm("torso_lift_link"),
     ]
+
+
+def _arm(shoulder: str) -> list[Frame]:
+    """Seven joints, each about its own z, and the point between the fingers."""
+    quarter = math.pi / 2.0
+    joints: list[tuple[Vector, Vector]] = [
+        ((0.155, 0.014, -0.151), (0.0, 0.0, -quarter)),
+        ((0.125, 0.0195, -0.031), (-quarter, 0.0, 0.0)),
+        ((0.0895, 0.0, -0.0015), (-quarter, 0.0, quarter)),
+        ((-0.02, -0.027, -0.222), (-quarter, -quarter, 0.0)),
+        ((-0.162, 0.02, 0.027), (0.0, -quarter, 0.0)),
+        ((0.0, 0.0, 0.15), (-quarter, -quarter, 0.0)),
+        ((0.0, 0.0, 0.0), (quarter, 0.0, quarter)),
+    ]
+    links = [shoulder, *(f"arm_{number}_link" for number in range(1, 8))]
+    found = [
+        Frame(parent, child, xyz, rpy, joint=child.replace("link", "joint"), kind="revolute")
+        for (parent, child), (xyz, rpy) in zip(pairwise(links), joints, strict=True)
+    ]
+    return [*found, Frame(links[-1], "gripper_grasping_frame", (0.0, 0.0, 0.24))]
 
 
 def _rotation(rpy: Vector) -> Rotation:
@@ -83,7 +125,47 @@ def moved(frame: Frame, position: float) -> tuple[Vector, Rotation]:
     if frame.kind == "prismatic":
         return (x + ax * position, y + ay * position, z + az * position), _rotation(frame.rpy)
     half = math.sin(position / 2.0)
-    return frame.xyz, (ax * half, ay * half, az * half, math.cos(position / 2.0))
+    turned = (ax * half, ay * half, az * half, math.cos(position / 2.0))
+    return frame.xyz, _after(_rotation(frame.rpy), turned)
+
+
+def _after(first: Rotation, then: Rotation) -> Rotation:
+    """Two rotations in a row, the second about the axes that the first has turned."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = first, then
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def place(table: Sequence[Frame], name: str, joints: Mapping[str, float], root: str | None = None) -> Placed:
+    """Where frame `name` is in frame `root` (of all by default), which carries it; else `FrameError`."""
+    parents = {frame.child: frame for frame in table}
+    placed = Placed(np.zeros(3), np.eye(3))
+    at = name
+    while at != root and at in parents:
+        frame = parents[at]
+        translation, rotation = moved(frame, joints[frame.joint] if frame.joint else 0.0)
+        axes = _matrix(rotation)
+        placed = Placed(np.array(translation) + axes @ placed.origin, axes @ placed.axes)
+        at = frame.parent
+    if at != root and (root is not None or all(frame.parent != at for frame in table)):
+        raise FrameError(f"no frame {name!r}" + (f" on {root}" if root else ""))
+    return placed
+
+
+def _matrix(rotation: Rotation) -> Matrix:
+    """A unit quaternion (x, y, z, w) as a matrix."""
+    x, y, z, w = rotation
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def urdf(body: Body, name: str) -> str:

@@ -11,10 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.simulator.base import clamp
-from robots.simulator.frames import Frame, Rotation, moved
+from robots.simulator.frames import Frame, Matrix, place
 from robots.simulator.joints import JOINTS
 
 PAN, TILT = "head_1_joint", "head_2_joint"
@@ -26,45 +25,16 @@ REACHED_RAD = 0.02
 _ROUNDS = 12
 _SHORTEST = 1e-6
 
-Vector = NDArray[np.float64]
-
 
 class GazeError(ValueError):
-    """That cannot be looked at, or not with that."""
-
-
-class Placed(NamedTuple):
-    """A frame in another one: its origin (3,), and its axes as columns (3, 3)."""
-
-    origin: Vector
-    axes: Vector
-
-    def point(self, inside: Vector) -> Vector:
-        """A point of this frame, in the other one."""
-        return self.origin + self.axes @ inside
+    """That cannot be looked at."""
 
 
 class Eye(NamedTuple):
     """What is to point at the target: an origin and a unit axis, both in the head's frame."""
 
-    origin: Vector
-    axis: Vector
-
-
-def place(table: Sequence[Frame], name: str, joints: Mapping[str, float], root: str | None = None) -> Placed:
-    """Where frame `name` is in frame `root` (of all by default), which carries it; else `GazeError`."""
-    parents = {frame.child: frame for frame in table}
-    placed = Placed(np.zeros(3), np.eye(3))
-    at = name
-    while at != root and at in parents:
-        frame = parents[at]
-        translation, rotation = moved(frame, joints[frame.joint] if frame.joint else 0.0)
-        axes = _matrix(rotation)
-        placed = Placed(np.array(translation) + axes @ placed.origin, axes @ placed.axes)
-        at = frame.parent
-    if at != root and (root is not None or all(frame.parent != at for frame in table)):
-        raise GazeError(f"no frame {name!r}" + (f" on {root}" if root else ""))
-    return placed
+    origin: Matrix
+    axis: Matrix
 
 
 def eye(table: Sequence[Frame], frame: str, axis: Sequence[float]) -> Eye:
@@ -78,7 +48,7 @@ def eye(table: Sequence[Frame], frame: str, axis: Sequence[float]) -> Eye:
     return Eye(placed.origin, placed.axes @ unit)
 
 
-def aim(table: Sequence[Frame], looks: Eye, target: Vector, joints: Mapping[str, float]) -> dict[str, float]:
+def aim(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str, float]) -> dict[str, float]:
     """Pan and tilt that bring the eye onto `target`, held within the neck's limits."""
     if not np.isfinite(target).all():
         raise GazeError("the target is not a point")
@@ -90,24 +60,24 @@ def aim(table: Sequence[Frame], looks: Eye, target: Vector, joints: Mapping[str,
     return {PAN: wanted[PAN], TILT: wanted[TILT]}
 
 
-def error(table: Sequence[Frame], looks: Eye, target: Vector, joints: Mapping[str, float]) -> float:
+def error(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str, float]) -> float:
     """The angle between where the eye looks and where the target is."""
     looking = place(table, HEAD, joints).axes @ looks.axis
     wanted = _direction(table, looks, target, joints)
     return math.atan2(float(np.linalg.norm(np.cross(looking, wanted))), float(looking @ wanted))
 
 
-def _direction(table: Sequence[Frame], looks: Eye, target: Vector, joints: Mapping[str, float]) -> Vector:
+def _direction(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str, float]) -> Matrix:
     """The unit vector from the eye to `target`."""
     way = target - place(table, HEAD, joints).point(looks.origin)
     length = float(np.linalg.norm(way))
     if length < _SHORTEST:
         raise GazeError("the target is where the eye is")
-    unit: Vector = way / length
+    unit: Matrix = way / length
     return unit
 
 
-def _turned(axis: Vector, direction: Vector) -> tuple[float, float]:
+def _turned(axis: Matrix, direction: Matrix) -> tuple[float, float]:
     """Pan and tilt that turn the head's `axis` into `direction`. Tilt moves it on a circle about the left."""
     forward, left, up = axis.tolist()
     x, y, z = direction.tolist()
@@ -115,15 +85,3 @@ def _turned(axis: Vector, direction: Vector) -> tuple[float, float]:
     raised = math.asin(clamp(z / circle, -1.0, 1.0)) if circle > _SHORTEST else 0.0
     pan = math.atan2(y, x) - math.atan2(left, circle * math.cos(raised))
     return math.remainder(pan, math.tau), math.remainder(raised - math.atan2(up, forward), math.tau)
-
-
-def _matrix(rotation: Rotation) -> Vector:
-    """A unit quaternion (x, y, z, w) as a matrix."""
-    x, y, z, w = rotation
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from typing import NamedTuple
 
 # Only the camera draws, in a context of its own (see `camera`): MuJoCo need not look for a display.
@@ -13,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.simulator.arm import SEGMENTS, Capsule
 from robots.simulator.base import Twist, clamp
 from robots.simulator.body import Body
 from robots.simulator.scene import ROBOT_GROUP, scene_xml
@@ -112,6 +114,7 @@ class Physics:
         self._mass = body.mass_kg
         self._inertia = float(self.model.body("robot").inertia[2])
         self._mocaps = {person.name: int(self.model.body(person.name).mocapid[0]) for person in world.people}
+        self._arm = [self.model.body(f"robot {part.name}").id for part in SEGMENTS] if body.upper_body else []
         is_part = self.model.geom_group == ROBOT_GROUP
         self._parts = np.flatnonzero(is_part).tolist()
         self._others = np.flatnonzero(~is_part & (self.model.geom_contype != 0)).tolist()
@@ -193,6 +196,12 @@ class Physics:
         mocap = self._mocaps[name]
         self.data.mocap_pos[mocap] = (x, y, 0.0)
         self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+    def place_arm(self, capsules: Sequence[Capsule]) -> None:
+        """Lay the arm's segments; shows from the next step on. Nothing stops them: what they meet is told."""
+        for body, (middle, rotation) in zip(self._arm, capsules, strict=True):
+            self.model.body_pos[body] = middle
+            self.model.body_quat[body] = rotation
 
     def place_robot(self, pose: Pose) -> None:
         """Put the robot somewhere, at rest."""

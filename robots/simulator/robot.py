@@ -6,10 +6,12 @@ from collections import deque
 
 import numpy as np
 
+from robots.simulator.arm import MOVED_BY, capsules
 from robots.simulator.base import BaseController, Twist
 from robots.simulator.battery import Battery
 from robots.simulator.body import Body
 from robots.simulator.faults import Faults
+from robots.simulator.frames import frames
 from robots.simulator.laser import Laser
 from robots.simulator.motions import Player, load_motions
 from robots.simulator.odometry import Drift, Odometry
@@ -40,6 +42,9 @@ class Robot:
         self.player = Player(load_motions() if body.upper_body else {})
         self.faults = Faults()
         self.approach = Twist()  # how it moved before the last tick: with this it hit what it touches now
+        self._frames = frames(body)
+        self._arm_at: list[float] = []
+        self._lay_arm()
         self._late: deque[tuple[float, Twist]] = deque()
         self._steps = round(TICK_S / self.physics.timestep_s)
 
@@ -66,6 +71,7 @@ class Robot:
         if self.wheels is not None:
             self.wheels.step(rolled, TICK_S)
         self.player.step(now)
+        self._lay_arm()
         self.battery.step(moved, TICK_S)
 
     def joints(self) -> dict[str, tuple[float, float]]:
@@ -78,6 +84,14 @@ class Robot:
             for part in moving
             for joint, position in part.positions.items()
         }
+
+    def _lay_arm(self) -> None:
+        """Lay the arm where the joints are now, if they moved."""
+        joints = self.player.positions
+        at = [joints[name] for name in MOVED_BY]
+        if self.body.upper_body and at != self._arm_at:
+            self._arm_at = at
+            self.physics.place_arm(capsules(self._frames, joints))
 
     def _walk(self) -> None:
         for name, walker in self.people.items():

@@ -9,7 +9,9 @@ import math
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from robots.simulator.arm import SEGMENTS, lengths
 from robots.simulator.body import Body
+from robots.simulator.frames import frames
 from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
 
 ROBOT_GROUP = 3
@@ -180,7 +182,18 @@ def _robot(parent: Element, body: Body) -> None:
             _solid(robot, name, centre, (2 * part.half[0], 2 * part.half[1], part.top - part.bottom), _ROBOT)
         else:
             _upright(robot, name, part.at, part.radius, part.bottom, part.top, _ROBOT)
+    if body.upper_body:
+        _arm(robot, body)
     for geom in robot.iter("geom"):
         geom.set("group", str(ROBOT_GROUP))
         # Smooth covers: the robot slides along what it scrapes instead of sticking to it.
         geom.set("friction", "0.3 0.005 0.0001")
+
+
+def _arm(robot: Element, body: Body) -> None:
+    """A body for each capsule, without joints or mass: `physics` lays them where the joints are."""
+    for segment, length in zip(SEGMENTS, lengths(frames(body)), strict=True):
+        name = f"robot {segment.name}"
+        size = _numbers(segment.radius, length / 2.0)
+        piece = SubElement(robot, "body", name=name)
+        SubElement(piece, "geom", name=name, type="capsule", size=size, mass="0", rgba=_ROBOT)

@@ -12,8 +12,8 @@ import numpy as np
 import rospy
 
 from robots.bridge.ros.types import message_class
-from robots.simulator.frames import frames
-from robots.simulator.gaze import PAN, REACHED_RAD, TILT, Eye, GazeError, Vector, aim, error, eye, place
+from robots.simulator.frames import FrameError, Matrix, frames, place
+from robots.simulator.gaze import PAN, REACHED_RAD, TILT, Eye, GazeError, aim, error, eye
 from robots.simulator.motions import EASED_PEAK, Phase, Point, Run
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions import Goals
@@ -25,7 +25,7 @@ class Pointing(NamedTuple):
     handle: Any
     run: Run
     eye: Eye
-    target: Vector
+    target: Matrix
 
 
 class HeadServer:
@@ -62,7 +62,7 @@ class HeadServer:
             axis = goal.pointing_axis
             looks = eye(self._frames, goal.pointing_frame, (axis.x, axis.y, axis.z))
             wanted = aim(self._frames, looks, target, self._player.positions)
-        except GazeError as refused:
+        except (FrameError, GazeError) as refused:
             handle.set_rejected(text=str(refused))
             return
         seconds = max(goal.min_duration.to_sec(), self._shortest_s(wanted, goal.max_velocity))
@@ -71,7 +71,7 @@ class HeadServer:
         handle.set_accepted()
         self._pointing = Pointing(handle, run, looks, target)
 
-    def _in_base(self, target: Any) -> Vector:
+    def _in_base(self, target: Any) -> Matrix:
         """The target's point in the base frame."""
         point = np.array([target.point.x, target.point.y, target.point.z])
         if target.header.frame_id != "odom":
