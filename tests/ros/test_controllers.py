@@ -12,6 +12,7 @@ import pytest
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.ros.types import message_class
@@ -139,3 +140,22 @@ def test_a_motion_waits_for_no_trajectory(ros):
         result(goal_id)
     assert refused.status.status == GoalStatus.REJECTED
     assert refused.result.error_code == refused.result.CONTROLLER_BUSY
+
+
+def test_the_parallel_gripper_moves_both_fingers_by_half_the_gap(ros):
+    with (
+        ros.listen("/joint_states", JointState) as states,
+        ros.speak("/parallel_gripper_controller/command", JointTrajectory) as command,
+    ):
+        command.publish(trajectory(["parallel_gripper_joint"], [0.06], 0.5))
+        states.until(lambda message: all(at(finger, 0.03)(message) for finger in FINGERS))
+
+
+@pytest.mark.parametrize(("service", "gap"), [("release", 0.045), ("grasp", 0.0)])
+def test_grasp_and_release_answer_when_the_fingers_are_there(ros, service, gap):
+    with ros.listen("/joint_states", JointState) as states:
+        name = f"/parallel_gripper_controller/{service}"
+        rospy.wait_for_service(name, timeout=10.0)
+        rospy.ServiceProxy(name, Empty)()
+        states.settle()
+        assert all(at(finger, gap)(states.next()) for finger in FINGERS)

@@ -18,6 +18,7 @@ from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.controllers import CONTROLLERS, TrajectoryController
 from robots.simulator.ros.eyes import Eyes
+from robots.simulator.ros.gripper import GripperServer
 from robots.simulator.ros.head import HeadServer
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
@@ -62,7 +63,7 @@ class SimulatorNode:
         self._servers: list[Callable[[float], None]] = []
         self._eyes: Eyes | None = None
         if robot.body.upper_body:
-            self._servers = [SpeechServer().step, MotionServer(robot).step]
+            self._servers = [SpeechServer().step, MotionServer(robot).step, GripperServer(robot).step]
             for index, name in enumerate(CONTROLLERS):
                 controller = TrajectoryController(robot, name)
                 self._servers.append(controller.step)

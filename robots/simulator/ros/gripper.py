@@ -1,0 +1,87 @@
+"""/parallel_gripper_controller: both fingers as one joint, that is how far they are apart."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from typing import NamedTuple
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import rospy
+from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
+from trajectory_msgs.msg import JointTrajectory
+
+from robots.simulator.joints import JOINTS
+from robots.simulator.motions import Phase, Point, Run
+from robots.simulator.robot import Robot
+from robots.simulator.trajectories import RefusedTrajectoryError, check, joints_of
+
+JOINT = "parallel_gripper_joint"
+_NAME = "/parallel_gripper_controller"
+_FINGERS = joints_of("gripper_controller")
+_OPEN_M = JOINTS[_FINGERS[0]].high
+_PATIENCE_S = 10.0
+
+
+class Awaited(NamedTuple):
+    """A service's way of the fingers, and what it waits for."""
+
+    finger_m: float
+    done: threading.Event
+
+
+class GripperServer:
+    """`command`, `grasp` and `release`. There is nothing to hold: a grasp closes the fingers."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._player = robot.player
+        self._commands: queue.SimpleQueue[JointTrajectory] = queue.SimpleQueue()
+        self._asked: queue.SimpleQueue[Awaited] = queue.SimpleQueue()
+        self._running: list[tuple[Run, threading.Event]] = []
+        rospy.Subscriber(f"{_NAME}/command", JointTrajectory, self._commands.put)
+        rospy.Service(f"{_NAME}/grasp", Empty, self._grasp)
+        rospy.Service(f"{_NAME}/release", Empty, self._release)
+
+    def step(self, now: float) -> None:
+        """Take what was asked since the last tick, and answer the services whose fingers have come to rest."""
+        while not self._commands.empty():
+            self._command(self._commands.get(), now)
+        while not self._asked.empty():
+            finger_m, done = self._asked.get()
+            run = self._player.follow(_FINGERS, [Point([finger_m] * len(_FINGERS), 0.0)], now)
+            self._running.append((run, done))
+        for run, done in self._running[:]:
+            if run.phase is not Phase.MOVING:
+                self._running.remove((run, done))
+                done.set()
+
+    def _command(self, trajectory: JointTrajectory, now: float) -> None:
+        if list(trajectory.joint_names) != [JOINT] or any(len(p.positions) != 1 for p in trajectory.points):
+            rospy.logwarn("the gripper ignored a command: it moves %s, one position each", JOINT)
+            return
+        points = [
+            Point([point.positions[0] / 2.0] * len(_FINGERS), point.time_from_start.to_sec())
+            for point in trajectory.points
+        ]
+        try:
+            check("gripper_controller", _FINGERS, points)
+        except RefusedTrajectoryError as refused:
+            rospy.logwarn("the gripper ignored a command: %s", refused)
+            return
+        self._player.follow(_FINGERS, points, now)
+
+    def _grasp(self, _request: EmptyRequest) -> EmptyResponse:
+        return self._move(0.0)
+
+    def _release(self, _request: EmptyRequest) -> EmptyResponse:
+        return self._move(_OPEN_M)
+
+    def _move(self, finger_m: float) -> EmptyResponse:
+        """On one of rospy's threads: the robot's own moves the fingers and tells when they are there."""
+        done = threading.Event()
+        self._asked.put(Awaited(finger_m, done))
+        if not done.wait(_PATIENCE_S):
+            raise rospy.ServiceException("the fingers did not come to rest")
+        return EmptyResponse()
