@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import DepthSource, ScanSource, SonarSource, Topic, Topics
+from robots.bridge.config import DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import Parameters
 from robots.bridge.stick import STEADYING, STEPS, StickStep
 
@@ -169,6 +169,8 @@ def topic_problems(topics: Topics) -> Iterator[str]:
             yield f"{field}.type: {source.type!r} is not understood here, only {' or '.join(understood)}"
     if topics.depth:
         yield from _depth_problems(topics.depth)
+    if topics.head:
+        yield from _head_problems(topics.head)
     for index, scan in enumerate(topics.scans):
         yield from _name_problem(scan.topic, f"scans[{index}].topic")
         yield from _pose_problems(scan, f"scans[{index}]")
@@ -198,6 +200,15 @@ def _depth_problems(depth: DepthSource) -> Iterator[str]:
         yield from _name_problem(depth.info, "depth.info")
     if not depth.base_frame:
         yield "depth.base_frame: must name the frame that lies on the floor below the robot"
+
+
+def _head_problems(head: HeadSource) -> Iterator[str]:
+    yield from _name_problem(head.topic, "head.topic")
+    for name in ("pan_joint", "tilt_joint"):
+        if not getattr(head, name):
+            yield f"head.{name}: must name a joint"
+    if abs(head.look_tilt) > math.pi / 2.0:
+        yield f"head.look_tilt: must be between -1.57 and 1.57 rad, not {head.look_tilt:g}"
 
 
 def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:

@@ -62,6 +62,11 @@ class AuditSink:
         record("drive.end", of=drive, outcome=summary.ended_by, parameters=figures, **self._by(holder))
 
     @_or_record_error
+    def look_ahead(self, holder: Holder) -> int:
+        """Commit that the head was asked to look ahead."""
+        return record("head.look_ahead", **self._by(holder)).pk
+
+    @_or_record_error
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         """Commit that the gate began to hold back, and why."""
         figures = {

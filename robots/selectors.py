@@ -112,7 +112,13 @@ def robot_facts(robot: Robot) -> RobotFacts:
     """
     if robot.problems:
         return _facts(
-            robot, limits=robot.profile, share=robot.profile.default_share, footprint=[], sonars=[], steps=()
+            robot,
+            limits=robot.profile,
+            share=robot.profile.default_share,
+            footprint=[],
+            sonars=[],
+            has_head=False,
+            steps=(),
         )
     return _facts(
         robot,
@@ -120,6 +126,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
         share=effective.default_share(robot),
         footprint=_drawn_footprint(robot),
         sonars=effective.topics(robot).sonars,
+        has_head=effective.topics(robot).head is not None,
         steps=effective.stick(robot),
     )
 
@@ -131,6 +138,7 @@ def _facts(
     share: float,
     footprint: list[tuple[float, float]],
     sonars: list[SonarSource],
+    has_head: bool,
     steps: Sequence[StickStep],
 ) -> RobotFacts:
     return RobotFacts(
@@ -145,6 +153,7 @@ def _facts(
         max_share=robot.max_share,
         reverse_steering=robot.profile.reverse_steering,
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
+        has_head=has_head,
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
         stick=in_words(steps),
     )

@@ -126,8 +126,27 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
     sent_ms: Milliseconds
 
 
+class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
+    """Turn the head to where the robot drives. From the holder; forwarded to the bridge."""
+
+    fence: Fence
+
+
 BrowserMessage = (
-    Hello | Take | TakeOver | Renew | Release | Ask | AskCancel | HandOver | Drive | Stop | Clear | Ack | Ping
+    Hello
+    | Take
+    | TakeOver
+    | Renew
+    | Release
+    | Ask
+    | AskCancel
+    | HandOver
+    | Drive
+    | LookAhead
+    | Stop
+    | Clear
+    | Ack
+    | Ping
 )
 
 
@@ -182,6 +201,7 @@ class RobotFacts(Struct, frozen=True):
     drive_topic: str
     sonars: list[SonarPose]
     stick: str  # what its stick passes on the way to the gate, in words
+    has_head: bool = False  # one that can be asked to look ahead
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
@@ -412,7 +432,7 @@ class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
     watchers: Annotated[list[ShortText], Meta(max_length=500)]
 
 
-LinkRequest = LinkHello | Grant | Revoke | Hold | Drive | LinkStop | LinkClear | Watch
+LinkRequest = LinkHello | Grant | Revoke | Hold | Drive | LookAhead | LinkStop | LinkClear | Watch
 
 
 # --- bridge -> web (the link, text frames) ----------------------------------------------------

@@ -103,6 +103,8 @@ class RobotConsumer(MessageSocket):
             return
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
+        elif isinstance(message, wire.LookAhead):
+            await self._look_ahead(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:
                 await self.viewer.drawn()
@@ -120,12 +122,20 @@ class RobotConsumer(MessageSocket):
             if not await self.room.link.forward(raw):
                 self.refused["link_busy"] += 1  # a newer one follows in a moment
             return
-        if grip is None:
-            refusal = Refusal("no_lease", "You do not have control: take it first.", "lease")
+        await self.refuse("drive", self._not_held(drive.fence), drive.seq, drive.fence)
+
+    async def _look_ahead(self, look: wire.LookAhead) -> None:
+        """The bridge puts it on record before it is done."""
+        if self.grip is not None and self.grip.fence == look.fence:
+            self.room.link.send(look)
         else:
-            figures: dict[str, float | int | str | None] = {"fence": drive.fence, "yours": grip.fence}
-            refusal = Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
-        await self.refuse("drive", refusal, drive.seq, drive.fence)
+            await self.refuse("look_ahead", self._not_held(look.fence), fence=look.fence)
+
+    def _not_held(self, fence: int) -> Refusal:
+        if self.grip is None:
+            return Refusal("no_lease", "You do not have control: take it first.", "lease")
+        figures: dict[str, float | int | str | None] = {"fence": fence, "yours": self.grip.fence}
+        return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
 
     async def _do(self, message: wire.BrowserMessage) -> None:
         """One errand: a request that needs the database."""

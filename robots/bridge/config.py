@@ -53,6 +53,18 @@ class DepthSource(Struct, frozen=True):
     own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
 
 
+class HeadSource(Struct, frozen=True):
+    """A head with two joints behind a joint trajectory controller (trajectory_msgs/JointTrajectory)."""
+
+    topic: str
+    pan_joint: str  # positive: left
+    tilt_joint: str  # positive: up
+    look_tilt: float = (
+        -0.6
+    )  # radians: with it the depth camera shows the floor from 0.5 m to 3 m before the robot
+    follows_turn: bool = False  # on a drive the head turns to where the robot will be
+
+
 class Topics(Struct, frozen=True):
     """Where a robot's ROS interface is. None: the robot has no such thing."""
 
@@ -61,6 +73,7 @@ class Topics(Struct, frozen=True):
     scans: list[ScanSource] = []
     sonars: list[SonarSource] = []
     depth: DepthSource | None = None
+    head: HeadSource | None = None
     joint_states: Topic | None = None
     battery: Topic | None = None  # std_msgs/Float32 percent, or sensor_msgs/BatteryState
     charging: Topic | None = None  # std_msgs/Bool

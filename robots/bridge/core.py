@@ -10,6 +10,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +25,7 @@ from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.grants import Grants
+from robots.bridge.head import Aim, Head
 from robots.bridge.sink import Holder
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
@@ -50,6 +52,9 @@ class Base(Protocol):
 
     def cancel_all(self) -> None:
         """Cancel every goal of every action in `Topics.cancel_on_stop`, whoever sent it."""
+
+    def aim_head(self, aim: Aim) -> None:
+        """Send the head there."""
 
     @property
     def listeners(self) -> int:
@@ -101,6 +106,9 @@ class Core:
         self._battery_percent: float | None = None
         self._charging: bool | None = None
         self._skew_s: float | None = None
+        self._head = Head(config.topics.head) if config.topics.head else None
+        self._look: Future[int] | None = None  # asked for, and being put on record
+        self._motion_runs = False
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -144,6 +152,14 @@ class Core:
             self.refused[refusal.code] += 1
         return refusal
 
+    def look_ahead(self, fence: int, link: int, now_s: float) -> Refusal | None:
+        """Send the head ahead, once that is on record. Returns why not, if a rule forbids it."""
+        grant = self.grants.current
+        refusal = self.grants.refuse_drive(fence, link) or self._why_no_look(now_s)
+        if refusal is None and grant is not None and self._look is None:
+            self._look = self._drives.look_ahead(_holder(grant), now_s)
+        return refusal
+
     def stop(self, by: str, reason: str, now_s: float) -> None:
         """Emergency stop: zero at once, latched, everybody's goals cancelled."""
         if self.stop_state.state == "clear":
@@ -169,6 +185,7 @@ class Core:
         if unrecorded and self._passed != STILL:
             self._halt(unrecorded.text, now_s)
         self._decide(now_s)
+        self._move_head(now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
             self._confirm_standstill(self._odometry[0])
 
@@ -227,6 +244,10 @@ class Core:
     def bad_depth(self, why: str) -> None:
         """A picture of the depth camera that cannot be used, and why."""
         self._gate.observe_bad_depth(why)
+
+    def motions(self, running: bool) -> None:
+        """Whether the robot performs a motion, whoever asked for it."""
+        self._motion_runs = running
 
     def battery(self, percent: float) -> None:
         """Charge in percent."""
@@ -327,8 +348,33 @@ class Core:
             return Refusal(
                 "neutral_needed", f"Let the stick return to the middle: {self._neutral}.", "dead-man"
             )
-        holder = Holder(grant.holder_id, grant.holder, grant.session, grant.fence)
-        return self._drives.may_move(holder, now_s)
+        return self._drives.may_move(_holder(grant), now_s)
+
+    def _why_no_look(self, now_s: float) -> Refusal | None:
+        """The first rule that keeps the head where it is, the lease apart."""
+        if self._head is None:
+            return Refusal("no_head", "This robot has no head that can be turned.", "robot")
+        if self.stop_state.state != "clear":
+            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
+        phase, text = self._phase(now_s)
+        if phase != "online":
+            return Refusal("robot_offline", text, "robot")
+        if self._motion_runs:
+            return Refusal("motion_runs", "The robot performs a motion: its head belongs to that.", "robot")
+        return None
+
+    def _move_head(self, now_s: float) -> None:
+        """What was asked for and is on record now; else, by setting, into the turn."""
+        if self._head is None:
+            return
+        asked, aim = self._look, None
+        if asked is not None and asked.done():
+            self._look = None
+            aim = self._head.ahead(now_s) if asked.exception() is None else None
+        elif self.grants.current and self._passed != STILL:
+            aim = self._head.follow(self._sent, now_s)
+        if aim is not None and self.grants.current and self._why_no_look(now_s) is None:
+            self._base.aim_head(aim)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to others."""
@@ -354,6 +400,7 @@ class Core:
         ended = self.grants.end()
         if ended is None:
             return
+        self._look = None
         self._halt(reason, now_s)
         self._announce(Ended(ended.fence, reason))
 
@@ -405,6 +452,10 @@ def _centimetres(obstacles: Obstacles, kind: str) -> list[int]:
     near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
     flat: list[int] = np.rint(near * 100).astype(int).ravel().tolist()
     return flat
+
+
+def _holder(grant: Grant) -> Holder:
+    return Holder(grant.holder_id, grant.holder, grant.session, grant.fence)
 
 
 def _verdict_view(verdict: Verdict) -> wire.Verdict:

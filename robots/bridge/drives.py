@@ -139,6 +139,10 @@ class DriveLog:
             return _unrecorded(f"no answer from the audit log for {RECORD_PATIENCE_S:.0f} s")
         return None
 
+    def look_ahead(self, holder: Holder, now_s: float) -> Future[int]:
+        """Put on record that the head is asked to look ahead; done once it is committed."""
+        return self._submit(now_s, lambda: self._sink.look_ahead(holder))
+
     def end(self, now_s: float, ended_by: str) -> None:
         """End the drive under way, if any."""
         drive, self._drive = self._drive, None

@@ -57,6 +57,10 @@ class Reception:
         match message:
             case wire.Drive():
                 await self._drive(link, message, now_s)
+            case wire.LookAhead():
+                refusal = self._core.look_ahead(message.fence, link.number, now_s)
+                if refusal is not None:
+                    self._refuse(link, wire.Refused("look_ahead", refusal, fence=message.fence), now_s)
             case wire.Grant() | wire.Revoke() | wire.Hold():
                 self._leasing.hear(link, message)
             case wire.LinkStop():

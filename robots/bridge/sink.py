@@ -46,6 +46,9 @@ class RecordSink(Protocol):
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive."""
 
+    def look_ahead(self, holder: Holder) -> int:
+        """Commit that the head was asked to look ahead: before it does."""
+
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         """Commit that the gate began to hold back, and why."""
 

@@ -9,6 +9,7 @@ import { Face } from "./face.js";
 import { listenToGamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { listenToKeys } from "./keyboard.js";
+import { LookAhead } from "./look_ahead.js";
 import { Notices } from "./notices.js";
 import { Picture } from "./picture.js";
 import { Pulse } from "./pulse.js";
@@ -53,6 +54,7 @@ class ControlPage {
   #picture;
   #chart;
   #face;
+  #lookAhead;
   #notices;
   #screen = screenLock();
   #echoes = new Echoes();
@@ -81,6 +83,9 @@ class ControlPage {
     this.#picture = new Picture(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
     this.#face = new Face(root, this.#parts);
+    this.#lookAhead = new LookAhead(this.#parts["look-ahead"], (message) =>
+      this.#socket.send(message),
+    );
     this.#notices = new Notices(this.#parts.notices);
     this.#clear = question(this.#parts["clear-dialog"], () => this.#socket.send({ t: "clear" }));
     this.#stopButton = new StopButton(this.#parts.stop, {
@@ -112,6 +117,7 @@ class ControlPage {
       this.#picture,
       this.#chart,
       this.#face,
+      this.#lookAhead,
       this.#notices,
     ];
     const others = [
@@ -220,6 +226,7 @@ class ControlPage {
     this.#choices.facts = robot;
     this.#picture.facts = robot;
     this.#face.facts = robot;
+    this.#lookAhead.facts = robot;
   }
 
   #onControl(control) {
@@ -235,6 +242,7 @@ class ControlPage {
   /** Drives while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
+    this.#lookAhead.fence = drives ? this.#control.fence : null;
     if (drives) {
       this.#sender.start(this.#control.fence);
     } else {

@@ -14,6 +14,7 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.head import Aim
 from robots.bridge.sink import DriveSummary, Holder, RecordError, RecordSink
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
@@ -69,6 +70,7 @@ class MemoryBase:
     """Remembers what it was told."""
 
     sent: list[Velocity] = field(default_factory=list)
+    aims: list[Aim] = field(default_factory=list)
     cancelled: int = 0
     listeners: int = 1
 
@@ -77,6 +79,9 @@ class MemoryBase:
 
     def cancel_all(self) -> None:
         self.cancelled += 1
+
+    def aim_head(self, aim: Aim) -> None:
+        self.aims.append(aim)
 
 
 class MemorySink:
@@ -100,6 +105,9 @@ class MemorySink:
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         self._record("drive.end", summary)
+
+    def look_ahead(self, holder: Holder) -> int:
+        return self._record("head.look_ahead", holder)
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record("gate.begin", verdict)

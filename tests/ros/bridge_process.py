@@ -31,6 +31,9 @@ class FileSink:
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         self._record("drive.end")
 
+    def look_ahead(self, holder: Holder) -> int:
+        return self._record("head.look_ahead")
+
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record(f"gate.begin {verdict.code}")
 

@@ -133,3 +133,14 @@ async def test_what_the_bridge_refuses_reaches_the_page_that_sent_it(driving, br
     refusal = wire.Refusal("too_old", "The command was 0.5 s on its way.", "dead-man")
     bridge.say(wire.Refused("drive", refusal, seq=7, fence=FENCE))
     assert (await driving.refused("too_old"))["seq"] == 7
+
+
+async def test_the_holder_lets_the_head_look_ahead_and_nobody_else(open_page, driving, bridge):
+    await driving.say("look_ahead", fence=FENCE)
+    assert (await bridge.hears(wire.LookAhead)).fence == FENCE
+    await driving.say("look_ahead", fence=FENCE + 1)
+    assert (await driving.refused("old_fence"))["of"] == "look_ahead"
+    watching = await open_page("observer")
+    await watching.say("look_ahead", fence=FENCE)
+    assert (await watching.refused("no_lease"))["of"] == "look_ahead"
+    assert len(bridge.all(wire.LookAhead)) == 1

@@ -23,13 +23,15 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import rospy
-from actionlib_msgs.msg import GoalID
+from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import Twist, TwistStamped
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.head import Aim
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
@@ -41,6 +43,7 @@ NODE = "/fleet_bridge"  # the same from every console: the second one is refused
 RETRY_S = 0.5
 SURVEY_S = 2.0
 FLUSH_S = 0.1
+RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
 SEND_PATIENCE = struct.pack("@ll", 0, 20_000)  # 20 ms, as a timeval: by then a buffer is not full by chance
 
@@ -61,6 +64,7 @@ class RosBase:
         self._publishers: list[rospy.Publisher] = []
         self._subscribers: list[rospy.Subscriber] = []
         self._depth: DepthTopics | None = None
+        self._head: rospy.Publisher | None = None
         self._ending = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
@@ -78,6 +82,16 @@ class RosBase:
         """An empty goal id cancels everybody's goals: just what an emergency stop means."""
         for publisher in self._cancels:
             publisher.publish(GoalID())
+
+    def aim_head(self, aim: Aim) -> None:
+        """Send the head there, if its topic is up."""
+        head = self._config.topics.head
+        if self._head is not None and head is not None:
+            point = JointTrajectoryPoint(
+                positions=[aim.pan, aim.tilt], time_from_start=rospy.Duration.from_sec(aim.seconds)
+            )
+            joints = [head.pan_joint, head.tilt_joint]
+            self._head.publish(JointTrajectory(joint_names=joints, points=[point]))
 
     @property
     def listeners(self) -> int:
@@ -181,6 +195,13 @@ class RosBase:
                 queue_size=None,
             )
         self._publishers = [self._drive, *self._cancels]
+        if topics.head:
+            self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
+            self._publishers.append(self._head)
+        if topics.motions:
+            self._subscribe(
+                Topic(f"{topics.motions.name}/status", "actionlib_msgs/GoalStatusArray"), self._on_motions
+            )
         if topics.depth and self._config.gate.depth:
             self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
 
@@ -271,6 +292,10 @@ class RosBase:
     def bad_depth(self, why: str) -> None:
         """A picture of the depth camera that cannot be used."""
         self._post(lambda: self._core.bad_depth(why))
+
+    def _on_motions(self, message: Any) -> None:
+        running = any(status.status in RUNNING for status in message.status_list)
+        self._post(lambda: self._core.motions(running))
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

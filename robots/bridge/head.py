@@ -1,0 +1,52 @@
+"""Where the robot's head is to look: ahead when its holder asks for it, and, by setting, into the turn of a drive."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from robots.bridge.config import HeadSource
+from robots.bridge.gate.values import Velocity
+
+AHEAD_TAKES_S = 1.5
+FOLLOW_EVERY_S = 0.2
+FOREKNOWLEDGE_S = 1.5  # the head looks where the robot will be by then: within this it stops from any speed
+FOLLOW_RAD = 0.3  # beyond, the way straight ahead would leave the camera's picture
+FOLLOW_RADPS = 0.4  # faster than 0.5 rad/s, the gate takes no pictures of a turning head
+LEAST_RAD = 0.03
+DRIVING_MPS = 0.05
+
+
+class Aim(NamedTuple):
+    """Joint positions (radians; positive: left, up), and the seconds in which to go there."""
+
+    pan: float
+    tilt: float
+    seconds: float
+
+
+class Head:
+    """One robot's head. `pan` is where it was sent last."""
+
+    def __init__(self, source: HeadSource) -> None:
+        self._source = source
+        self._pan = 0.0
+        self._sent_s = -math.inf
+
+    def ahead(self, now_s: float) -> Aim:
+        """Straight ahead, and down as far as the floor before the robot comes into view."""
+        self._pan, self._sent_s = 0.0, now_s + AHEAD_TAKES_S
+        return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
+
+    def follow(self, velocity: Velocity, now_s: float) -> Aim | None:
+        """Where to look next on a drive with this velocity; None to leave the head where it is."""
+        driving = velocity.vx > DRIVING_MPS
+        if not (self._source.follows_turn and driving) or now_s - self._sent_s < FOLLOW_EVERY_S:
+            return None
+        wanted = min(max(velocity.w * FOREKNOWLEDGE_S / 2.0, -FOLLOW_RAD), FOLLOW_RAD)
+        if abs(wanted - self._pan) < LEAST_RAD:
+            return None
+        step = FOLLOW_RADPS * FOLLOW_EVERY_S
+        self._pan += min(max(wanted - self._pan, -step), step)
+        self._sent_s = now_s
+        return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)

@@ -1,0 +1,136 @@
+"""The head looks ahead when its holder asks, on record; and into the turn, by setting."""
+
+import math
+
+import msgspec
+import pytest
+
+from robots.bridge.config import HeadSource
+from robots.bridge.gate.values import Velocity
+from robots.bridge.head import FOLLOW_RAD, FOLLOW_RADPS, Head
+from tests.bridge.support import CONFIG, Bench
+
+SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
+FOLLOWS = msgspec.structs.replace(SOURCE, follows_turn=True)
+
+
+def with_head(source=SOURCE):
+    topics = msgspec.structs.replace(CONFIG.topics, head=source)
+    return Bench(config=msgspec.structs.replace(CONFIG, topics=topics)).online().granted()
+
+
+@pytest.fixture
+def bench():
+    return with_head()
+
+
+def ask(bench, fence=1, link=1):
+    return bench.core.look_ahead(fence, link, bench.now_s)
+
+
+def settled(bench):
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+
+
+def turn(bench):
+    for _ in range(4):
+        bench.stick(0.5, 0.5)
+        bench.pass_time(0.1)
+
+
+def test_the_head_moves_once_the_request_is_on_record(bench):
+    bench.sink.open.clear()
+    assert ask(bench) is None
+    bench.core.tick(bench.now_s)
+    assert bench.base.aims == []
+    bench.sink.open.set()
+    settled(bench)
+    [aim] = bench.base.aims
+    assert (aim.pan, aim.tilt) == (0.0, -0.68)
+    assert bench.sink.kinds == ["head.look_ahead"]
+
+
+def test_what_cannot_be_recorded_is_not_done(bench):
+    bench.sink.fails = "disk full"
+    ask(bench)
+    settled(bench)
+    assert bench.base.aims == []
+
+
+def test_a_request_ends_with_the_control_under_which_it_was_made(bench):
+    bench.sink.open.clear()
+    ask(bench)
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.granted(2)
+    bench.sink.open.set()
+    settled(bench)
+    assert bench.base.aims == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.motions(True), "motion_runs"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
+    ],
+)
+def test_a_look_that_must_not_be_is_refused_and_not_recorded(bench, spoil, code):
+    spoil(bench)
+    assert ask(bench).code == code
+    settled(bench)
+    assert bench.base.aims == []
+    assert "head.look_ahead" not in bench.sink.kinds
+
+
+def test_only_the_holder_is_obeyed(bench):
+    assert ask(bench, fence=2).code == "unknown_fence"
+    assert ask(bench, link=5).code == "other_link"
+
+
+def test_a_robot_without_a_head_says_so():
+    assert ask(Bench().online().granted()).code == "no_head"
+
+
+def test_the_head_follows_a_turn_slowly_and_not_too_far():
+    head = Head(FOLLOWS)
+    pans = [0.0]
+    for step in range(100):
+        if aim := head.follow(Velocity(0.5, 0.0, 1.5), 10.0 + 0.05 * step):
+            pans.append(aim.pan)
+            assert (pans[-1] - pans[-2]) / aim.seconds <= FOLLOW_RADPS + 1e-9
+    assert FOLLOW_RAD - 0.03 < pans[-1] <= FOLLOW_RAD
+    back = [head.follow(Velocity(0.5, 0.0, 0.0), 20.0 + 0.05 * step) for step in range(100)]
+    assert [aim for aim in back if aim][-1].pan == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "twist", [Velocity(0.0, 0.0, 1.0), Velocity(-0.2, 0.0, 1.0), Velocity(0.0, 0.0, 0.0)]
+)
+def test_it_follows_on_drives_forward_only(twist):
+    assert Head(FOLLOWS).follow(twist, 10.0) is None
+
+
+def test_it_follows_by_setting_only():
+    assert Head(SOURCE).follow(Velocity(0.5, 0.0, 1.0), 10.0) is None
+
+
+def test_while_a_motion_runs_the_head_is_left_to_it():
+    bench = with_head(FOLLOWS)
+    bench.driving(0.5)
+    bench.core.motions(True)
+    turn(bench)
+    assert bench.base.aims == []
+    bench.core.motions(False)
+    turn(bench)
+    assert bench.base.aims
+
+
+def test_looking_ahead_shows_the_floor_from_half_a_metre_to_three_before_the_robot():
+    """TIAGo at home: its camera 1.217 m high, 0.175 m ahead of the base, 49.4 degrees from top to bottom."""
+    half = math.atan(240 / (320 / math.tan(math.radians(31.5))))
+    nearest, farthest = (1.217 / math.tan(-SOURCE.look_tilt + side) + 0.175 - 0.27 for side in (half, -half))
+    assert nearest <= 0.51
+    assert farthest >= 3.0
