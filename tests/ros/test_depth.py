@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots import wire
-from robots.bridge.config import DepthSource
+from robots.bridge.config import DepthSource, HeadSource
 from robots.bridge.gate.values import DepthView
 from tests.ros.bridge_support import BridgeProcess, tiago_config
 from tests.ros.support import until
@@ -33,6 +33,7 @@ IMAGES = DepthSource(
 CLOUDS = msgspec.structs.replace(
     IMAGES, topic="/xtion/depth_registered/points", type="sensor_msgs/PointCloud2", info=None
 )
+HEAD = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
 BEFORE_TABLE = Pose2D(
     5.0, 2.9, -math.pi / 2.0
 )  # its top's edge is at y = 1.0, its legs to either side of the way
@@ -40,13 +41,13 @@ EDGE_Y = 1.0
 
 
 @contextmanager
-def bridge(master, folder, source):
+def bridge(master, folder, source, **topics):
     config = tiago_config(master, folder)
     view = DepthView(source.fov, source.height_m, source.own_m)
     process = BridgeProcess(
         msgspec.structs.replace(
             config,
-            topics=msgspec.structs.replace(config.topics, depth=source),
+            topics=msgspec.structs.replace(config.topics, depth=source, **topics),
             gate=msgspec.structs.replace(config.gate, depth=view),
         ),
         master,
@@ -109,7 +110,8 @@ def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(rosmaster, stage
     gap = drive[-1].pose.pose.position.y - 0.27 - EDGE_Y
     assert fastest > 0.5, "well above the blind speed"
     assert 0.0 < gap < 0.2
-    assert state.verdict.text.startswith("stopped: depth")
+    assert state.verdict.text.startswith("stopped (")
+    assert "depth" in state.verdict.text
     assert state.verdict.text.endswith("m ahead")
     assert state.verdict.side == "ahead"
     assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
@@ -160,3 +162,20 @@ def test_a_dead_camera_is_said_within_a_second(ros, rosmaster, stage, tmp_path):
         assert "old" in depth_limits(state)[0]
         fault.publish("none")
         hand.state_until(lambda state: not depth_limits(state), "a free way ahead again")
+
+
+def test_asked_to_look_ahead_the_head_does_and_it_is_on_record(ros, rosmaster, stage, tmp_path):
+    with (
+        bridge(rosmaster, tmp_path, IMAGES, head=HEAD) as hand,
+        ros.listen("/joint_states", JointState) as joints,
+    ):
+        hand.take_control(1)
+        hand.state_until(lambda state: not depth_limits(state), "a free way ahead")
+        hand.send(wire.LookAhead(1))
+        joints.until(lambda state: abs(state.position[list(state.name).index(HEAD.tilt_joint)] + 0.68) < 0.01)
+        assert "head.look_ahead" in (next(tmp_path.glob("*.records"))).read_text()
+        hand.state_until(lambda state: not depth_limits(state), "a free way ahead, seen from above")
+        hand.send(wire.LookAhead(2))
+        hand.until(
+            lambda r: isinstance(r, wire.Refused) and r.of == "look_ahead", "only the holder is obeyed"
+        )

@@ -130,7 +130,7 @@ def transforms(raw: bytes) -> Iterator[tuple[str, Told]]:
             at += _TRANSFORM.size
             if len(packed) < _TRANSFORM.size:
                 return
-            yield child, Told(seconds + nanoseconds * 1e-9, parent, packed)
+            yield child, Told(seconds + nanoseconds / 1e9, parent, packed)
     except struct.error:
         return
 

@@ -1,0 +1,124 @@
+"""Raw tf messages tell where a camera is on the base at a stamp; what they do not tell is said."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import io
+import math
+import threading
+
+import numpy as np
+import pytest
+import rospy
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from tf2_msgs.msg import TFMessage
+
+from robots.bridge.ros.frames import Frames, PoseUnknown, transforms
+
+
+def told(parent, child, stamp_s, xyz=(0.0, 0.0, 0.0), yaw=0.0):
+    transform = TransformStamped()
+    transform.header.stamp = rospy.Time.from_sec(stamp_s)
+    transform.header.frame_id, transform.child_frame_id = parent, child
+    transform.transform.translation = Vector3(*xyz)
+    transform.transform.rotation = Quaternion(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    return transform
+
+
+def raw(*told_transforms):
+    written = io.BytesIO()
+    TFMessage(list(told_transforms)).serialize(written)
+    return written.getvalue()
+
+
+@pytest.fixture
+def frames():
+    """A camera 0.1 m ahead on a head that turns slowly, 1 m above the base; and other frames that matter to nobody."""
+    frames = Frames("base")
+    frames.hear(raw(told("/head", "camera", 0.0, (0.1, 0.0, 0.0)), told("map", "door", 0.0)), fixed=True)
+    for step in range(11):
+        stamp_s = 10.0 + 0.02 * step
+        frames.hear(
+            raw(
+                told("odom", "base", stamp_s, (5.0 + step, 0.0, 0.0)),
+                told("base", "head", stamp_s, (0.0, 0.0, 1.0), yaw=0.2 * (stamp_s - 10.0)),
+            ),
+            fixed=False,
+        )
+    return frames
+
+
+def test_the_way_is_put_together_at_the_stamp(frames):
+    for stamp_s in (10.0, 10.03, 10.1, 10.19):
+        yaw = 0.2 * (stamp_s - 10.0)
+        expected = (0.1 * math.cos(yaw), 0.1 * math.sin(yaw), 1.0)
+        place = frames.place("camera", stamp_s, patience_s=0.0)
+        np.testing.assert_allclose(place[:3, 3], expected, atol=1e-4)
+        assert math.atan2(place[1, 0], place[0, 0]) == pytest.approx(yaw, abs=1e-4)
+
+
+def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
+    late = raw(told("base", "head", 10.24, (0.0, 0.0, 1.0), yaw=0.05))
+    timer = threading.Timer(0.05, frames.hear, (late, False))
+    timer.start()
+    assert frames.place("camera", 10.23, patience_s=5.0)[2, 3] == 1.0
+    timer.join()
+
+
+@pytest.mark.parametrize(
+    ("frame", "stamp_s", "says"),
+    [
+        ("nose", 10.1, "tf does not tell where nose is on base"),
+        ("door", 10.1, "tf does not tell where map is on base"),
+        ("camera", 10.5, "tf did not tell in time where head was"),
+        ("camera", 9.0, "tf does not tell where head was then"),
+    ],
+)
+def test_what_tf_does_not_tell_is_said(frames, frame, stamp_s, says):
+    with pytest.raises(PoseUnknown, match=says):
+        frames.place(frame, stamp_s, patience_s=0.01)
+
+
+def test_while_the_head_turns_its_place_counts_for_nothing(frames):
+    frames.hear(raw(told("base", "head", 10.22, yaw=0.24)), fixed=False)
+    with pytest.raises(PoseUnknown, match="the head is turning"):
+        frames.place("camera", 10.21, patience_s=0.0)
+
+
+def test_a_hole_is_not_bridged(frames):
+    frames.hear(raw(told("base", "head", 11.2)), fixed=False)
+    with pytest.raises(PoseUnknown, match=r"for 1\.0 s"):
+        frames.place("camera", 10.9, patience_s=0.0)
+
+
+def test_a_clock_that_was_set_back_begins_anew(frames):
+    for stamp_s in (3.0, 3.1):
+        frames.hear(raw(told("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
+    assert frames.place("camera", 3.05, patience_s=0.0)[2, 3] == 2.0
+
+
+def test_frames_in_a_circle_are_no_way():
+    frames = Frames("base")
+    frames.hear(raw(told("a", "b", 0.0), told("b", "a", 0.0)), fixed=True)
+    with pytest.raises(PoseUnknown):
+        frames.place("a", 1.0, patience_s=0.0)
+
+
+@pytest.mark.parametrize("numbers", [(math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
+def test_numbers_that_are_none_place_nothing(numbers):
+    frames = Frames("base")
+    frames.hear(raw(told("base", "camera", 0.0, numbers)), fixed=True)
+    with pytest.raises(PoseUnknown, match="make no sense"):
+        frames.place("camera", 1.0, patience_s=0.0)
+
+
+def test_messages_that_are_cut_or_nonsense_break_nothing():
+    whole = raw(told("base", "head", 1.0), told("head", "camera", 1.0))
+    for length in range(len(whole)):
+        assert len(list(transforms(whole[:length]))) < 2
+    random = np.random.default_rng(0)
+    for length in (0, 3, 4, 16, 200, 2000):
+        list(transforms(random.bytes(length)))
+    assert list(transforms(b"\xff" * 100)) == []
