@@ -34,7 +34,9 @@ def what_is_left(asked: Velocity, allowed: Velocity) -> str:
     """How the allowed twist differs from the one asked for: "slowed from 0.8 to 0.2 m/s"."""
     speed, allowed_speed = math.hypot(asked.vx, asked.vy), math.hypot(allowed.vx, allowed.vy)
     if speed == 0.0:
-        return f"turning slowed {_from_to(abs(asked.w), abs(allowed.w))} rad/s" if allowed.w else "not turning"
+        return (
+            f"turning slowed {_from_to(abs(asked.w), abs(allowed.w))} rad/s" if allowed.w else "not turning"
+        )
     if allowed_speed > 0.0:
         return f"slowed {_from_to(speed, allowed_speed)} m/s"
     return f"{'only turning' if allowed.w else 'stopped'} ({figure(speed)} m/s asked)"
