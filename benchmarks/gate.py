@@ -59,7 +59,7 @@ class _Clutter:
                 sonar_poses={},
                 sonar_fov={},
                 has_depth=False,
-                blind_mps=0.3,
+                blind_mps=2.0,  # nothing is held back before the points are looked at
             )
         )
 

@@ -130,6 +130,14 @@ def test_who_walks_is_seen_from_a_robot_that_drives(robot):
     assert sum(len(points) > 0 for _, points, _ in seen) >= 0.5 * len(seen)
 
 
+def test_a_wall_does_not_move_with_who_walks_along_it():
+    scene = Scene(3, wall(1.0, -1.0, 4.5, -1.0))
+    seen = walked(scene, (1.8, -0.75), (0.9, 0.0), 1.5)
+    assert any(len(points) for _, points, _ in seen)
+    for (x, y), points, _ in seen:
+        assert np.hypot(points[:, 0] - x, points[:, 1] - y).max(initial=0.0) < 0.5
+
+
 STANDING = {
     "at rest": STILL,
     "forward": Velocity(1.0, 0.0, 0.0),
@@ -160,7 +168,7 @@ def test_who_stands_still_again_moves_no_longer():
 
 
 def test_nobody_runs_faster_than_people_do():
-    for _, _, velocities in walked(Scene(6), (3.0, -2.2), (0.0, 1.9), 2.0):
+    for _, _, velocities in walked(Scene(6), (3.0, -2.4), (0.0, 2.3), 2.0):
         assert np.hypot(*velocities.T).max(initial=0.0) <= MOST_MPS + 1e-9
 
 

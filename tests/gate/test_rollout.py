@@ -226,6 +226,13 @@ def test_somebody_who_walks_across_is_let_by_and_somebody_who_stands_there_is_pa
     assert leaving == CLEAR
 
 
+def test_what_moves_is_passed_at_a_wider_margin_than_what_stands():
+    forward, beside = Velocity(0.6, 0.0, 0.0), [(0.5, 0.33)]
+    driving = [Sent(forward, LATENCY_S)]
+    assert roll("disc", forward, beside, driving, forward) == CLEAR
+    assert roll("disc", forward, beside, driving, forward, drift=[(0.01, 0.0)]).share < 1.0
+
+
 def test_from_somebody_who_stands_close_and_moves_the_robot_may_get_away():
     close = [(0.32, 0.0)]
     assert roll("disc", Velocity(-0.2, 0.0, 0.0), close, drift=[(0.0, 0.3)]) == CLEAR

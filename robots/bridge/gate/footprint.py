@@ -160,10 +160,13 @@ class Polygon:
         self._corners = [(float(x), float(y)) for x, y in outline]
         lengths = (self.edges.high - self.edges.low).tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
-        self._corner_distances = np.hypot(*self.edges.vertices.T)
+        distances: list[float] = np.hypot(*self.edges.vertices.T).tolist()
+        self._corner_reaches: list[tuple[float, float]] = list(
+            zip(distances, self.edges.corner_stretch.tolist(), strict=True)
+        )
 
     def reach(self, growth_m: float) -> float:
-        return float((self._corner_distances + growth_m * self.edges.corner_stretch).max())
+        return max(distance + growth_m * stretch for distance, stretch in self._corner_reaches)
 
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)
