@@ -20,14 +20,14 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.name is None:
         for name, described in known().items():
-            print(f"{name:<10} {described}")
+            print(f"{name:<11} {described}")
         return 0
     if asked.name not in known():
         parser.error(f"no such benchmark: {asked.name} ({', '.join(known())})")
     facts = machine()
     try:
         with ended_by_signals():
-            figures = import_module(f"benchmarks.{asked.name}").measure()
+            figures = import_module(f"benchmarks.{module_of(asked.name)}").measure()
     except Ended:
         return 130
     return 0 if show(asked.name, figures, facts, as_json=asked.json) else 1
@@ -35,14 +35,19 @@ def main() -> int:
 
 def known() -> dict[str, str]:
     """Benchmarks by name, each with the first line of what it says about itself."""
-    modules = {
-        name: import_module(f"benchmarks.{name}") for _, name, _ in pkgutil.iter_modules(benchmarks.__path__)
-    }
+    modules = [
+        import_module(f"benchmarks.{name}") for _, name, _ in pkgutil.iter_modules(benchmarks.__path__)
+    ]
     return {
-        name: (module.__doc__ or "").splitlines()[0]
-        for name, module in modules.items()
+        module.__name__.rpartition(".")[2].replace("_", "-"): (module.__doc__ or "").splitlines()[0]
+        for module in modules
         if hasattr(module, "measure")
     }
+
+
+def module_of(name: str) -> str:
+    """What the module of a benchmark is called."""
+    return name.replace("-", "_")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,221 @@
+"""Who stands between the stick and the robot: our gate, two methods to compare it with, and nobody."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.depth import DepthImage, Lens, Transform, picture_of_image
+from robots.bridge.gate.depth_camera import frame_of
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
+from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
+
+Ranges = NDArray[np.float32]
+Floats = NDArray[np.float64]
+OPERATOR_DELAY_S = 0.05
+
+
+class Fan(NamedTuple):
+    """How a laser's beams lie: its pose in the base frame, first angle, increment and reach."""
+
+    source: str
+    pose: Pose
+    angle_min: float
+    increment: float
+    nearest_m: float
+    farthest_m: float
+
+
+class Said(NamedTuple):
+    """What is published, and why not more."""
+
+    velocity: Velocity
+    code: str = ""
+    text: str = ""
+
+
+class Controller(Protocol):
+    """Stamps are the robot's clock, arrivals and `now_s` the console's; seconds."""
+
+    looks: bool  # at depth pictures: they are costly
+
+    def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
+        """Odometry came."""
+
+    def scan(self, stamp_s: float, arrival_s: float, ranges: Ranges) -> None:
+        """A scan came."""
+
+    def sonar(self, frame: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
+        """A sonar's range came."""
+
+    def depth(self, stamp_s: float, arrival_s: float, metres: Ranges, to_base: Transform) -> None:
+        """A depth picture came, with the transform from the camera's optical frame."""
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+        """What of `asked` is published."""
+
+
+class Ours:
+    """The gate, told and asked as `robots.bridge.core.Core` does it."""
+
+    looks = True
+
+    def __init__(self, profile: GateProfile, fan: Fan, gate: Gate | None = None) -> None:
+        self.gate = gate or Gate(profile)
+        self.gate.observe_operator(OPERATOR_DELAY_S)
+        self._profile = profile
+        self._fan = fan
+        self._neutral: Said | None = None  # why the stick must return to neutral first
+
+    def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
+        self.gate.observe_odometry(stamp_s, arrival_s, pose, velocity)
+
+    def scan(self, stamp_s: float, arrival_s: float, ranges: Ranges) -> None:
+        fan = self._fan
+        self.gate.observe_scan(
+            fan.source,
+            stamp_s,
+            arrival_s,
+            ranges,
+            fan.angle_min,
+            fan.increment,
+            fan.nearest_m,
+            fan.farthest_m,
+        )
+
+    def sonar(self, frame: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
+        self.gate.observe_range(frame, stamp_s, arrival_s, range_m, 1.0)
+
+    def depth(self, stamp_s: float, arrival_s: float, metres: Ranges, to_base: Transform) -> None:
+        view = self._profile.depth
+        if view is None:
+            return
+        lens = Lens(FOCAL_PX, FOCAL_PX, WIDTH / 2.0, HEIGHT / 2.0)
+        image = DepthImage(WIDTH, HEIGHT, "32FC1", False, 4 * WIDTH, metres.tobytes())
+        frame = frame_of(picture_of_image(image, lens), to_base, view)
+        self.gate.observe_depth(frame, stamp_s, arrival_s)
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+        if asked == STILL:
+            self._neutral = None
+        verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
+        said = Said(verdict.velocity, verdict.code, verdict.text)
+        if verdict.neutral:
+            self._neutral = said
+        return said if self._neutral is None else self._neutral._replace(velocity=verdict.velocity)
+
+
+class _LaserOnly:
+    """What the methods to compare with have in common: they know nothing but the newest scan."""
+
+    looks = False
+
+    def __init__(self, fan: Fan) -> None:
+        self._fan = fan
+        self._angles: Floats = np.zeros(0)
+        self._ranges: Ranges = np.zeros(0, dtype=np.float32)
+
+    def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
+        """Not used."""
+
+    def sonar(self, frame: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
+        """Not used."""
+
+    def depth(self, stamp_s: float, arrival_s: float, metres: Ranges, to_base: Transform) -> None:
+        """Not used."""
+
+    def scan(self, stamp_s: float, arrival_s: float, ranges: Ranges) -> None:
+        usable = np.isfinite(ranges)
+        self._angles = np.asarray(self._fan.angle_min + self._fan.increment * np.flatnonzero(usable))
+        self._ranges = ranges[usable]
+
+    def points(self) -> Floats:
+        """What the scan shows, base frame of the scan, (2, N)."""
+        heading = self._angles + self._fan.pose.yaw
+        return np.stack(
+            (
+                self._fan.pose.x + self._ranges * np.cos(heading),
+                self._fan.pose.y + self._ranges * np.sin(heading),
+            )
+        )
+
+
+class Cone(_LaserOnly):
+    """The nearest laser ray around the heading slows down linearly between 1.5 m and 0.25 m."""
+
+    _HALF_ANGLE = math.radians(20.0)
+    _FREE_M = 1.5
+    _STOP_M = 0.25
+
+    def __init__(self, fan: Fan, profile: GateProfile) -> None:
+        super().__init__(fan)
+        self._limits = profile.limits
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+        heading = math.atan2(asked.w / self._limits.turn_radps, asked.vx / self._limits.forward_mps)
+        near = self._ranges[np.abs(self._angles - heading) < self._HALF_ANGLE]
+        nearest = float(near.min()) if near.size else math.inf
+        share = min(max((nearest - self._STOP_M) / (self._FREE_M - self._STOP_M), 0.0), 1.0)
+        return Said(Velocity(asked.vx * share, 0.0, asked.w), "cone", f"nearest {nearest:.2f} m")
+
+
+class Monitor(_LaserOnly):
+    """Polygons as nav2's collision monitor has them: stop, slow down, and approach by time to collision."""
+
+    _MIN_POINTS = 4
+    _STOP_M = 0.05  # the stop polygon, and the slow-down polygon: the hull grown by this
+    _SLOW_M = 0.35
+    _SLOW_SHARE = 0.3
+    _COLLISION_S = 2.0
+    _STEP_S = 0.1
+
+    def __init__(self, fan: Fan, profile: GateProfile) -> None:
+        super().__init__(fan)
+        self._radius_m = profile.radius_m or 0.0
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+        points = self.points()
+        distances = np.hypot(*points)
+        if self._many(distances < self._radius_m + self._STOP_M):
+            return Said(STILL, "stop")
+        slow = self._SLOW_SHARE if self._many(distances < self._radius_m + self._SLOW_M) else 1.0
+        approach = self._until_collision(points, asked) / self._COLLISION_S
+        share = min(slow, approach)
+        return Said(
+            Velocity(asked.vx * share, 0.0, asked.w * share), "approach" if approach < slow else "slow"
+        )
+
+    def _many(self, inside: NDArray[np.bool_]) -> bool:
+        return int(inside.sum()) >= self._MIN_POINTS
+
+    def _until_collision(self, points: Floats, asked: Velocity) -> float:
+        """Seconds until enough points are within the hull, played at constant speed; at most `_COLLISION_S`."""
+        x = y = yaw = 0.0
+        for step in range(round(self._COLLISION_S / self._STEP_S)):
+            inside = np.hypot(points[0] - x, points[1] - y) < self._radius_m
+            if self._many(inside):
+                return step * self._STEP_S
+            yaw += asked.w * self._STEP_S
+            x += asked.vx * math.cos(yaw) * self._STEP_S
+            y += asked.vx * math.sin(yaw) * self._STEP_S
+        return self._COLLISION_S
+
+
+class Nobody(_LaserOnly):
+    """What is asked is published."""
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+        return Said(asked, "free")
+
+
+CONTROLLERS: dict[str, Callable[[GateProfile, Fan], Controller]] = {
+    "gate": lambda profile, fan: Ours(profile, fan),
+    "cone": lambda profile, fan: Cone(fan, profile),
+    "monitor": lambda profile, fan: Monitor(fan, profile),
+    "none": lambda profile, fan: Nobody(fan),
+}

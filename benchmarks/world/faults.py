@@ -1,0 +1,98 @@
+"""Faults: full stick at something while a sensor, the robot or its network fails. No crash, and a reason."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import NamedTuple
+
+from benchmarks.harness import Figure
+from benchmarks.world import objects
+from benchmarks.world.loop import Case, Conditions
+from benchmarks.world.play import loop_of, played
+from robots.simulator.faults import Faults
+
+FROM_S = 1.2  # the robot drives by then
+THINGS = ("wall", "table leg", "table top")
+
+
+class Fault(NamedTuple):
+    """What fails, and with which codes the gate may say so; none where it need not notice."""
+
+    conditions: Conditions
+    codes: frozenset[str]
+
+
+def _at(**wrong: object) -> Conditions:
+    return Conditions(faults=((FROM_S, Faults(**wrong)),))  # type: ignore[arg-type]
+
+
+SCAN = frozenset({"scan_late", "scan_stale"})
+ODOMETRY = frozenset({"odometry_stale"})
+LATE = frozenset({"robot_late", "obstacle"})
+HELD = frozenset({"obstacle", "near_miss"})
+FAULTS: dict[str, Fault] = {
+    "laser dead": Fault(_at(laser_dead=True), SCAN),
+    "laser's stamps frozen": Fault(_at(laser_frozen=True), SCAN),
+    "laser nothing but NaN": Fault(_at(laser_nan=True), frozenset({"blind_direction"})),
+    "odometry dead": Fault(_at(odom_dead=True), ODOMETRY),
+    "odometry's stamps frozen": Fault(_at(odom_frozen=True), ODOMETRY),
+    **{f"{ms} ms later": Fault(Conditions(late_s=ms / 1000.0), LATE) for ms in (100, 200, 300, 400, 500)},
+    "60 % brake": Fault(Conditions(faults=((0.0, Faults(brake_share=0.6)),)), HELD),
+    "wheels slip 30 %": Fault(Conditions(faults=((0.0, Faults(slip_share=0.3)),)), HELD),
+    "head away": Fault(Conditions(head_pan=1.3), frozenset({"head_away"})),
+    "depth dead": Fault(_at(depth_dead=True), frozenset({"depth_stale"})),
+    "robot's clock an hour off": Fault(Conditions(clock_s=3600.0), HELD),
+}
+UNSEEN = {"head away", "depth dead"}  # table tops cannot be seen then: what is promised is the blind speed
+
+
+class Failing(NamedTuple):
+    """Which case."""
+
+    name: str
+    thing: str
+    share: float
+    seed: int
+
+
+class Outcome(NamedTuple):
+    """What came of it."""
+
+    touched: str | None
+    codes: frozenset[str]
+
+
+def measure(repeats: int) -> list[Figure]:
+    """Crashes and silent runs, fault by fault, and the bound over all."""
+    seeds = max(repeats // 3, 2)
+    jobs = [
+        Failing(name, thing, share, seed)
+        for name in FAULTS
+        for thing in THINGS
+        if not (name in UNSEEN and thing == "table top")
+        for share in objects.SHARES
+        for seed in range(seeds)
+    ]
+    done = list(played("faults", jobs, play))
+    figures = []
+    for name, fault in FAULTS.items():
+        outcomes = [outcome for job, outcome in done if job.name == name]
+        crashes = sum(outcome.touched is not None for outcome in outcomes)
+        silent = sum(not outcome.codes & fault.codes for outcome in outcomes)
+        figures.append(Figure(f"{name}: crashes of {len(outcomes)}", crashes, "", 0.0))
+        figures.append(Figure(f"{name}: runs without its reason", silent, "", 0.0))
+    return figures
+
+
+def play(failing: Failing) -> Outcome:
+    """Play one."""
+    trace = loop_of(build(failing), "gate", failing.seed).play()
+    codes = Counter(moment.code for moment in trace.moments if moment.trying)
+    return Outcome(trace.touches[0].other if trace.touches else None, frozenset(codes))
+
+
+def build(failing: Failing) -> Case:
+    """The case, straight ahead."""
+    straight = objects.build(objects.Full("gate", failing.thing, 0, failing.share, failing.seed))
+    return replace(straight, conditions=FAULTS[failing.name].conditions)

@@ -1,0 +1,380 @@
+"""The closed loop: simulated robot, delayed sensors, a driver, a controller, delayed commands. Faster than real time.
+
+Nothing here knows how a controller reckons. The console's clock and the robot's differ, messages take their
+time, and what is published passes the robot's own mux and base controller with their time-outs.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from benchmarks.world.controllers import Controller, Fan, Ranges
+from robots.bridge.commands import velocity_of
+from robots.bridge.config import HeadSource
+from robots.bridge.gate import values
+from robots.bridge.gate.depth import Transform
+from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.head import FOLLOW_RADPS, Head
+from robots.simulator.base import Twist, clamp
+from robots.simulator.body import TIAGO
+from robots.simulator.depth import DepthCamera
+from robots.simulator.faults import Faults
+from robots.simulator.joints import camera_pose
+from robots.simulator.mux import TwistMux
+from robots.simulator.odometry import Drift
+from robots.simulator.physics import Onlooker, Pose
+from robots.simulator.robot import TICK_S, Robot
+from robots.simulator.worlds import World
+from robots.wire import Drive
+
+STARTS_S = 1000.0  # the console's clock when a run begins
+ROBOT_CLOCK_S = 1.7e9  # what the robot's clock is ahead of it
+WARM_UP_S = 0.4  # before the stick is touched
+PERIOD_S = 0.05  # of decisions
+SCAN_TICKS = 5
+SONAR_TICKS = 10
+DEPTH_TICKS = 10
+GAP_EVERY = 4  # decisions; to measure the gap takes longer than to decide
+GHOST_SHARE = 0.0005  # of beams: something single that is not there
+LOOKS_DOWN = -0.68  # tilt of the head, radians: as after "look ahead", towards the floor where the robot goes
+INPUT = "key_vel"
+
+
+class Delays(NamedTuple):
+    """Seconds on the way; each message takes up to `jitter_s` longer."""
+
+    odometry_s: float
+    scan_s: float
+    depth_s: float
+    command_s: float
+    jitter_s: float = 0.01
+
+    @classmethod
+    def drawn(cls, random: np.random.Generator) -> Delays:
+        """As on a good local network; TIAGo's wheels then obey within 0.1 s."""
+        odometry, scan, depth, command = random.uniform((0.005, 0.02, 0.06, 0.02), (0.02, 0.06, 0.12, 0.08))
+        return cls(odometry, scan, depth, command)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What is not as it should be."""
+
+    blanked: bool = False  # PAL's /scan: nothing within +-0.30 m of the base
+    faults: tuple[tuple[float, Faults], ...] = ()  # from this second on
+    late_s: float = 0.0  # commands come this much later
+    clock_s: float = 0.0  # the robot's clock is this far off
+    head_pan: float | None = (
+        None  # where the head is turned to, and stays; else it follows the turn of the drive
+    )
+
+
+class Seen(NamedTuple):
+    """What a driver knows: seconds since the start, and where the robot truly is."""
+
+    time_s: float
+    pose: Pose
+
+
+class Stick(NamedTuple):
+    """Stick position; `trying` marks what is judged."""
+
+    x: float
+    w: float
+    share: float = 1.0
+    trying: bool = True
+
+
+RELEASED = Stick(0.0, 0.0, trying=False)
+
+
+class Driver(Protocol):
+    """Who holds the stick."""
+
+    def hold(self, seen: Seen) -> Stick | None:
+        """The stick now; None: done."""
+
+
+class Moment(NamedTuple):
+    """One decision."""
+
+    time_s: float
+    pose: Pose
+    moving: Twist
+    asked: Velocity
+    sent: Velocity
+    code: str
+    text: str
+    gap_m: float  # as it was at most `GAP_EVERY` decisions ago
+    trying: bool
+
+
+class Touch(NamedTuple):
+    """The first moment of a contact; speeds before it."""
+
+    time_s: float
+    part: str
+    other: str
+    robot: Twist
+
+
+@dataclass
+class Trace:
+    """What happened."""
+
+    moments: list[Moment] = field(default_factory=list)
+    touches: list[Touch] = field(default_factory=list)
+    way_m: float = 0.0
+    arrived: bool = False
+    time_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing to play: `longest_s` after the start it is over; `at_rest_s` of standing end it earlier."""
+
+    world: World
+    start: Pose
+    driver: Callable[[np.random.Generator], Driver]
+    longest_s: float
+    at_rest_s: float = 1.0
+    conditions: Conditions = Conditions()
+    ends_on_touch: bool = True
+    person_starts_s: float | None = None  # when whoever is in the world begins to walk
+
+
+class Loop:
+    """One run."""
+
+    def __init__(
+        self, case: Case, controller: Callable[[Fan], Controller], limits: Limits, source: str, seed: int
+    ) -> None:
+        self.case = case
+        self.limits = limits
+        self._random = np.random.default_rng([seed, 7])
+        self.robot = Robot(case.world, TIAGO, case.start, seed, Drift())
+        self._delays = Delays.drawn(self._random)
+        self._driver = case.driver(self._random)
+        mount = self.robot.laser.mount
+        x, y, _, yaw = mount.pose
+        fan = Fan(
+            source,
+            values.Pose(x, y, yaw),
+            -mount.half_angle,
+            self.robot.laser.increment,
+            mount.shortest_m,
+            mount.longest_m,
+        )
+        self.controller = controller(fan)
+        self._mux = TwistMux()
+        self._camera = DepthCamera(self._random)
+        self._onlooker = Onlooker(self.robot.physics)
+        self._events: list[tuple[float, int, Callable[[float], None]]] = []
+        self._numbers = itertools.count()
+        self._phase_ticks = self._random.integers(0, SONAR_TICKS, 3)  # of scan, sonars and depth
+        self._decides_s = STARTS_S + float(self._random.uniform(0.0, PERIOD_S))
+        self._command_s = 0.0
+        self._frozen_scan: tuple[float, Ranges] | None = None
+        self._frozen_odometry: tuple[float, values.Pose, Velocity] | None = None
+        self._sent = STILL
+        self._touching: set[str] = set()
+        self._still_since_s: float | None = None
+        self._done = False
+        self._gap_m = math.inf
+        self.trace = Trace()
+        self._head = Head(HeadSource("", "", "", LOOKS_DOWN, follows_turn=case.conditions.head_pan is None))
+        self._aim = self._pan = case.conditions.head_pan or 0.0
+
+    def play(self) -> Trace:
+        """To the end."""
+        ticks = 0
+        while not self._done:
+            now_s = STARTS_S + ticks * TICK_S
+            self._fail(now_s)
+            self._happen(now_s)
+            self._walk(now_s)
+            self.robot.tick(now_s)
+            self._pan += clamp(self._aim - self._pan, -FOLLOW_RADPS * TICK_S, FOLLOW_RADPS * TICK_S)
+            self._look(now_s + TICK_S)
+            self._measure(now_s + TICK_S, ticks)
+            ticks += 1
+            if now_s - STARTS_S > self.case.longest_s:
+                self._done = True
+        self.trace.time_s = ticks * TICK_S
+        return self.trace
+
+    # --- the world -------------------------------------------------------------------------------
+
+    def _fail(self, now_s: float) -> None:
+        for since_s, faults in self.case.conditions.faults:
+            if now_s - STARTS_S >= since_s:
+                self.robot.faults = faults
+
+    def _walk(self, now_s: float) -> None:
+        starts_s = self.case.person_starts_s
+        if starts_s is not None and starts_s <= now_s - STARTS_S < starts_s + TICK_S:
+            for walker in self.robot.people.values():
+                walker.walk()
+
+    def _look(self, now_s: float) -> None:
+        """What the robot touches, and how far it came."""
+        moving = self.robot.physics.velocity
+        self.trace.way_m += math.hypot(moving.vx, moving.vy) * TICK_S
+        if not self.robot.physics.data.ncon:
+            self._touching.clear()
+            return
+        contacts = self.robot.physics.contacts()
+        for contact in contacts:
+            if contact.other not in self._touching:
+                touch = Touch(now_s - STARTS_S, contact.part, contact.other, self.robot.approach)
+                self.trace.touches.append(touch)
+                self._done = self._done or self.case.ends_on_touch
+        self._touching = {contact.other for contact in contacts}
+
+    # --- from the robot --------------------------------------------------------------------------
+
+    def _measure(self, now_s: float, ticks: int) -> None:
+        """Sensors measure now; what they say comes later."""
+        stamp_s = now_s + ROBOT_CLOCK_S + self.case.conditions.clock_s
+        faults = self.robot.faults
+        scans, sonars, depths = self._phase_ticks
+        if not faults.odom_dead:
+            self._tell_odometry(stamp_s, now_s)
+        if ticks % SCAN_TICKS == scans % SCAN_TICKS and not faults.laser_dead:
+            self._tell_scan(stamp_s, now_s)
+        if ticks % SONAR_TICKS == sonars and not faults.sonar_dead:
+            self._tell_sonars(stamp_s, now_s)
+        if ticks % DEPTH_TICKS == depths % DEPTH_TICKS and self.controller.looks and not faults.depth_dead:
+            self._tell_depth(stamp_s, now_s)
+
+    def _tell_odometry(self, stamp_s: float, now_s: float) -> None:
+        told = self.robot.odometry
+        pose, velocity = values.Pose(told.x, told.y, told.yaw), Velocity(*told.velocity)
+        if not self.robot.faults.odom_frozen or self._frozen_odometry is None:
+            self._frozen_odometry = stamp_s, pose, velocity
+        stamp_s, pose, velocity = self._frozen_odometry
+        self._later(
+            now_s,
+            self._delays.odometry_s,
+            lambda at_s: self.controller.odometry(stamp_s, at_s, pose, velocity),
+        )
+
+    def _tell_scan(self, stamp_s: float, now_s: float) -> None:
+        if not self.robot.faults.laser_frozen or self._frozen_scan is None:
+            self._frozen_scan = stamp_s, self._scan()
+        stamp_s, ranges = self._frozen_scan
+        if self.robot.faults.laser_nan:
+            ranges = np.full_like(ranges, np.nan)
+        self._later(now_s, self._delays.scan_s, lambda at_s: self.controller.scan(stamp_s, at_s, ranges))
+
+    def _scan(self) -> Ranges:
+        laser = self.robot.laser
+        ranges = laser.scan(self.robot.physics)
+        ghosts = self._random.random(len(ranges)) < GHOST_SHARE
+        ranges[ghosts] = self._random.uniform(0.1, 3.0, int(ghosts.sum()))
+        return laser.blanked(ranges) if self.case.conditions.blanked else ranges
+
+    def _tell_sonars(self, stamp_s: float, now_s: float) -> None:
+        for sonar in self.robot.sonars:
+            frame, range_m = sonar.mount.frame, sonar.range_m(self.robot.physics)
+            self._later(
+                now_s,
+                self._delays.scan_s,
+                lambda at_s, frame=frame, range_m=range_m: self.controller.sonar(  # type: ignore[misc]
+                    frame, stamp_s, at_s, range_m
+                ),
+            )
+
+    def _tell_depth(self, stamp_s: float, now_s: float) -> None:
+        joints = {**self.robot.player.positions, "head_1_joint": self._pan, "head_2_joint": LOOKS_DOWN}
+        self._onlooker.follow(self.robot.physics.snapshot())
+        metres = self._camera.image(self._onlooker, camera_pose(joints))
+        to_base = _optical_frame(joints)
+        self._later(
+            now_s,
+            self._delays.depth_s,
+            lambda at_s: self.controller.depth(stamp_s, at_s, metres, to_base),
+        )
+
+    def _later(self, now_s: float, delay_s: float, event: Callable[[float], None]) -> None:
+        at_s = now_s + delay_s + self._delays.jitter_s * float(self._random.random())
+        heapq.heappush(self._events, (at_s, next(self._numbers), event))
+
+    # --- to the robot ----------------------------------------------------------------------------
+
+    def _happen(self, now_s: float) -> None:
+        """Everything that is due, in order of time: arrivals and decisions."""
+        while self._decides_s <= now_s or (self._events and self._events[0][0] <= now_s):
+            if self._events and self._events[0][0] <= self._decides_s:
+                at_s, _, event = heapq.heappop(self._events)
+                event(at_s)
+            else:
+                self._decide(self._decides_s)
+                self._decides_s += PERIOD_S
+
+    def _decide(self, now_s: float) -> None:
+        pose, moving = self.robot.physics.pose, self.robot.physics.velocity
+        time_s = now_s - STARTS_S
+        stick = RELEASED if time_s < WARM_UP_S else self._driver.hold(Seen(time_s, pose))
+        if stick is None:
+            self.trace.arrived = self._done = True
+            return
+        asked = _asked(stick, self.limits)
+        said = self.controller.decide(asked, self._sent, now_s)
+        self._sent = said.velocity
+        self._command_s = max(self._command_s, self._arrives_s(now_s))
+        heapq.heappush(
+            self._events,
+            (self._command_s, next(self._numbers), lambda at_s: self._obey(said.velocity, at_s)),
+        )
+        if aim := self._head.follow(self._sent, now_s):
+            self._aim = aim.pan
+        if len(self.trace.moments) % GAP_EVERY == 0:
+            self._gap_m = self.robot.physics.clearance_m()
+        self.trace.moments.append(
+            Moment(
+                time_s, pose, moving, asked, said.velocity, said.code, said.text, self._gap_m, stick.trying
+            )
+        )
+        self._rest(now_s, stick.trying, said.velocity, moving)
+
+    def _arrives_s(self, now_s: float) -> float:
+        delays = self._delays
+        jitter_s = delays.jitter_s * float(self._random.random())
+        return now_s + delays.command_s + self.case.conditions.late_s + jitter_s
+
+    def _obey(self, velocity: Velocity, now_s: float) -> None:
+        if self._mux.passes(INPUT, now_s):
+            self.robot.command(Twist(*velocity), now_s)
+
+    def _rest(self, now_s: float, trying: bool, sent: Velocity, moving: Twist) -> None:
+        """End the run when the robot has been brought to rest and stays so."""
+        moves = abs(moving.vx) > 0.005 or abs(moving.w) > 0.02 or abs(sent.vx) > 0.005 or abs(sent.w) > 0.02
+        if moves or not trying:
+            self._still_since_s = None
+        elif self._still_since_s is None:
+            self._still_since_s = now_s
+        elif now_s - self._still_since_s > self.case.at_rest_s:
+            self._done = True
+
+
+def _asked(stick: Stick, limits: Limits) -> Velocity:
+    drive = Drive(fence=0, seq=0, sent_ms=0.0, x=stick.x, w=stick.w, share=stick.share)
+    return velocity_of(drive, limits, 1.0, "turn")
+
+
+def _optical_frame(joints: dict[str, float]) -> Transform:
+    """From the camera's optical frame (right, down, ahead) to the base frame."""
+    origin, axes = camera_pose(joints)
+    forward, left, up = axes.T
+    to_base = np.eye(4)
+    to_base[:3, :3] = np.stack((-left, -up, forward), axis=1)
+    to_base[:3, 3] = origin
+    return to_base

@@ -1,0 +1,24 @@
+"""The TIAGo of this bench, as the console knows it: its shipped profile, without a database."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+import django
+
+from robots.bridge.gate.values import GateProfile
+
+
+@cache
+def tiago_profile() -> GateProfile:
+    """What the registry would tell the bridge of a TIAGo without entries of its own."""
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
+    django.setup()
+    from robots import effective
+    from robots.models import Robot, RobotProfile
+    from robots.shipped import fill, profile_files
+
+    profile = RobotProfile()
+    fill(profile, next(file for file in profile_files() if file.slug == "tiago"))
+    return effective.gate_profile(Robot(profile=profile))
