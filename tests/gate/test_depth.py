@@ -385,7 +385,13 @@ def test_what_left_the_picture_stays_remembered_while_the_head_looks_elsewhere(l
     looker.stand(10.0)
     assert looker.nearest_by("depth") == math.inf
     assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.05)
-    looker.stand(90.0, looks=False)
+    looker.now_s += 120.0
+    looker.stand(1.0)
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.05), "it stands: nothing fades"
+    looker.to_base = camera(tilt=0.9)
+    for step in range(220):
+        looker.pose = Pose(0.0, 0.0, 0.03 * (step % 2))
+        looker.stand(0.1)
     assert looker.nearest_by("depth, remembered") == math.inf
 
 

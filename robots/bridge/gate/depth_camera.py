@@ -1,7 +1,8 @@
 """The depth camera as two more sources of obstacles: what its newest picture shows, and what earlier ones showed.
 
 What a picture shows stays remembered until a later picture sees through the place: the edge of a table leaves the
-picture by its lower border long before the robot is there.
+picture by its lower border long before the robot is there. Memory fades with the odometry's errors, so while the robot
+moves: who stands before a table for minutes still knows of it.
 """
 
 from __future__ import annotations
@@ -21,16 +22,13 @@ from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Pose, SensorHealth
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
-TABLE_M = 0.7  # at this height,
-AHEAD_M = (
-    1.2,
-    1.6,
-    2.0,
-    2.5,
-)  # and at one of these distances, something must be in the picture of who looks ahead
-EDGE_RAD = (
-    0.24  # half the robot's width at 1.2 m: so far from the picture's edge the whole of the path is in it
-)
+# Who looks ahead has table height in the picture at one of these distances at least.
+TABLE_M = 0.7
+AHEAD_M = (1.2, 1.6, 2.0, 2.5)
+# Half the robot's width at 1.2 m: so far from the picture's edge, the whole of the path is in it.
+EDGE_RAD = 0.24
+MOVED_M = 0.005  # less is standing
+MOVED_RAD = 0.01
 
 
 class Frame(NamedTuple):
@@ -62,6 +60,7 @@ class DepthCamera:
         self._spans = _Spans(DEPTH_LAYER)
         self._frame: Frame | None = None
         self._seen = NO_POINTS  # odometry frame
+        self._clock = _MotionClock()
         self._resets = 0
         self._complaint = ""
         self._frames = 0
@@ -82,18 +81,18 @@ class DepthCamera:
         self._complaint = ""
         self._frame = frame
         self._frames += 1
-        self._learn(frame, base, arrival_s)
+        self._learn(frame, base, self._clock.pass_to(base, arrival_s))
 
     def complain(self, why: str) -> None:
         """A picture came that cannot be used, and why."""
         self._complaint = why
 
-    def _learn(self, frame: Frame, base: Pose, now_s: float) -> None:
+    def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
         shown = self._without_robot(frame.columns)
         self._seen = placed(shown.points, base)
-        self._memory.see(self._seen, base, now_s)
+        self._memory.see(self._seen, base, moved_s)
         self._spans.note(self._seen, shown.low, shown.high)
-        remembered = self._memory.points(now_s)
+        remembered = self._memory.points(moved_s)
         from_base = placed(remembered, seen_from(ORIGIN, base))
         columns = Columns(from_base, *self._spans.of(remembered))
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
@@ -135,7 +134,7 @@ class DepthCamera:
         return 2.0 * room / abs(curvature) if curvature else math.inf
 
     def revision(self, now_s: float) -> int:
-        known = (self._frames, self._memory.revision(now_s), self.is_fresh(now_s))
+        known = (self._frames, self._memory.revision(self._clock.now_s), self.is_fresh(now_s))
         if known != self._known:
             self._known = known
             self._revision += 1
@@ -154,7 +153,7 @@ class DepthCamera:
         newest = trail.newest
         if newest is None:
             return NO_POINTS
-        remembered = self._memory.points(now_s)
+        remembered = self._memory.points(self._clock.now_s)
         if self.is_fresh(now_s) and len(remembered):
             remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
         return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
@@ -189,6 +188,25 @@ class DepthMemory:
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """As good as the camera."""
         return self._camera.health(trail, now_s)._replace(name=self.name)
+
+
+class _MotionClock:
+    """Seconds in which the robot moved, from one picture to the next."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self._last: tuple[Pose, float] | None = None
+
+    def pass_to(self, pose: Pose, now_s: float) -> float:
+        """The robot is at `pose` now. Returns all seconds so far."""
+        if self._last is None:
+            self._last = pose, now_s
+        there, since_s = self._last
+        way = seen_from(pose, there)
+        if math.hypot(way.x, way.y) > MOVED_M or abs(way.yaw) > MOVED_RAD:
+            self.now_s += min(max(now_s - since_s, 0.0), DEPTH_STALE_S)
+            self._last = pose, now_s
+        return self.now_s
 
 
 class _Spans:
