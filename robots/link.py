@@ -10,15 +10,16 @@ import asyncio
 import logging
 import os
 import ssl
-from collections import deque
+import time
 from collections.abc import Collection
 from contextlib import AbstractContextManager, suppress
+from itertools import count
 from socket import gaierror
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 from uuid import UUID
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, structs
 from websockets.asyncio.client import ClientConnection, connect, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync import client as sync_client
@@ -35,9 +36,14 @@ _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
 _OPEN_TIMEOUT_S = 2.0
 _ANSWER_TIMEOUT_S = 1.0
 _PING_S = 1.0
+_ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
+_CLOSE_S = 0.2
+_LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
 _DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
 _SILENT = Refusal("bridge_silent", "The robot's bridge did not answer in time.", "robot")
+_FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
+_FAULTY = Refusal("link_fault", "The console failed to follow the robot's bridge; it tries again.", "wire")
 
 
 class LinkRefused(Exception):
@@ -81,14 +87,19 @@ class BridgeLink:
         self._listeners: set[Listener] = set()
         self._watchers: dict[Listener, frozenset[str]] = {}
         self._grants: dict[int, asyncio.Future[None]] = {}
-        self._latch: deque[asyncio.Future[Stopped]] = deque()
+        self._latch: dict[int, asyncio.Future[Stopped]] = {}  # by the number of the question
+        self._numbers = count(1)
+        self._pause_s = _BACK_OFF_S[0]
+        self.closed = False
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
+        self._lingering = self._linger()
 
     # --- followers -----------------------------------------------------------------------------------
 
     def subscribe(self, listener: Listener) -> None:
         """Follow the robot. The listener is told the present state of the link at once."""
         self._listeners.add(listener)
+        self._lingering.cancel()
         listener.on_link(self.up, self.refusal)
         if self.state is not None:
             listener.on_status(self.state)
@@ -97,6 +108,9 @@ class BridgeLink:
         """Stop following."""
         self._listeners.discard(listener)
         self.watch(listener, ())
+        if not self._listeners:
+            self._lingering.cancel()
+            self._lingering = self._linger()
 
     def watch(self, listener: Listener, names: Collection[str]) -> None:
         """Who looks through `listener`; nobody: no pictures for it. The bridge draws only while somebody looks."""
@@ -125,11 +139,13 @@ class BridgeLink:
             return False
         return True
 
-    def send(self, message: Struct) -> None:
-        """Send without an answer (Revoke, Hold). Lost if the link is down: then the bridge has stopped the robot."""
-        if self._socket is not None:
-            task = asyncio.ensure_future(self._send(message))
-            task.add_done_callback(_swallow_closed)
+    def send(self, message: Struct) -> bool:
+        """Send without an answer (Revoke, Hold). False if the link is down: then the bridge has stopped the robot."""
+        if self._socket is None:
+            return False
+        task = asyncio.ensure_future(self._send(message))
+        task.add_done_callback(_swallow_closed)
+        return True
 
     async def grant(self, grant: wire.Grant, timeout_s: float = _ANSWER_TIMEOUT_S) -> None:
         """Give or renew control. Raises LinkRefused."""
@@ -152,21 +168,29 @@ class BridgeLink:
 
     async def close(self) -> None:
         """End the link for good."""
-        self._task.cancel()
+        self._lingering.cancel()
+        self._end()
         with suppress(asyncio.CancelledError):
             await self._task
 
-    async def _ask_latch(self, message: Struct, timeout_s: float) -> Stopped:
-        answer: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
-        self._latch.append(answer)
+    def _linger(self) -> asyncio.TimerHandle:
+        """The end, unless somebody follows soon."""
+        return asyncio.get_running_loop().call_later(_LINGER_S, self._end)
+
+    def _end(self) -> None:
+        self.closed = True
+        self._task.cancel()
+
+    async def _ask_latch(self, message: wire.LinkStop | wire.LinkClear, timeout_s: float) -> Stopped:
+        number = next(self._numbers)
+        answer = self._latch[number] = asyncio.get_running_loop().create_future()
         try:
-            await self._ask(message)
+            await self._ask(structs.replace(message, seq=number))
             return await asyncio.wait_for(answer, timeout_s)
         except asyncio.TimeoutError as error:
             raise LinkRefused(_SILENT) from error
         finally:
-            with suppress(ValueError):
-                self._latch.remove(answer)
+            self._latch.pop(number, None)
 
     async def _ask(self, message: Struct) -> None:
         if self._socket is None:
@@ -186,16 +210,20 @@ class BridgeLink:
     # --- the connection ------------------------------------------------------------------------------
 
     async def _keep_connected(self) -> None:
-        pause_s = _BACK_OFF_S[0]
         while True:
             try:
                 async with _open(self.address) as socket:
-                    pause_s = _BACK_OFF_S[0]
                     await self._talk(socket)
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
                 self._went_down(_why_down(error))
-            await asyncio.sleep(pause_s)
-            pause_s = min(2 * pause_s, _BACK_OFF_S[1])
+            except LinkRefused as error:
+                log.error("the bridge of %s: %s", self.robot_id, error)
+                self._went_down(error.refusal)
+            except Exception:
+                log.exception("the link to %s failed", self.robot_id)
+                self._went_down(_FAULTY)
+            await asyncio.sleep(self._pause_s)
+            self._pause_s = min(2 * self._pause_s, _BACK_OFF_S[1])
 
     async def _talk(self, socket: ClientConnection) -> None:
         self._socket = socket
@@ -210,8 +238,7 @@ class BridgeLink:
                 else:
                     self._heard(wire.link_report(raw))
         except msgspec.DecodeError as error:
-            log.error("the bridge of %s speaks another protocol: %s", self.robot_id, error)
-            self._went_down(Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire"))
+            raise LinkRefused(_FOREIGN) from error
         finally:
             self._socket = None
 
@@ -222,15 +249,19 @@ class BridgeLink:
     def _heard(self, report: wire.LinkReport) -> None:
         match report:
             case wire.BridgeHello():
+                if report.protocol != wire.PROTOCOL:
+                    raise LinkRefused(_FOREIGN)
                 self.highest_fence = report.fence
                 self._came_up(report.state)
             case wire.Status():
                 self._tell_state(report.state)
             case wire.Granted():
                 self.highest_fence = max(self.highest_fence, report.fence)
-                self._settle(report.fence, None)
-            case wire.Refused(of="grant"):
-                self._settle(report.fence, report.refusal)
+                _settle(self._grants.get(report.fence), None)
+            case wire.Refused(of="grant", fence=int(fence)):
+                _settle(self._grants.get(fence), LinkRefused(report.refusal))
+            case wire.Refused(of="link_clear", seq=int(seq)):
+                _settle(self._latch.get(seq), LinkRefused(report.refusal))
             case wire.Refused():
                 for listener in list(self._listeners):
                     listener.on_refused(report)
@@ -238,17 +269,7 @@ class BridgeLink:
                 for listener in list(self._listeners):
                     listener.on_ended(report)
             case wire.Stopped():
-                if self._latch:
-                    self._latch.popleft().set_result(report)
-
-    def _settle(self, fence: int | None, refusal: Refusal | None) -> None:
-        answer = self._grants.get(fence) if fence is not None else None
-        if answer is None or answer.done():
-            return
-        if refusal is None:
-            answer.set_result(None)
-        else:
-            answer.set_exception(LinkRefused(refusal))
+                _settle(self._latch.get(report.seq), report)
 
     def _tell_state(self, state: State) -> None:
         self.state = state
@@ -256,7 +277,7 @@ class BridgeLink:
             listener.on_status(state)
 
     def _came_up(self, state: State) -> None:
-        self.up, self.refusal = True, None
+        self.up, self.refusal, self._pause_s = True, None, _BACK_OFF_S[0]
         for listener in list(self._listeners):
             listener.on_link(True, None)
         self._tell_state(state)
@@ -264,11 +285,9 @@ class BridgeLink:
     def _went_down(self, refusal: Refusal) -> None:
         """Everybody who waits is told; the last state is no longer the truth."""
         was_up, self.up, self.refusal, self.state = self.up, False, refusal, None
-        for waiting in (self._grants.values(), self._latch):
-            for answer in waiting:
-                if not answer.done():
-                    answer.set_exception(LinkRefused(refusal))
-        self._latch.clear()
+        waiting: list[asyncio.Future[Any]] = [*self._grants.values(), *self._latch.values()]
+        for answer in waiting:
+            _settle(answer, LinkRefused(refusal))
         if was_up:
             log.warning("link to %s lost: %s", self.robot_id, refusal.text)
             for listener in list(self._listeners):
@@ -276,7 +295,7 @@ class BridgeLink:
 
 
 class Links:
-    """The links of this process. A robot that moved gets a new one."""
+    """The links of this process. A robot that moved gets a new one; who follows the old one leaves it."""
 
     def __init__(self) -> None:
         self._links: dict[UUID, BridgeLink] = {}
@@ -284,9 +303,7 @@ class Links:
     def get(self, robot_id: UUID, address: LinkAddress) -> BridgeLink:
         """The link to this robot, begun on the running loop if there is none."""
         link = self._links.get(robot_id)
-        if link is None or link.address != address:
-            if link is not None:
-                link.send(wire.Watch([]))
+        if link is None or link.closed or link.address != address:
             link = self._links[robot_id] = BridgeLink(robot_id, address)
         return link
 
@@ -301,7 +318,7 @@ links = Links()
 
 
 def stop_once(address: LinkAddress, by: str, reason: str = "") -> Stopped:
-    """Press the emergency stop over a connection of its own. Raises LinkRefused."""
+    """Press the emergency stop over a connection of its own. Raises LinkRefused, after `_ONCE_S` at the latest."""
     return _ask_once(address, wire.LinkStop(by, reason), Stopped)
 
 
@@ -311,16 +328,23 @@ def hello_once(address: LinkAddress) -> wire.BridgeHello:
 
 
 def _ask_once(address: LinkAddress, question: Struct | None, answer: type[_Report]) -> _Report:
+    end_s = time.monotonic() + _ONCE_S
     try:
         with _open_sync(address) as socket:
             socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"command {os.getpid()}")), text=True)
             if question is not None:
                 socket.send(wire.encode(question), text=True)
             while True:
-                raw = socket.recv(timeout=_ANSWER_TIMEOUT_S)
+                raw = socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
                 report = wire.link_report(raw) if isinstance(raw, str) else None
                 if isinstance(report, answer):
                     return report
+                if (
+                    isinstance(report, Refused) and report.of != "link_hello"
+                ):  # a stop is heard in any dialect
+                    raise LinkRefused(report.refusal)
+    except msgspec.DecodeError as error:
+        raise LinkRefused(_FOREIGN) from error
     except TimeoutError as error:
         raise LinkRefused(_SILENT) from error
     except (OSError, InvalidHandshake, ConnectionClosed) as error:
@@ -346,7 +370,11 @@ def _open(address: LinkAddress) -> connect:
 def _open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
     if address.unix_path:
         return sync_client.unix_connect(
-            address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
+            address.unix_path,
+            compression=None,
+            open_timeout=_OPEN_TIMEOUT_S,
+            close_timeout=_CLOSE_S,
+            ping_interval=None,
         )
     return sync_client.connect(
         _uri(address),
@@ -354,6 +382,7 @@ def _open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.Clien
         additional_headers=_headers(address),
         compression=None,
         open_timeout=_OPEN_TIMEOUT_S,
+        close_timeout=_CLOSE_S,
     )
 
 
@@ -378,6 +407,16 @@ def _why_down(error: Exception) -> Refusal:
             "bridge_unresolvable", f"The name of the bridge's host cannot be resolved ({error}).", "robot"
         )
     return Refusal("bridge_unreachable", f"The robot's bridge cannot be reached ({error}).", "robot")
+
+
+def _settle(waiting: asyncio.Future[Any] | None, answer: Struct | LinkRefused | None) -> None:
+    """Give an answer to who waits for it; whoever gave up waiting is not there any more."""
+    if waiting is None or waiting.done():
+        return
+    if isinstance(answer, LinkRefused):
+        waiting.set_exception(answer)
+    else:
+        waiting.set_result(answer)
 
 
 def _swallow_closed(task: asyncio.Task[None]) -> None:

@@ -1,8 +1,10 @@
-"""Emergency stops on record, in one way whoever pressed; afterwards, for a stop waits for nothing."""
+"""Emergency stops without an event loop, and all stops on record: afterwards, for a stop waits for nothing."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 from uuid import UUID
 
@@ -11,10 +13,26 @@ from django.db import DatabaseError
 from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.models import Record
+from robots.bridge.config import LinkAddress
+from robots.link import LinkRefused, stop_once
 from robots.models import Robot
 from robots.wire import Refusal, Stopped
 
 log = logging.getLogger(__name__)
+
+
+def press(address: LinkAddress, by: str, reason: str = "") -> Stopped | Refusal:
+    """Stop one robot over a connection of its own; returns what its bridge said, or why it was not reached."""
+    try:
+        return stop_once(address, by, reason)
+    except LinkRefused as refused:
+        return refused.refusal
+
+
+def press_all(addresses: Sequence[LinkAddress], by: str, reason: str = "") -> list[Stopped | Refusal]:
+    """`press` everywhere at once."""
+    with ThreadPoolExecutor(max(len(addresses), 1)) as threads:
+        return list(threads.map(lambda address: press(address, by, reason), addresses))
 
 
 def record_press(robot_id: UUID, *, actor: User | None, parameters: dict[str, Any]) -> Record | None:

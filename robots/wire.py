@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, Struct
 
-PROTOCOL = 1
+PROTOCOL = 2
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
 
 Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
@@ -113,7 +113,12 @@ class Stop(Struct, frozen=True, tag_field="t", tag="stop"):
 
 
 class Clear(Struct, frozen=True, tag_field="t", tag="clear"):
-    """Clear the latch; moves nothing. The holder, a supervisor or staff."""
+    """Clear the latch; moves nothing. The holder, a supervisor or staff.
+
+    `number` is that of the stop which the page showed (`StopState`): a stop pressed since is not cleared unseen.
+    """
+
+    number: Seq
 
 
 class Ack(Struct, frozen=True, tag_field="t", tag="ack"):
@@ -324,12 +329,16 @@ class Odometry(Struct, frozen=True):
 
 
 class StopState(Struct, frozen=True):
-    """`state`: "clear", "stopping" (zeros sent), "stopped" (odometry confirms standstill)."""
+    """`state`: "clear", "stopping" (zeros sent), "stopped" (odometry confirms standstill).
+
+    `number` grows with every press and is never used twice, also not by a bridge that was started again.
+    """
 
     state: str
     by: str | None = None
     reason: str = ""
     standstill_ms: float | None = None  # press -> standstill by odometry
+    number: int = 0
 
 
 class State(Struct, frozen=True):
@@ -414,16 +423,19 @@ class Hold(Struct, frozen=True, tag_field="t", tag="hold"):
 
 
 class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop"):
-    """Emergency stop."""
+    """Emergency stop. `seq` comes back with the answer."""
 
     by: ShortText
     reason: ShortText = ""
+    seq: Seq = 0
 
 
 class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
-    """Clear the latch. The web process has checked the right."""
+    """Clear the latch of stop `number`. The web process has checked the right. `seq` comes back with the answer."""
 
     by: ShortText
+    number: Seq
+    seq: Seq = 0
 
 
 class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
@@ -468,9 +480,10 @@ class Status(Struct, frozen=True, tag_field="t", tag="status"):
 
 
 class Stopped(Struct, frozen=True, tag_field="t", tag="stopped"):
-    """Answer to a stop or clear: the latch as it is now."""
+    """Answer to a stop or clear, `seq` as there: the latch as it is now."""
 
     stop: StopState
+    seq: int = 0
 
 
 LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Refused

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from contextlib import suppress
+from functools import partial
 from hashlib import sha256
 from typing import Any
 from uuid import UUID, uuid4
@@ -56,7 +57,6 @@ class RobotConsumer(MessageSocket):
         self._told: tuple[object, ...] | None = None
         self._asks: set[int] = set()
         self._asking = False
-        self._pressing = False
 
     # --- opening and closing -----------------------------------------------------------------------
 
@@ -70,6 +70,7 @@ class RobotConsumer(MessageSocket):
             return
         self.user, self.robot_id, entry, self.rights = found
         self.name = self.user.display_name
+        self.stop_button = stopping.StopButton(self.user, "robot page", partial(self.refuse, "stop"))
         self.errands = Errands()
         self.room = rooms.enter(self.robot_id, entry, self)
 
@@ -96,9 +97,8 @@ class RobotConsumer(MessageSocket):
     async def heard(self, raw: str) -> None:
         """One message. A drive message takes no detour, a stop waits for nothing."""
         message = browser_message(raw)
-        if isinstance(message, wire.Stop) and not self._pressing:
-            self._pressing = True
-            beside(self._stop())
+        if isinstance(message, wire.Stop) and not self.stop_button.pressed:
+            self.stop_button.press(self.room.link)
         elif not await self.within_budget(_tag(message)):
             return
         elif isinstance(message, wire.Drive):
@@ -110,8 +110,8 @@ class RobotConsumer(MessageSocket):
                 await self.viewer.drawn()
         elif isinstance(message, wire.Ping):
             await self.tell(wire.Pong(message.sent_ms))
-        elif isinstance(message, wire.Stop):  # pressed again and again: sent each time, recorded once
-            self.room.link.send(wire.LinkStop(self.name))
+        elif isinstance(message, wire.Stop):  # pressed again and again
+            self.stop_button.press(self.room.link)
         elif not self.errands.add(lambda: self._do(message)):
             text = "Too much at once: wait for the answers."
             await self.refuse(_tag(message), Refusal("busy", text, "wire"))
@@ -210,8 +210,8 @@ class RobotConsumer(MessageSocket):
                     gone=False,
                     now=now,
                 )
-            case wire.Clear():
-                await stopping.clear(self.room.link, user=self.user, tab=tab)
+            case wire.Clear(number=number):
+                await stopping.clear(self.room.link, number, user=self.user, tab=tab)
                 return
         await self.room.changed()
 
@@ -229,16 +229,6 @@ class RobotConsumer(MessageSocket):
     async def _link_settles(self) -> None:
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self.room.link_is_up.wait(), LINK_WAIT_S)
-
-    # --- stop --------------------------------------------------------------------------------------
-
-    async def _stop(self) -> None:
-        try:
-            result = await stopping.press(self.room.link, user=self.user, through="robot page")
-        finally:
-            self._pressing = False
-        if isinstance(result, Refusal):
-            await self.tell(Refused("stop", result))
 
     # --- what the room says (rooms.Member) -----------------------------------------------------------
 

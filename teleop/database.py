@@ -7,10 +7,11 @@ being checked.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import ParamSpec, TypeVar
 
 from channels.db import database_sync_to_async
+from django.db import close_old_connections
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -22,3 +23,15 @@ async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kw
     """Run `function` in a thread that may use the database."""
     call = database_sync_to_async(function, thread_sensitive=False, executor=_threads)
     return await call(*args, **kwargs)
+
+
+def in_database_beside(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
+    """The same from where there is no event loop, for what nobody waits for: only the end of the process does."""
+
+    def call() -> R:
+        try:
+            return function(*args, **kwargs)
+        finally:
+            close_old_connections()
+
+    return _threads.submit(call)

@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Iterable
 from contextlib import suppress
+from functools import partial
 from uuid import UUID
 
 from django.db import DatabaseError
@@ -18,11 +19,11 @@ from robots.bridge.config import LinkAddress
 from robots.link import BridgeLink, links
 from robots.selectors import link_address, robots_visible_to
 from robots.wire import Ended, FleetCard, Refusal, Refused, State, fleet_message
-from teleop import stopping
 from teleop.database import in_database
 from teleop.policy import out_of_service
 from teleop.selectors import SignIn
 from teleop.socket import CloseCode, MessageSocket, beside
+from teleop.stopping import StopButton
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +54,7 @@ class FleetConsumer(MessageSocket):
         self._drawn = True
         self._news = asyncio.Event()
         self._noted: list[object] = []
-        self._pressing: set[str] = set()
+        self._buttons: dict[str, StopButton] = {}
         self._loops: list[asyncio.Task[None]] = []
 
     # --- opening and closing -----------------------------------------------------------------------
@@ -94,19 +95,11 @@ class FleetConsumer(MessageSocket):
                     await self.tell(wire.Pong(sent_ms))
 
     async def _press_stop(self, slug: str) -> None:
-        if slug not in self._pressing:
-            self._pressing.add(slug)
-            beside(self._stop(slug))
-        elif await self.within_budget("stop"):  # pressed again and again: sent each time, recorded once
-            self._links[slug].send(wire.LinkStop(self.user.display_name))
-
-    async def _stop(self, slug: str) -> None:
-        try:
-            result = await stopping.press(self._links[slug], user=self.user, through="fleet page")
-        finally:
-            self._pressing.discard(slug)
-        if isinstance(result, Refusal):
-            await self.tell(Refused("stop", result))
+        button = self._buttons.get(slug)
+        if button is None:
+            button = self._buttons[slug] = StopButton(self.user, "fleet page", partial(self.refuse, "stop"))
+        if not button.pressed or await self.within_budget("stop"):
+            button.press(self._links[slug])
 
     # --- what the page is shown --------------------------------------------------------------------
 

@@ -1,33 +1,58 @@
-"""Emergency stop: sent first, recorded after. It is never refused, and waits for no database."""
+"""Emergency stop: sent first, told as soon as the bridge answers, recorded beside. It waits for no database."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Awaitable, Callable, Sequence
+from uuid import UUID
 
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from robots.bridge.config import LinkAddress
-from robots.link import BridgeLink, LinkRefused, stop_once
+from robots.link import BridgeLink, LinkRefused
 from robots.models import Robot
 from robots.selectors import link_address
-from robots.stops import record_outcome, record_press
+from robots.stops import press, press_all, record_outcome, record_press
 from robots.wire import LinkClear, LinkStop, Refusal, Stopped
-from teleop.database import in_database
+from teleop.database import in_database, in_database_beside
 from teleop.rules import Tab
 from teleop.services import clear_begin
+from teleop.socket import beside
 
 
-async def press(link: BridgeLink, *, user: User, through: str) -> Stopped | Refusal:
-    """Stop the robot behind `link`; returns the latch, or why the bridge did not confirm it."""
-    answer = asyncio.ensure_future(_send(link, user.display_name))
-    await asyncio.sleep(0)  # now it is on its way
-    pressed = await in_database(record_press, link.robot_id, actor=user, parameters={"through": through})
-    result = await answer
-    await in_database(record_outcome, pressed, actor=user, result=result)
-    return result
+class StopButton:
+    """One page's stop of one robot.
+
+    It may be pressed as often as anybody likes: each press is sent at once. Until the first is answered the others are
+    not recorded, and `failed` is told what the bridge's last answer was if it did not confirm.
+    """
+
+    def __init__(self, user: User, through: str, failed: Callable[[Refusal], Awaitable[None]]) -> None:
+        self.pressed = False  # and not answered yet
+        self._again = False
+        self._user = user
+        self._through = through
+        self._failed = failed
+
+    def press(self, link: BridgeLink) -> None:
+        """Stop the robot behind `link`."""
+        if not self.pressed:
+            self.pressed = True
+            beside(self._press(link))
+        elif not link.send(LinkStop(self._user.display_name)):
+            self._again = True  # the way round the link is being tried: once more, when it was
+
+    async def _press(self, link: BridgeLink) -> None:
+        answer = asyncio.ensure_future(_send(link, self._user.display_name))
+        await asyncio.sleep(0)  # now it is on its way
+        beside(_record(link.robot_id, self._user, self._through, answer))
+        result = await answer
+        while isinstance(result, Refusal) and self._again:
+            self._again = False
+            result = await _send(link, self._user.display_name)
+        self.pressed = self._again = False
+        if isinstance(result, Refusal):
+            await self._failed(result)
 
 
 async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
@@ -35,16 +60,26 @@ async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
         return await link.stop(LinkStop(by=by))
     except LinkRefused:
         # The link may be waiting before its next attempt: a stop makes its own.
-        return await asyncio.to_thread(_send_once, link.address, by)
+        return await asyncio.to_thread(press, link.address, by)
 
 
-async def clear(link: BridgeLink, *, user: User, tab: Tab | None) -> None:
-    """Release the latch, if this person may and it can be recorded. Raises ControlRefused or LinkRefused."""
+async def _record(
+    robot_id: UUID, user: User, through: str, answer: asyncio.Future[Stopped | Refusal]
+) -> None:
+    pressed = await in_database(record_press, robot_id, actor=user, parameters={"through": through})
+    await in_database(record_outcome, pressed, actor=user, result=await answer)
+
+
+async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
+    """Release the latch of stop `number`, if this person may and it can be recorded.
+
+    Raises ControlRefused or LinkRefused.
+    """
     cleared = await in_database(
         clear_begin, robot_id=link.robot_id, user_id=user.id, tab=tab, now=timezone.now()
     )
     try:
-        result: Stopped | Refusal = await link.clear(LinkClear(by=user.display_name))
+        result: Stopped | Refusal = await link.clear(LinkClear(by=user.display_name, number=number))
     except LinkRefused as refused:
         await in_database(record_outcome, cleared, actor=user, result=refused.refusal)
         raise
@@ -53,16 +88,12 @@ async def clear(link: BridgeLink, *, user: User, tab: Tab | None) -> None:
 
 def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Stopped | Refusal]:
     """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
-    with ThreadPoolExecutor(max(len(robots), 1)) as threads:
-        results = list(threads.map(lambda robot: _send_once(link_address(robot), user.display_name), robots))
+    results = press_all([link_address(robot) for robot in robots], user.display_name)
     for robot, result in zip(robots, results, strict=True):
-        pressed = record_press(robot.id, actor=user, parameters={"through": through})
-        record_outcome(pressed, actor=user, result=result)
+        in_database_beside(_record_both, robot.id, user, through, result)
     return results
 
 
-def _send_once(address: LinkAddress, by: str) -> Stopped | Refusal:
-    try:
-        return stop_once(address, by)
-    except LinkRefused as refused:
-        return refused.refusal
+def _record_both(robot_id: UUID, user: User, through: str, result: Stopped | Refusal) -> None:
+    pressed = record_press(robot_id, actor=user, parameters={"through": through})
+    record_outcome(pressed, actor=user, result=result)

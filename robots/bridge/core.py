@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from typing import Protocol
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, structs
 from numpy.typing import NDArray
 
 from robots import wire
@@ -33,14 +33,10 @@ from robots.wire import Drive, Ended, Grant, Refusal, StopState
 log = logging.getLogger(__name__)
 
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
-STILL_MPS = 0.01
-STILL_RADPS = 0.02
-ODOMETRY_FRESH_S = 0.2  # GATE.md 9
 ODOMETRY_ONLINE_S = 1.0
 CLOCK_SKEW_S = 0.5  # below, nobody need know
 VIEW_RADIUS_M = 8.0
 
-_CLEAR = StopState("clear")
 _IDLE = Verdict(STILL, STILL, "idle", "")
 
 
@@ -71,7 +67,7 @@ class RosStatus(Struct, frozen=True):
 
 
 class Core:
-    """One robot's rules. `announce` hands an `Ended` to every link."""
+    """One robot's rules. `announce` hands an `Ended` to every link; stops are numbered from `stops_before` on."""
 
     def __init__(
         self,
@@ -81,10 +77,13 @@ class Core:
         drives: DriveLog,
         left: Persisted,
         announce: Callable[[Ended], None],
+        stops_before: int = 0,
     ) -> None:
         self.config = config
         self.grants = Grants(left.fence)
-        self.stop_state = StopState("stopped", left.by or None, left.reason) if left.latched else _CLEAR
+        self.stop_state = StopState("clear", number=stops_before)
+        if left.latched:  # whether the robot stands, nobody has seen yet
+            self.stop_state = StopState("stopping", left.by or None, left.reason, number=stops_before)
         self.refused: Counter[str] = Counter()
         self.on_scan: Callable[[], None] = lambda: None  # a scan is in: a picture drawn now is the freshest
         self._base = base
@@ -161,33 +160,42 @@ class Core:
         return refusal
 
     def stop(self, by: str, reason: str, now_s: float) -> None:
-        """Emergency stop: zero at once, latched, everybody's goals cancelled."""
-        if self.stop_state.state == "clear":
-            self.stop_state = StopState("stopping", by, reason)
+        """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is a stop of its own."""
+        stop = self.stop_state
+        if stop.state == "clear":
+            stop = StopState("stopping", number=stop.number)
             self._stop_pressed_s = now_s
+        self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self._halt("the robot was stopped", now_s)
         self._base.cancel_all()
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
 
-    def clear(self, now_s: float) -> None:
-        """Release the latch. Nothing moves by it."""
-        self.stop_state = _CLEAR
+    def clear(self, number: int, now_s: float) -> Refusal | None:
+        """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since."""
+        stop = self.stop_state
+        if number != stop.number:
+            text = f"The stop was pressed again since{f', by {stop.by}' if stop.by else ''}: look, then clear that one."
+            return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
+        self.stop_state = StopState("clear", number=stop.number)
         self._stop_pressed_s = None
         self._halt("the stop was cleared", now_s)
         self._verdict = _IDLE
+        return None
 
     def tick(self, now_s: float) -> None:
         """Every period: expiry, dead-man, the gate's newest word, zeros."""
         if self.grants.expired(now_s):
             self._end_control("Control was not renewed in time.", now_s)
-        still = self._still(now_s)
+        still = self._gate.standstill(now_s)
+        if still is None:
+            self._drives.halted("nothing new came from odometry")
         unrecorded = self._drives.tick(now_s, self._passed == STILL and still is not False)
         if unrecorded and self._passed != STILL:
             self._halt(unrecorded.text, now_s)
         self._decide(now_s)
         self._move_head(now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
-            self._confirm_standstill(self._odometry[0])
+            self._see_standstill(self._odometry[0])
 
     # --- what the robot says ---------------------------------------------------------------------
 
@@ -207,10 +215,11 @@ class Core:
         if not all(math.isfinite(value) for value in (*pose, *velocity)):
             self.refused["odometry_not_finite"] += 1
             return
+        if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
+            return  # frozen, or overtaken: as if nothing had come
         self._odometry = (arrival_s, pose, velocity)
         skew_s = stamp_s - wall_s
         self._skew_s = skew_s if self._skew_s is None else self._skew_s + 0.1 * (skew_s - self._skew_s)
-        self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity)
         self._drives.moved(pose.x, pose.y, velocity)
         if self.grants.current:
             self._gate.obstacles(arrival_s)  # carried to the new pose now, so that no command waits for it
@@ -387,12 +396,13 @@ class Core:
     def _halt(self, reason: str, now_s: float) -> None:
         """Zero now, and a neutral stick before anything moves again."""
         self._need_neutral(reason)
-        self._drives.halted(reason)
         self._asked = self._passed = STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
 
     def _need_neutral(self, reason: str) -> None:
+        """Something other than the operator stops the robot: a neutral stick before it moves again."""
+        self._drives.halted(reason)
         if self._neutral is None:
             self._neutral = reason.rstrip(".")
 
@@ -404,21 +414,14 @@ class Core:
         self._halt(reason, now_s)
         self._announce(Ended(ended.fence, reason))
 
-    def _still(self, now_s: float) -> bool | None:
-        """Whether odometry shows standstill; None while it is too old to tell."""
-        if self._odometry is None or now_s - self._odometry[0] > ODOMETRY_FRESH_S:
-            return None
-        if self._stop_pressed_s is not None and self._odometry[0] <= self._stop_pressed_s:
-            return None
-        velocity = self._odometry[2]
-        return math.hypot(velocity.vx, velocity.vy) < STILL_MPS and abs(velocity.w) < STILL_RADPS
-
-    def _confirm_standstill(self, seen_s: float) -> None:
-        stop = self.stop_state
-        took_ms = None
-        if self._stop_pressed_s is not None:
-            took_ms = round((seen_s - self._stop_pressed_s) * 1000)
-        self.stop_state = StopState("stopped", stop.by, stop.reason, took_ms)
+    def _see_standstill(self, seen_s: float) -> None:
+        """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""
+        pressed_s = self._stop_pressed_s
+        if pressed_s is None:  # before this process began
+            self.stop_state = structs.replace(self.stop_state, state="stopped")
+        elif seen_s > pressed_s:
+            took_ms = round((seen_s - pressed_s) * 1000)
+            self.stop_state = structs.replace(self.stop_state, state="stopped", standstill_ms=took_ms)
 
     def _phase(self, now_s: float) -> tuple[str, str]:
         """Where the robot is on the way to being drivable, and what is missing."""

@@ -49,6 +49,7 @@ class Link:
         self._reports: deque[bytes] = deque()
         self._view: bytes | None = None
         self._news = asyncio.Event()
+        self._ending = False
 
     def report(self, message: Struct) -> None:
         """Queue a report."""
@@ -64,6 +65,11 @@ class Link:
         self._view = view
         self._news.set()
 
+    def end(self) -> None:
+        """Close, after what was reported before."""
+        self._ending = True
+        self._news.set()
+
     async def write(self) -> None:
         """Send reports, then the newest view, for as long as the link lives."""
         while True:
@@ -71,6 +77,9 @@ class Link:
             self._news.clear()
             while self._reports:
                 await self._socket.send(self._reports.popleft(), text=True)
+            if self._ending:
+                await self._socket.close()
+                return
             if self._view is not None:
                 view, self._view = self._view, None
                 await self._socket.send(view)

@@ -44,7 +44,9 @@ class Bridge:
         self._base = RosBase(config)
         self._drives = DriveLog(sink)
         gate = Gate(config.gate)
-        self._core = Core(config, self._base, gate, self._drives, left, self._announce)
+        # From the time of day on: no page that saw a stop of an earlier process clears one of this.
+        stops_before = time.time_ns() // 1_000_000
+        self._core = Core(config, self._base, gate, self._drives, left, self._announce, stops_before)
         self._leasing = Leasing(self._core, store, left.fence)
         door = Reception(self._core, self._leasing)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed)

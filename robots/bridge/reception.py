@@ -65,10 +65,13 @@ class Reception:
                 self._leasing.hear(link, message)
             case wire.LinkStop():
                 self._core.stop(message.by, message.reason, now_s)
-                self._latch_changed(link)
+                self._latch_changed(link, message.seq)
             case wire.LinkClear():
-                self._core.clear(now_s)
-                self._latch_changed(link)
+                refusal = self._core.clear(message.number, now_s)
+                if refusal is None:
+                    self._latch_changed(link, message.seq)
+                else:
+                    link.report(wire.Refused("link_clear", refusal, message.seq))
             case wire.Watch():
                 link.watchers = message.watchers
             case wire.LinkHello():
@@ -84,15 +87,16 @@ class Reception:
         if refusal is not None:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
 
-    def _latch_changed(self, link: Link) -> None:
+    def _latch_changed(self, link: Link, seq: int) -> None:
         self._leasing.save_latch()
-        link.report(wire.Stopped(self._core.stop_state))
+        link.report(wire.Stopped(self._core.stop_state, seq))
 
     def _greet(self, link: Link, hello: wire.LinkHello) -> None:
         link.name = hello.web
         if hello.protocol != wire.PROTOCOL:
             text = f"The web process speaks protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
             link.report(wire.Refused("link_hello", wire.Refusal("protocol", text, "wire")))
+            link.end()
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
         """Answer, but not thirty times a second."""

@@ -161,7 +161,7 @@ class Driver:
 
     async def clear(self) -> None:
         """Clear the latch."""
-        await self.send(wire.Clear())
+        await self.send(wire.Clear(self.state.stop.number if self.state else 0))
         await self.until(lambda: self.state and self.state.stop.state == "clear")
         await self.drive(0.0, 0.0)
 

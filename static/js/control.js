@@ -49,6 +49,7 @@ class ControlPage {
   #sender;
   #stopButton;
   #clear;
+  #stopAsked = 0; // number of the stop that the question to clear is about
   #panel;
   #choices;
   #picture;
@@ -87,7 +88,9 @@ class ControlPage {
       this.#socket.send(message),
     );
     this.#notices = new Notices(this.#parts.notices);
-    this.#clear = question(this.#parts["clear-dialog"], () => this.#socket.send({ t: "clear" }));
+    this.#clear = question(this.#parts["clear-dialog"], () =>
+      this.#socket.send({ t: "clear", number: this.#stopAsked }),
+    );
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: () => !this.#isCut() && this.#state !== null && this.#state.stop.state !== "clear",
@@ -152,7 +155,10 @@ class ControlPage {
     });
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
     on(this.#stick, "change", ({ axes }) => this.#face.hint(this.#reverseHint(axes)));
-    on(this.#parts.clear, "click", () => this.#clear.ask());
+    on(this.#parts.clear, "click", () => {
+      this.#stopAsked = this.#state?.stop.number ?? 0;
+      this.#clear.ask();
+    });
     on(document, "visibilitychange", () => document.hidden && this.#zero("hidden"));
     on(window, "blur", () => this.#zero("blurred"));
     on(window, "pagehide", () => this.#zero("closed"));

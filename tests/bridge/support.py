@@ -12,6 +12,7 @@ import numpy as np
 from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
+from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
@@ -39,17 +40,17 @@ CONFIG = BridgeConfig(
 
 
 class OpenGate:
-    """Lets everything pass, until told what to say."""
+    """Lets everything pass, until told what to say. Of odometry it knows what the real one knows."""
 
-    def __init__(self) -> None:
+    def __init__(self, profile: GateProfile) -> None:
+        real = Gate(profile)
+        self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.says: Callable[[Velocity], Verdict] | None = None
         self.latency = Latency(LIMITS, 0.2)
         self.operator_delay_s: float | None = None
 
     def observe_operator(self, delay_s: float | None) -> None:
         self.operator_delay_s = delay_s
-
-    def observe_odometry(self, *_observation: object) -> None: ...
 
     def observe_range(self, *_observation: object) -> None: ...
 
@@ -131,13 +132,14 @@ class Bench:
     ) -> None:
         self.now_s = 100.0
         self.base = MemoryBase()
-        self.gate = OpenGate()
+        self.gate = OpenGate(config.gate)
         self.sink = MemorySink()
         self.drives = DriveLog(sink or self.sink)
         self.ended: list[Ended] = []
         state = left or Persisted(False, "", "", 0)
         self.core = Core(config, self.base, self.gate, self.drives, state, self.ended.append)  # type: ignore[arg-type]
         self.seq = 0
+        self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
         self.speed = STILL
         self.x = 0.0
 
@@ -150,7 +152,12 @@ class Bench:
     def odometry(self, speed: Velocity | None = None) -> None:
         if speed is not None:
             self.speed = speed
-        self.core.odometry(self.now_s, self.now_s, Pose(self.x, 0.0, 0.0), self.speed, self.now_s)
+        self.stamp_s += 0.001
+        self.frozen_odometry()
+
+    def frozen_odometry(self) -> None:
+        """Odometry with the stamp of the last one."""
+        self.core.odometry(self.stamp_s, self.now_s, Pose(self.x, 0.0, 0.0), self.speed, self.stamp_s)
 
     def granted(self, fence: int = 1, seconds: float = 60.0, link: int = 1) -> Bench:
         """Ann has control and her stick is in the middle."""
@@ -199,11 +206,15 @@ class Wire:
     def __init__(self, number: int) -> None:
         self.number = number
         self.reports: list[object] = []
+        self.ended = False
         self.news = asyncio.Event()
 
     def report(self, message: object) -> None:
         self.reports.append(message)
         self.news.set()
+
+    def end(self) -> None:
+        self.ended = True
 
     async def hears(self, message: object) -> None:
         while message not in self.reports:

@@ -178,11 +178,56 @@ def test_without_odometry_standstill_is_not_claimed(bench):
     assert bench.core.stop_state.state == "stopping"
 
 
+def test_frozen_odometry_does_not_confirm_standstill(bench):
+    bench.granted().driving()
+    bench.speed = STILL  # what the frozen message has said all the time
+    bench.core.stop("Bob", "", bench.now_s)
+    for _ in range(5):
+        bench.now_s += 0.05
+        bench.frozen_odometry()
+        bench.core.tick(bench.now_s)
+    assert bench.core.stop_state.state == "stopping"
+
+
+def test_frozen_odometry_keeps_no_robot_online_and_measures_no_way(bench):
+    bench.granted().driving()
+    for _ in range(25):
+        bench.now_s += 0.05
+        bench.x += 1.0
+        bench.frozen_odometry()
+        bench.core.tick(bench.now_s)
+    assert bench.core.state(bench.now_s, []).phase == "connecting"
+    bench.drives.end(bench.now_s, "test")
+    bench.recorded()
+    assert bench.sink.records[-1][1].distance_m == 0.0
+
+
+def test_a_clear_of_a_stop_that_was_pressed_again_since_is_refused(bench):
+    bench.granted()
+    bench.core.stop("Ann", "", bench.now_s)
+    bench.pass_time(0.1)
+    seen = bench.core.stop_state
+    bench.core.stop("Bob", "a child on the floor", bench.now_s)
+    refusal = bench.core.clear(seen.number, bench.now_s)
+    assert (refusal.code, bench.core.stop_state.reason) == ("stopped_again", "a child on the floor")
+    assert "by Bob" in refusal.text
+    assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
+    assert bench.core.stop_state.state == "clear"
+
+
+def test_a_number_that_was_cleared_once_clears_no_later_stop(bench):
+    bench.core.stop("Ann", "", bench.now_s)
+    number = bench.core.stop_state.number
+    bench.core.clear(number, bench.now_s)
+    bench.core.stop("Bob", "", bench.now_s)
+    assert bench.core.clear(number, bench.now_s).code == "stopped_again"
+
+
 def test_clearing_moves_nothing_until_the_stick_was_in_the_middle(bench):
     bench.granted().driving()
     bench.core.stop("Bob", "", bench.now_s)
     bench.pass_time(0.1)
-    bench.core.clear(bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
     assert bench.last == STILL
     assert bench.stick(0.5).code == "neutral_needed"
     bench.stick(0.0)
@@ -190,9 +235,14 @@ def test_clearing_moves_nothing_until_the_stick_was_in_the_middle(bench):
 
 
 def test_a_pressed_stop_is_found_again_after_a_kill():
-    bench = Bench(left=Persisted(True, "Bob", "", 4)).online().granted(5)
+    bench = Bench(left=Persisted(True, "Bob", "", 4))
+    bench.core.tick(bench.now_s)
+    assert bench.core.stop_state.state == "stopping"  # nobody has seen yet whether the robot stands
+    bench.online().granted(5)
     assert bench.stick(1.0, fence=5).code == "stopped"
     assert bench.core.stop_state.by == "Bob"
+    bench.pass_time(0.05)
+    assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
 
 
 def test_a_lost_master_stops_the_robot_and_asks_for_a_neutral_stick(bench):
@@ -285,6 +335,25 @@ def test_a_drive_is_one_start_and_one_end_with_its_distance(bench):
     assert summary.distance_m == pytest.approx(1.25)
     assert summary.top_mps == 0.5
     assert summary.ended_by == "standstill"
+
+
+def test_a_drive_that_missing_sensor_data_stopped_says_so_at_its_end(bench):
+    bench.granted().driving()
+    bench.gate.says = lambda asked: Verdict(STILL, asked, "scan_stale", "the laser is silent", neutral=True)
+    bench.stick(0.5)
+    bench.pass_time(1.0)
+    bench.recorded()
+    assert bench.sink.records[-1][1].ended_by == "the laser is silent"
+
+
+def test_a_drive_whose_end_odometry_does_not_show_says_so(bench):
+    bench.granted().driving()
+    bench.stick(0.0)
+    for _ in range(20):
+        bench.now_s += 0.05
+        bench.core.tick(bench.now_s)
+    bench.recorded()
+    assert bench.sink.records[-1][1].ended_by == "nothing new came from odometry"
 
 
 def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench):

@@ -18,10 +18,11 @@ from cryptography.x509.oid import NameOID
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus, WebSocketException
 
+import robots.link
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.link import LinkServer
-from robots.link import BridgeLink, LinkRefused, _headers, stop_once
+from robots.link import BridgeLink, LinkRefused, Links, _headers, stop_once
 from tests.bridge.support import Bench
 
 
@@ -60,7 +61,11 @@ class Bridge:
                 self.drives.append(message)
             case wire.LinkStop():
                 self.bench.core.stop(message.by, message.reason, self.bench.now_s)
-                link.report(wire.Stopped(self.bench.core.stop_state))
+                link.report(wire.Stopped(self.bench.core.stop_state, message.seq))
+            case wire.LinkClear():
+                refusal = self.bench.core.clear(message.number, self.bench.now_s)
+                answer = wire.Stopped(self.bench.core.stop_state, message.seq)
+                link.report(wire.Refused("link_clear", refusal, message.seq) if refusal else answer)
             case wire.Watch():
                 link.watchers = message.watchers
 
@@ -216,6 +221,120 @@ async def test_the_stop_command_needs_no_event_loop(bridge, address):
 async def test_a_stop_command_without_a_bridge_says_so(tmp_path):
     address = LinkAddress(unix_path=str(tmp_path / "nobody.sock"))
     with pytest.raises(LinkRefused, match="not running"):
+        await asyncio.to_thread(stop_once, address, "the command line")
+
+
+async def test_an_answer_goes_to_the_question_that_it_answers(link, bridge):
+    assert link.send(wire.LinkStop("Ben"))
+    await asyncio.sleep(0)  # it is on its way; its answer comes first, and nobody waits for it
+    seen = bridge.bench.core.stop_state.number + 1
+    assert (await link.clear(wire.LinkClear("Ann", seen))).stop.state == "clear"
+
+
+async def test_a_clear_that_the_bridge_refuses_is_refused_with_its_reason(link, bridge):
+    await link.stop(wire.LinkStop("Ben"))
+    with pytest.raises(LinkRefused) as refused:
+        await link.clear(wire.LinkClear("Ann", 77))
+    assert refused.value.refusal.code == "stopped_again"
+
+
+async def test_an_answer_that_comes_when_nobody_waits_any_more_breaks_nothing(link, bridge):
+    late = asyncio.ensure_future(link.stop(wire.LinkStop("Ben")))
+    await asyncio.sleep(0)  # it is on its way
+    for answer in link._latch.values():
+        answer.cancel()  # as a time-out leaves it for one turn of the loop
+    await asyncio.wait({late})
+    await link.stop(wire.LinkStop("Ann"))
+    assert link.up
+
+
+async def test_a_follower_that_fails_ends_no_link_for_good(link, bridge):
+    class Broken(Follower):
+        def on_ended(self, ended):
+            raise RuntimeError("a fault of ours")
+
+    link.subscribe(Broken())
+    [remote] = bridge.server.links
+    remote.report(wire.Ended(1, "revoked"))
+    assert (await link.follower.until("down")).code == "link_fault"
+    await link.follower.until("up")
+    await link.stop(wire.LinkStop("Ann"))
+
+
+async def test_a_bridge_of_another_protocol_is_not_used_and_not_asked_without_pause(address):
+    asked = asyncio.Queue()
+
+    def opened(link):
+        asked.put_nowait(asyncio.get_running_loop().time())
+        bench = Bench()
+        hello = bench.core.hello(bench.now_s)
+        link.report(msgspec.structs.replace(hello, protocol=wire.PROTOCOL + 1))
+
+    async def received(link, raw): ...
+
+    server = LinkServer(address, opened, received, lambda link: None)
+    await server.start()
+    link = BridgeLink(uuid.uuid4(), address)
+    try:
+        times_s = [await asyncio.wait_for(asked.get(), 10) for _ in range(4)]
+        assert (link.up, link.refusal.code) == (False, "protocol")
+        assert times_s[3] - times_s[2] >= 0.4  # 0.1, 0.2, 0.4: the pause grows though the connection opened
+    finally:
+        await link.close()
+        await server.close()
+
+
+async def test_a_link_that_is_ended_closes_after_its_last_word(link, bridge):
+    [remote] = bridge.server.links
+    remote.report(wire.Ended(1, "over"))
+    remote.end()
+    assert (await link.follower.until("ended")).reason == "over"
+    await link.follower.until("down")
+
+
+async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, monkeypatch):
+    monkeypatch.setattr(robots.link, "_LINGER_S", 0.05)
+    links, robot_id, follower = Links(), uuid.uuid4(), Follower()
+    link = links.get(robot_id, address)
+    link.subscribe(follower)
+    await follower.until("up")
+    await asyncio.sleep(0.1)
+    assert not link.closed
+    link.unsubscribe(follower)
+    await asyncio.wait_for(bridge.lost.wait(), 5)
+    assert link.closed
+    assert links.get(robot_id, address) is not link
+    await links.close()
+
+
+async def test_the_stop_command_gives_up_on_a_bridge_that_talks_and_does_not_answer(
+    bridge, address, monkeypatch
+):
+    monkeypatch.setattr(robots.link, "_ONCE_S", 0.3)
+    bridge.silent = True
+
+    async def chatter():
+        while True:
+            for link in bridge.server.links:
+                link.report(wire.Status(bridge.bench.core.state(bridge.bench.now_s, [])))
+            await asyncio.sleep(0.02)
+
+    talking = asyncio.create_task(chatter())
+    try:
+        with pytest.raises(LinkRefused) as refused:
+            await asyncio.wait_for(asyncio.to_thread(stop_once, address, "the command line"), 5)
+    finally:
+        talking.cancel()
+    assert refused.value.refusal.code == "bridge_silent"
+
+
+async def test_a_stop_command_that_the_bridge_refuses_says_why(bridge, address, monkeypatch):
+    async def refuse(link, raw):
+        if b"link_stop" in raw:
+            link.report(wire.Refused("link", wire.Refusal("invalid", "It does not fit.", "wire")))
+
+    monkeypatch.setattr(bridge.server, "_on_message", refuse)
+    with pytest.raises(LinkRefused, match="does not fit"):
         await asyncio.to_thread(stop_once, address, "the command line")
 
 

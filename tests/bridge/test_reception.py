@@ -101,3 +101,16 @@ async def test_another_protocol_is_said_in_words(door):
     door.opened(link)
     await door.received(link, wire.encode(wire.LinkHello(wire.PROTOCOL + 1, "web 1")))
     assert "restart both" in link.reports[-1].refusal.text
+    assert link.ended
+
+
+async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, bench):
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, wire.encode(wire.LinkStop("Ann", seq=5)))
+    assert (link.reports[-1].stop.number, link.reports[-1].seq) == (1, 5)
+    await door.received(link, wire.encode(wire.LinkClear("Ann", number=0, seq=6)))
+    refused = link.reports[-1]
+    assert (refused.of, refused.refusal.code, refused.seq) == ("link_clear", "stopped_again", 6)
+    await door.received(link, wire.encode(wire.LinkClear("Ann", number=1, seq=7)))
+    assert (link.reports[-1].stop.state, link.reports[-1].seq) == ("clear", 7)

@@ -215,7 +215,7 @@ def test_the_robot_is_asked_what_the_chain_gives(bench):
 def test_a_stick_in_the_dead_zone_counts_as_neutral(bench):
     bench.driving(0.5)
     bench.core.stop("Ann", "", bench.now_s)
-    bench.core.clear(bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
     assert bench.stick(0.5).code == "neutral_needed"
     assert bench.stick(0.02) is None
     assert bench.stick(0.5) is None
@@ -224,7 +224,7 @@ def test_a_stick_in_the_dead_zone_counts_as_neutral(bench):
 def test_after_a_stop_the_hand_is_followed_anew(bench):
     bench.driving(1.0)
     bench.core.stop("Ann", "", bench.now_s)
-    bench.core.clear(bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
     bench.pass_time(0.05)
     bench.stick(0.0)
     bench.pass_time(0.05)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -157,3 +158,13 @@ def test_without_database_nobody_is_known_by_name(no_database: None) -> None:
 def test_robots_are_named_or_all_are_meant(arguments: list[str]) -> None:
     with pytest.raises(CommandError, match="Name robots, or say --all"):
         call_command("stop", *arguments)
+
+
+def test_an_account_without_a_name_and_a_reason_in_another_encoding_stop_nobody_from_stopping(
+    robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    stopped = bridge(robot)
+    with mock.patch("getpass.getuser", side_effect=KeyError("uid not found")):
+        call_command("stop", "tiago-1", "--reason", "sm\udcf6ke", stdout=StringIO())
+    (stop,) = stopped.stops
+    assert (stop.by, stop.reason) == (f"uid {os.getuid()} (command line)", "sm?ke")

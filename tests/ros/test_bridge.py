@@ -130,8 +130,9 @@ def test_a_killed_bridge_leaves_a_robot_that_stops_by_itself_and_remembers_a_sto
         odometry.until(still)
     again = bridges(rosmaster, bridge.config).link()
     state = again.state_until(lambda state: True, "a hello")
-    assert state.stop.state == "stopped"
+    assert state.stop.state == "stopping"  # until odometry is there again
     assert state.stop.by == "Bob"
+    again.state_until(lambda state: state.stop.state == "stopped", "standstill, seen")
 
 
 def state_file(bridge: BridgeProcess) -> Path:

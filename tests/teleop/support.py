@@ -48,6 +48,7 @@ class FakeBridge:
         self.raw: list[bytes] = []
         self.fence = fence
         self.refuses: Refusal | None = None  # of every grant
+        self.newest_stop = 0
         self._server = LinkServer(address, self._opened, self._message, lambda _link: None)
         self._more = asyncio.Condition()
 
@@ -102,10 +103,14 @@ class FakeBridge:
                 link.report(
                     wire.Refused("grant", self.refuses, fence=fence) if self.refuses else wire.Granted(fence)
                 )
-            case wire.LinkStop(by=by):
-                link.report(wire.Stopped(StopState("stopping", by)))
-            case wire.LinkClear():
-                link.report(wire.Stopped(StopState("clear")))
+            case wire.LinkStop(by=by, seq=seq):
+                link.report(wire.Stopped(StopState("stopping", by), seq))
+            case wire.LinkClear(number=number, seq=seq):
+                again = Refusal("stopped_again", "Pressed again since.", "stop")
+                known = number == self.newest_stop
+                link.report(
+                    wire.Stopped(StopState("clear"), seq) if known else wire.Refused("link_clear", again, seq)
+                )
         async with self._more:
             self.heard.append(message)
             self.raw.append(raw)

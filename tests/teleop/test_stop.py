@@ -1,5 +1,6 @@
 """The emergency stop: anybody who may see the robot, at once, whatever the database does."""
 
+import asyncio
 import threading
 
 import pytest
@@ -8,6 +9,7 @@ from fleet import audit
 from fleet.audit.models import Record
 from robots import wire
 from robots.models import Robot
+from teleop import stopping
 from teleop.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -19,6 +21,13 @@ def unavailable(*_args, **_kwargs):
 
 def records(kind):
     return in_database(lambda: list(Record.objects.filter(kind=kind).order_by("id")))
+
+
+async def recorded(kind, count):
+    """So many records of a kind: a stop is told first and recorded beside."""
+    while True:
+        if len(found := await records(kind)) >= count:
+            return found
 
 
 @pytest.mark.parametrize("who", ["observer", "operator", "supervisor", "staff"])
@@ -37,10 +46,7 @@ async def test_a_stop_needs_no_hello(open_page, bridge):
 async def test_a_stop_and_what_came_of_it_are_recorded(open_page, bridge, observer):
     page = await open_page("observer")
     await page.say("stop")
-    while len(both := await records("stop.press")) < 2:
-        await page.say("ping", sent_ms=1)
-        await page.hears("pong")
-    pressed, outcome = both
+    pressed, outcome = await recorded("stop.press", 2)
     assert pressed.actor_id == str(observer.id)
     assert (outcome.of_id, outcome.outcome) == (pressed.id, "stopping")
 
@@ -86,6 +92,47 @@ async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, b
     await page.refused("bridge_down")
 
 
+async def test_whoever_presses_is_told_so_before_the_database_answers(open_page, bridge, monkeypatch):
+    answered = threading.Event()
+    page = await open_page("observer")
+    await bridge.close()
+    await page.hears("bridge_gone")
+    monkeypatch.setattr(audit, "record", lambda *_args, **_kwargs: answered.wait(10))
+    try:
+        await page.say("stop")
+        await page.refused("bridge_down")
+        await page.say("stop")  # and may press again
+        await page.refused("bridge_down")
+    finally:
+        answered.set()
+
+
+async def test_a_press_while_another_is_on_a_way_round_a_lost_link_is_sent_too(
+    open_page, bridge, monkeypatch
+):
+    pressed = []
+    first, second = threading.Event(), threading.Event()
+
+    def not_reached(*_args):
+        pressed.append(True)
+        (second if first.is_set() else first).set()
+        second.wait(10)
+        return wire.Refusal("bridge_down", "The robot's bridge is not running.", "robot")
+
+    page = await open_page("observer")
+    await bridge.close()
+    await page.hears("bridge_gone")
+    monkeypatch.setattr(stopping, "press", not_reached)
+    await page.say("stop")
+    await asyncio.to_thread(first.wait, 10)
+    await page.say("stop")
+    await page.say("ping", sent_ms=1)
+    await page.hears("pong")
+    second.set()
+    await page.refused("bridge_down")
+    assert len(pressed) == 2
+
+
 # --- clear ----------------------------------------------------------------------------------------
 
 
@@ -93,7 +140,7 @@ async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, b
 async def test_supervisors_and_staff_clear_the_stop_without_control(open_page, bridge, who):
     page = await open_page(who)
     assert page.control["may_clear"]
-    await page.say("clear")
+    await page.say("clear", number=0)
     await bridge.hears(wire.LinkClear)
 
 
@@ -101,7 +148,7 @@ async def test_the_holder_clears_the_stop(open_page, bridge):
     page = await open_page("operator")
     await page.say("take")
     assert (await page.hears("control", state="yours"))["may_clear"]
-    await page.say("clear")
+    await page.say("clear", number=0)
     await bridge.hears(wire.LinkClear)
     assert (await records("stop.clear"))[0].actor_name == "Olga Operator"
 
@@ -109,15 +156,30 @@ async def test_the_holder_clears_the_stop(open_page, bridge):
 @pytest.mark.parametrize("who", ["observer", "operator"])
 async def test_others_do_not_clear_it(open_page, bridge, who):
     page = await open_page(who)
-    await page.say("clear")
+    await page.say("clear", number=0)
     await page.refused("may_not_clear")
+    assert not bridge.all(wire.LinkClear)
+
+
+async def test_the_clear_names_the_stop_that_the_page_showed_and_its_refusal_is_told(open_page, bridge):
+    page = await open_page("staff")
+    bridge.newest_stop = 8
+    await page.say("clear", number=7)
+    await page.refused("stopped_again")
+    assert (await bridge.hears(wire.LinkClear)).number == 7
+
+
+async def test_a_clear_that_names_no_stop_is_refused(open_page, bridge):
+    page = await open_page("staff")
+    await page.say("clear")
+    await page.refused("invalid")
     assert not bridge.all(wire.LinkClear)
 
 
 async def test_what_cannot_be_recorded_is_not_cleared(open_page, bridge, monkeypatch):
     page = await open_page("staff")
     monkeypatch.setattr(audit, "record", unavailable)
-    await page.say("clear")
+    await page.say("clear", number=0)
     await page.refused("audit_disk_full")
     assert not bridge.all(wire.LinkClear)
 
@@ -134,7 +196,7 @@ async def test_the_forms_address_stops_too(browsers, robot, bridge):
     assert answer.status_code == 200
     assert answer.json()["robots"][robot.slug]["stop"]["state"] == "stopping"
     assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
-    pressed = await records("stop.press")
+    pressed = await recorded("stop.press", 2)
     assert [record.outcome for record in pressed] == ["", "stopping"]
     assert [record.robot_name for record in pressed] == ["TIAGo 1", "TIAGo 1"]
 
@@ -146,17 +208,20 @@ async def test_stop_all_stops_what_one_may_see_and_names_what_it_did_not_reach(
     assert answer.status_code == 502
     assert answer.json()["text"] == "Not reached: TIAGo 2. Use the red button on the robot."
     await bridge.hears(wire.LinkStop)
+    await recorded("stop.press", 4)
 
 
 async def test_stop_all_leaves_disabled_robots_out(browsers, robot, other_robot, bridge):
     await in_database(lambda: Robot.objects.filter(pk=other_robot.pk).update(enabled=False))
     assert (await post(browsers["staff"], "/stop-all/")).status_code == 200
+    await recorded("stop.press", 2)
 
 
 async def test_a_form_without_scripts_leads_back_to_the_page(browsers, robot, bridge):
     answer = await in_database(lambda: browsers["observer"].post(f"/robots/{robot.slug}/stop/"))
     assert answer.status_code == 302
     assert answer["location"] == f"/robots/{robot.slug}/"
+    await recorded("stop.press", 2)
 
 
 async def test_a_stranger_stops_nothing(browsers, robot, bridge):

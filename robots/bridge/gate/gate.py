@@ -126,14 +126,16 @@ class Gate:
 
     # --- what comes in ------------------------------------------------------------------------
 
-    def observe_odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
-        """Take odometry; numbers that are none are as if nothing had come."""
+    def observe_odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> bool:
+        """Take odometry; whether it was new. Numbers that are none are as if nothing had come."""
         if not all(map(math.isfinite, (stamp_s, arrival_s, *pose, *velocity))):
-            return
-        if self._odometry.advances(stamp_s, arrival_s):
-            self._trail.add(stamp_s, pose, velocity)
-            self._velocity = velocity
-            self.latency.moved(velocity, arrival_s)
+            return False
+        if not self._odometry.advances(stamp_s, arrival_s):
+            return False
+        self._trail.add(stamp_s, pose, velocity)
+        self._velocity = velocity
+        self.latency.moved(velocity, arrival_s)
+        return True
 
     def observe_scan(
         self,
@@ -193,13 +195,11 @@ class Gate:
             self._cached = key, Obstacles(joined(parts), source, self._names, self._kinds)
         return self._cached[1]
 
-    def standstill(self, now_s: float) -> bool:
-        """Whether fresh odometry says that the robot stands."""
-        return (
-            self._odometry.within(ODOMETRY_STALE_S, now_s)
-            and arc.speed(self._velocity) < STANDSTILL_MPS
-            and abs(self._velocity.w) < STANDSTILL_RADPS
-        )
+    def standstill(self, now_s: float) -> bool | None:
+        """Whether odometry says that the robot stands; None while it is too old to tell."""
+        if not self._odometry.within(ODOMETRY_STALE_S, now_s):
+            return None
+        return arc.speed(self._velocity) < STANDSTILL_MPS and abs(self._velocity.w) < STANDSTILL_RADPS
 
     def sonar_range(self, source: str, now_s: float) -> float | None:
         """The newest range of a sonar in metres; None if nothing is in range, or nothing new came."""

@@ -6,8 +6,7 @@ It does not replace a robot's red button.
 from __future__ import annotations
 
 import getpass
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+import os
 from typing import Any
 
 from django.conf import settings
@@ -15,10 +14,9 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError
 
 from robots.bridge.config import LinkAddress
-from robots.link import LinkRefused, stop_once
 from robots.models import Robot
 from robots.selectors import link_address
-from robots.stops import record_outcome, record_press
+from robots.stops import press_all, record_outcome, record_press
 from robots.wire import Refusal, Stopped
 
 
@@ -39,7 +37,7 @@ class Command(BaseCommand):
         slugs: list[str] = options["slugs"]
         if options["all"] == bool(slugs):
             raise CommandError("Name robots, or say --all.")
-        by, reason = f"{getpass.getuser()} (command line)", options["reason"][:200]
+        by, reason = f"{_who()} (command line)", _clean(options["reason"])
         try:
             robots = list(
                 Robot.objects.filter(slug__in=slugs) if slugs else Robot.objects.filter(enabled=True)
@@ -47,7 +45,7 @@ class Command(BaseCommand):
         except DatabaseError as error:
             self._stop_without_database(slugs, by, reason, error)
             return
-        results = stop([link_address(robot) for robot in robots], by, reason)
+        results = press_all([link_address(robot) for robot in robots], by, reason)
         for robot, result in zip(robots, results, strict=True):
             self._record(robot, by, reason, result)
             self.stdout.write(f"{robot.slug}: {_told(result)}")
@@ -67,7 +65,7 @@ class Command(BaseCommand):
                 f"The database does not answer, so no robot is known by name ({error}). Say --all."
             )
         sockets = sorted(settings.FLEET_RUN_DIR.glob("*.sock"))
-        results = stop([LinkAddress(unix_path=str(path)) for path in sockets], by, reason)
+        results = press_all([LinkAddress(unix_path=str(path)) for path in sockets], by, reason)
         for path, result in zip(sockets, results, strict=True):
             self.stdout.write(f"{path.name}: {_told(result)}")
         stopped = sum(isinstance(result, Stopped) for result in results)
@@ -85,17 +83,17 @@ class Command(BaseCommand):
             self.stderr.write(f"{robot.slug}: not recorded, see the log")
 
 
-def stop(addresses: Sequence[LinkAddress], by: str, reason: str) -> list[Stopped | Refusal]:
-    """Press everywhere at once; returns what each bridge said, or why it was not reached."""
-    with ThreadPoolExecutor(max(len(addresses), 1)) as pool:
-        return list(pool.map(lambda address: _stop_one(address, by, reason), addresses))
-
-
-def _stop_one(address: LinkAddress, by: str, reason: str) -> Stopped | Refusal:
+def _who() -> str:
+    """The account that presses; one that has no name presses all the same."""
     try:
-        return stop_once(address, by, reason)
-    except LinkRefused as error:
-        return error.refusal
+        return _clean(getpass.getuser())[:100]
+    except (KeyError, OSError):
+        return f"uid {os.getuid()}"
+
+
+def _clean(text: str) -> str:
+    """What can be sent of a text from a terminal, which may be in any encoding."""
+    return text.encode(errors="replace").decode()[:200]
 
 
 def _told(result: Stopped | Refusal) -> str:
