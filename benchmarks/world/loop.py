@@ -138,13 +138,14 @@ class Trace:
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to play: `longest_s` after the start it is over; `at_rest_s` of standing end it earlier."""
+    """One thing to play. It is over `longest_s` after the start, `tries_s` after the first try, or after some rest."""
 
     world: World
     start: Pose
     driver: Callable[[np.random.Generator], Driver]
     longest_s: float
     at_rest_s: float = 1.0
+    tries_s: float = math.inf
     conditions: Conditions = Conditions()
     ends_on_touch: bool = True
     person_starts_s: float | None = None  # when whoever is in the world begins to walk
@@ -186,6 +187,7 @@ class Loop:
         self._sent = STILL
         self._touching: set[str] = set()
         self._still_since_s: float | None = None
+        self._tries_since_s: float | None = None
         self._done = False
         self._gap_m = math.inf
         self.trace = Trace()
@@ -343,7 +345,7 @@ class Loop:
                 time_s, pose, moving, asked, said.velocity, said.code, said.text, self._gap_m, stick.trying
             )
         )
-        self._rest(now_s, stick.trying, said.velocity, moving)
+        self._end(now_s, stick.trying, said.velocity, moving)
 
     def _arrives_s(self, now_s: float) -> float:
         delays = self._delays
@@ -354,15 +356,17 @@ class Loop:
         if self._mux.passes(INPUT, now_s):
             self.robot.command(Twist(*velocity), now_s)
 
-    def _rest(self, now_s: float, trying: bool, sent: Velocity, moving: Twist) -> None:
-        """End the run when the robot has been brought to rest and stays so."""
+    def _end(self, now_s: float, trying: bool, sent: Velocity, moving: Twist) -> None:
+        """End the run when the robot has been brought to rest and stays so, or when enough was tried."""
+        if not trying:
+            return
+        if self._tries_since_s is None:
+            self._tries_since_s = now_s
         moves = abs(moving.vx) > 0.005 or abs(moving.w) > 0.02 or abs(sent.vx) > 0.005 or abs(sent.w) > 0.02
-        if moves or not trying:
-            self._still_since_s = None
-        elif self._still_since_s is None:
+        if moves or self._still_since_s is None:
             self._still_since_s = now_s
-        elif now_s - self._still_since_s > self.case.at_rest_s:
-            self._done = True
+        rested = now_s - self._still_since_s > self.case.at_rest_s
+        self._done = self._done or rested or now_s - self._tries_since_s > self.case.tries_s
 
 
 def _asked(stick: Stick, limits: Limits) -> Velocity:

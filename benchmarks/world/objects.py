@@ -32,6 +32,7 @@ TURN_RADPS = 2.0944
 ROOM_M = 8.0
 NEAREST_M = 0.05  # between the hull and the object, when the run begins
 MOST_DRAWS = 200
+ARC_TRIES_S = 5.0  # of stick on an arc: by then the object was met, or passed
 COMES_FROM_M = (
     1.0  # from so far the robot comes to where it begins to reverse, and sees what is not for its laser
 )
@@ -225,14 +226,15 @@ def _drawn(full: Full, random: Random) -> Case:
     conditions = Conditions(blanked=full.blanked)
     turns_to_it = full.angle >= 135 or (full.angle == 45 and full.thing in ABOVE_LASER)
     world = OBJECTS[full.thing](spot, random)
+    tries_s = ARC_TRIES_S if w else math.inf
     if not turns_to_it:
         ahead = Pose(0.0, 0.0, 0.0)
-        return Case(world, ahead, lambda _: FullStick(x, w, full.share), 10.0, conditions=conditions)
+        return Case(world, ahead, lambda _: FullStick(x, w, full.share), 10.0, 1.0, tries_s, conditions)
     at = spot.ahead(RADIUS_M)
     facing = math.atan2(at[1], at[0])
     back_m = COMES_FROM_M if full.thing in ABOVE_LASER else 0.0
     start = Pose(-back_m * math.cos(facing), -back_m * math.sin(facing), facing)
-    return Case(world, start, lambda _: Approach(x, w, full.share), 20.0, conditions=conditions)
+    return Case(world, start, lambda _: Approach(x, w, full.share), 20.0, 1.0, tries_s, conditions)
 
 
 def _stick(full: Full, random: Random) -> tuple[float, float]:
@@ -242,7 +244,7 @@ def _stick(full: Full, random: Random) -> tuple[float, float]:
     angle = math.radians(full.angle)
     if full.thing == "leg on an arc":
         angle += float(random.choice((-1.0, 1.0)) * random.uniform(0.14, 0.35))
-    return math.cos(angle), math.sin(angle)
+    return math.cos(angle), round(math.sin(angle), 9)
 
 
 def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
