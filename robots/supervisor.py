@@ -32,6 +32,8 @@ STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 ALREADY_RUNNING = 3  # exit code of a bridge that found another one on this computer
+NAME_LOST = 4  # exit code of a bridge whose name another node took on the robot's master
+NAME_LOST_S = 2.0  # until its successor starts; not its own fault, so its budget is left alone
 LOCK = "fleet.lock"  # in the run directory; whoever supervises holds it
 LOCK_TRIES = 5  # `supervised` may have the file for a moment
 LOCK_TRY_S = 0.02
@@ -153,7 +155,8 @@ class Keeper:
                 start_new_session=True,
             )
         except OSError as error:
-            self._fell(State.BACKING_OFF, f"cannot be started: {error.strerror}", now_s)
+            wait_s = self._budget.wait_s(now_s)
+            self._fell(State.BACKING_OFF, f"cannot be started: {error.strerror}", wait_s, now_s)
             return
         self._running, self._since_s, self._steady, self._ending_s = program, now_s, False, None
         log.info("%s starts as process %s", self._name, self._process.pid)
@@ -187,10 +190,10 @@ class Keeper:
             log.info("%s ended as it was asked to", self._name)
         else:
             state = State.REFUSED if code == ALREADY_RUNNING else State.BACKING_OFF
-            self._fell(state, _in_words(code), now_s)
+            wait_s = NAME_LOST_S if code == NAME_LOST else self._budget.wait_s(now_s)
+            self._fell(state, _in_words(code), wait_s, now_s)
 
-    def _fell(self, state: State, why: str, now_s: float) -> None:
-        wait_s = self._budget.wait_s(now_s)
+    def _fell(self, state: State, why: str, wait_s: float, now_s: float) -> None:
         self._start_at_s = now_s + wait_s
         detail = f"{why}; next start in {wait_s:g} s"
         log.warning("%s %s", self._name, detail)
@@ -206,6 +209,8 @@ def _let_go(process: subprocess.Popen[bytes]) -> None:
 def _in_words(code: int) -> str:
     if code == ALREADY_RUNNING:
         return "found another bridge of this robot on this computer"
+    if code == NAME_LOST:
+        return "lost its name on the robot's master to another node"
     if code < 0:
         return f"was ended by {signal.Signals(-code).name}"
     return f"ended by itself with code {code}"

@@ -96,6 +96,7 @@ class LinkServer:
         self._on_message = on_message
         self._on_close = on_close
         self.links: set[Link] = set()
+        self._deaf = False
         self._server: Server | None = None
 
     async def start(self) -> None:
@@ -114,6 +115,12 @@ class LinkServer:
                 ping_interval=_PING_S,
                 ping_timeout=_PING_S,
             )
+
+    def shut(self) -> None:
+        """From now on nothing that comes in is heard, and no link opens; `close` follows."""
+        self._deaf = True
+        if self._server:
+            self._server.close()
 
     async def close(self) -> None:
         """Close every link and the socket file."""
@@ -135,10 +142,12 @@ class LinkServer:
         link = Link(socket)
         self.links.add(link)
         writer = asyncio.create_task(link.write())
-        self._on_open(link)
         try:
+            self._on_open(link)
             while True:
-                await self._on_message(link, await socket.recv(decode=False))
+                raw = await socket.recv(decode=False)
+                if not self._deaf:
+                    await self._on_message(link, raw)
         except ConnectionClosed:
             pass
         finally:

@@ -34,6 +34,7 @@ _VIEW_LATEST_S = 0.15  # without scans too
 _STATUS_TICKS = 10  # a status every 0.5 s in any case
 
 EXIT_ALREADY_RUNNING = 3
+EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
 
 
 class Bridge:
@@ -51,25 +52,28 @@ class Bridge:
         door = Reception(self._core, self._leasing)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed)
         self._ended = asyncio.Event()
+        self._exit_code = 0
         self._last_key: tuple[object, ...] = ()
         self._viewed_s = float("-inf")
         self._core.on_scan = lambda: self._view(_VIEW_GAP_S)
 
-    async def run(self) -> None:
-        """Until the supervisor goes or a signal comes; leaves the robot at zero."""
+    async def run(self) -> int:
+        """Until the supervisor goes or a signal comes; leaves the robot at zero. Returns the exit code."""
         self._watch_for_the_end()
         await self._links.start()
-        self._base.start(asyncio.get_running_loop(), self._core)
+        self._base.start(asyncio.get_running_loop(), self._core, self._name_lost)
         gc.collect()
         gc.freeze()  # what is loaded stays: keeps the collector's pauses short
         try:
             await self._tick_until_ended()
         finally:
+            self._links.shut()  # nobody drives a robot that is being let go of
             self._base.stop()
             now_s = time.monotonic()
             await asyncio.to_thread(self._drives.close, now_s)
             await self._links.close()
             self._leasing.close()
+        return self._exit_code
 
     # --- the clock ---------------------------------------------------------------------------------
 
@@ -124,6 +128,10 @@ class Bridge:
         os.set_blocking(lifeline, False)
         loop.add_reader(lifeline, self._lifeline, lifeline)
 
+    def _name_lost(self) -> None:
+        self._exit_code = EXIT_NAME_LOST
+        self._ended.set()
+
     def _lifeline(self, lifeline: int) -> None:
         with contextlib.suppress(BlockingIOError):
             if os.read(lifeline, 1024):
@@ -143,7 +151,6 @@ def run(config: BridgeConfig, sink: RecordSink) -> int:
         return EXIT_ALREADY_RUNNING
     sys.setswitchinterval(0.001)  # the control loop waits less for rospy's threads
     try:
-        asyncio.run(Bridge(config, sink, store).run())
+        return asyncio.run(Bridge(config, sink, store).run())
     finally:
         store.unlock()
-    return 0

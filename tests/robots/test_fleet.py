@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
@@ -113,6 +114,23 @@ def test_a_robot_whose_entry_is_wrong_is_refused_in_words_and_the_others_run(
     status = BridgeStatus.objects.get(robot=robot)
     assert (status.state, status.detail) == (State.REFUSED, "odometry: Expected an object, got null")
     assert len(supervised.programs.pids("tiago-2")) == 1
+
+
+def test_a_full_disk_keeps_one_edit_out_of_force_and_ends_no_bridge(
+    supervised: Supervised, robot: Robot
+) -> None:
+    supervised.until_started("tiago-1", 1)
+    supervised.until_started("tiago-2", 1)
+    full = OSError(errno.ENOSPC, "No space left on device")
+    environment = mock.patch("robots.management.commands.run_fleet.ros_environment", side_effect=full)
+    with environment as asked:
+        Robot.objects.filter(pk=robot.pk).update(drive_topic="/phone_vel")
+        supervised.until(lambda: asked.call_count >= 2, "two looks")
+        status = BridgeStatus.objects.get(robot=robot)
+    assert "No space left on device" in status.detail
+    assert status.pid == supervised.programs.pids("tiago-1")[0]
+    assert not any(line.startswith("end") for line in supervised.programs.lines())
+    supervised.until_started("tiago-1", 2)  # the edit, once there is space
 
 
 def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot: Robot) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from robots.bridge.process import EXIT_NAME_LOST
 from robots.models import BridgeStatus
 from robots.supervisor import (
     KILL_S,
@@ -106,6 +107,16 @@ def test_a_program_that_keeps_falling_gets_a_rest(kept: Kept) -> None:
         kept.step(8.0)
         kept.step_until_reported(2 * fall)
     assert kept.reports[-1][1] == "ended by itself with code 7; next start in 60 s"
+
+
+def test_a_bridge_that_lost_its_name_to_another_node_is_started_again_however_often(kept: Kept) -> None:
+    (kept.programs.folder / "crash-fake").write_text(str(EXIT_NAME_LOST))
+    kept.want("fake")
+    for fall in range(1, 9):
+        kept.step(2.0)
+        kept.step_until_reported(2 * fall)
+    lost = "lost its name on the robot's master to another node; next start in 2 s"
+    assert kept.reports[-1] == (State.BACKING_OFF, lost, None)
 
 
 def test_an_edit_ends_the_old_program_by_its_life_line_and_then_starts_the_new(kept: Kept) -> None:

@@ -17,12 +17,14 @@ from xmlrpc.client import ServerProxy
 
 import msgspec
 import pytest
+import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Range
 
 from robots import wire
 from robots.bridge.config import Topic
-from robots.bridge.process import EXIT_ALREADY_RUNNING
+from robots.bridge.process import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
 from tests.ros.bridge_support import BridgeProcess, tiago_config
 from tests.ros.support import Master, SimulatorProcess, until
 
@@ -190,6 +192,39 @@ def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_p
     state = hand.state_until(lambda state: "/scan_raw" in state.text, "the problem in words")
     assert state.phase == "connecting"
     assert state.text == "/scan_raw is sensor_msgs/LaserScan on the robot, nav_msgs/Odometry in the registry."
+
+
+def test_a_bridge_that_lost_its_name_ends_so_that_a_fresh_one_joins(bridge, bridges, hand, rosmaster):
+    with ServerProxy(rosmaster.uri) as master:  # another node of this name, which is gone again at once
+        gone = "http://127.0.0.1:9/"
+        master.registerPublisher("/fleet_bridge", "/elsewhere", "std_msgs/Empty", gone)
+        assert bridge.process.wait(10) == EXIT_NAME_LOST
+        fresh = bridges(rosmaster, bridge.config).link()
+        fresh.state_until(drivable, "the fresh bridge to be online")
+        master.unregisterPublisher("/fleet_bridge", "/elsewhere", gone)
+    fresh.close()
+
+
+def test_sonars_that_share_a_topic_and_speak_at_once_are_all_heard(ros, bridges, rosmaster, tmp_path):
+    config = tiago_config(rosmaster, tmp_path)
+    sonars = [msgspec.structs.replace(sonar, topic="/sonars") for sonar in config.topics.sonars]
+    topics = msgspec.structs.replace(config.topics, sonars=sonars)
+    hand = bridges(rosmaster, msgspec.structs.replace(config, topics=topics)).link()
+
+    def burst() -> None:
+        for sonar in sonars:
+            reading = Range(range=0.5, min_range=0.1, max_range=1.0)
+            reading.header.frame_id = sonar.frame_id
+            reading.header.stamp = rospy.Time.from_sec(time.time())
+            publisher.publish(reading)
+
+    def heard(state: wire.State) -> bool:
+        return all(sensor.ok for sensor in state.sensors if sensor.kind == "sonar")
+
+    with ros.speak("/sonars", Range) as publisher:
+        burst()
+        hand.state_until(heard, "every sonar of the first burst")
+    hand.close()
 
 
 def test_another_publisher_on_the_drive_topic_is_shown(ros, hand):

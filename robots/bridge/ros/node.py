@@ -16,6 +16,7 @@ import struct
 import threading
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ NODE = "/fleet_bridge"  # the same from every console: the second one is refused
 RETRY_S = 0.5
 SURVEY_S = 2.0
 FLUSH_S = 0.1
+SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
 SEND_PATIENCE = struct.pack("@ll", 0, 20_000)  # 20 ms, as a timeval: by then a buffer is not full by chance
@@ -50,6 +52,10 @@ SEND_PATIENCE = struct.pack("@ll", 0, 20_000)  # 20 ms, as a timeval: by then a 
 
 class Namesake(Exception):
     """Another bridge is registered with this master and alive."""
+
+
+class NameLost(Exception):
+    """Another node took this one's name on the master, so rospy has shut down, for the rest of this process's life."""
 
 
 class RosBase:
@@ -69,6 +75,7 @@ class RosBase:
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
+        self._on_name_lost: Callable[[], None]
 
     # --- as Core sees it ---------------------------------------------------------------------------
 
@@ -105,9 +112,9 @@ class RosBase:
 
     # --- life ----------------------------------------------------------------------------------------
 
-    def start(self, loop: asyncio.AbstractEventLoop, core: Core) -> None:
-        """Begin to look for the master."""
-        self._loop, self._core = loop, core
+    def start(self, loop: asyncio.AbstractEventLoop, core: Core, on_name_lost: Callable[[], None]) -> None:
+        """Begin to look for the master. After `on_name_lost` only another process can be this robot's node."""
+        self._loop, self._core, self._on_name_lost = loop, core, on_name_lost
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
@@ -137,12 +144,17 @@ class RosBase:
                 self._tell(RosStatus("waiting", str(error)))
             except Namesake as error:
                 self._tell(RosStatus("refused", str(error)))
+            except NameLost as error:
+                self._tell(RosStatus("refused", str(error)))
+                self._post(self._on_name_lost)
+                return
             except OSError as error:
                 self._tell(RosStatus("waiting", f"The master's connection broke ({error})."))
             self._ending.wait(RETRY_S)
 
     def _join(self) -> None:
         """Register with the master: the first time by rospy, later again by hand."""
+        self._require_name()
         self._master.alive()
         own_uri = rospy.get_node_uri()
         other_uri = self._master.node_uri(NODE)
@@ -159,13 +171,16 @@ class RosBase:
         watch = DeathWatch(self._config.master_uri)
         try:
             while not self._ending.is_set():
-                if rospy.is_shutdown():
-                    raise Namesake("Another node took this bridge's name on the robot's master.")
+                self._require_name()
                 self._tell(self._survey(self._master.system_state()))
                 if watch.wait(SURVEY_S):
                     raise MasterError(f"The ROS master at {self._config.master_uri} is gone.")
         finally:
             watch.close()
+
+    def _require_name(self) -> None:
+        if self._drive is not None and rospy.is_shutdown() and not self._ending.is_set():
+            raise NameLost("Another node took this bridge's name on the robot's master.")
 
     def _begin(self) -> None:
         topics = self._config.topics
@@ -175,8 +190,9 @@ class RosBase:
         self._subscribe(topics.odometry, self._on_odometry)
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
-        for name in {sonar.topic for sonar in topics.sonars}:
-            self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range)
+        for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
+            # Sonars that share a topic speak one right after the other: none may push another's reading out.
+            self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range, SONAR_ROUNDS * sonars)
         if topics.battery:
             self._subscribe(topics.battery, self._on_battery)
         if topics.charging:
@@ -241,9 +257,9 @@ class RosBase:
 
     # --- topics --------------------------------------------------------------------------------------
 
-    def _subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def _subscribe(self, topic: Topic, callback: Callable[[Any], None], queue: int = 1) -> None:
         subscriber = rospy.Subscriber(
-            topic.name, message_class(topic.type), callback, queue_size=1, tcp_nodelay=True
+            topic.name, message_class(topic.type), callback, queue_size=queue, tcp_nodelay=True
         )
         self._subscribers.append(subscriber)
 

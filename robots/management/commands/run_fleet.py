@@ -171,6 +171,11 @@ class Fleet:
             keeper.want(None)
             self._tell(robot.id, State.REFUSED, str(error), None)
             return
+        except OSError as error:  # a full disk; the bridge that runs keeps running as it was described before
+            state, _, pid = self._told.get(robot.id, (State.BACKING_OFF, "", None))
+            text = f"The robot's entry cannot be put into force ({error.strerror}); tried again."
+            self._tell(robot.id, state, text, pid)
+            return
         keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
 
     def _keeper(self, robot: Robot) -> Keeper:
