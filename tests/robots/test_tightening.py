@@ -14,6 +14,9 @@ from robots.selectors import bridge_config, require_link_settings, robot_facts
 
 pytestmark = pytest.mark.django_db
 
+DEPTH = {"topic": "/depth", "type": "sensor_msgs/Image", "height_m": 1.1}
+HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_joint": "head_2_joint"}
+
 
 @pytest.mark.parametrize(
     ("overrides", "said"),
@@ -30,6 +33,25 @@ pytestmark = pytest.mark.django_db
             {"topics": {"scans": [{"topic": "scan", "pose": [0, 0, 0]}]}},
             "topics.scans[0].topic: 'scan' is not",
         ),
+        (
+            {"topics": {"depth": DEPTH | {"height_m": 0.9}}},
+            "topics.depth.height_m: 0.9 is below the profile's 1.1",
+        ),
+        (
+            {"topics": {"depth": DEPTH | {"own_m": 0.2}}},
+            "topics.depth.own_m: 0.2 is above the profile's 0.05",
+        ),
+        (
+            {"topics": {"depth": DEPTH | {"fov": 63.0}}},
+            "topics.depth.fov: must be between 0.2 and 2.8 rad, not 63",
+        ),
+        (
+            {"topics": {"depth": DEPTH | {"every_s": 2.0}}},
+            "topics.depth.every_s: must be between 0.02 and 0.4 s",
+        ),
+        ({"topics": {"depth": DEPTH | {"info": "info"}}}, "topics.depth.info: 'info' is not"),
+        ({"topics": {"head": HEAD | {"look_tilt": -40}}}, "topics.head.look_tilt: must be between"),
+        ({"topics": {"head": HEAD | {"pan_joint": ""}}}, "topics.head.pan_joint: must name a joint"),
         ({"topics": {"lidar": "/scan"}}, "topics.lidar: there is no such field"),
         ({"speed": 2}, "speed: there is no such field (there are: gate, limits, topics)"),
     ],
@@ -64,6 +86,16 @@ def test_a_robot_without_a_sensor_of_its_profile_says_so_with_null(robot: Robot)
     robot.overrides = {"topics": {"depth": None}}
     robot.full_clean()
     assert bridge_config(robot).topics.depth is None
+
+
+def test_a_robots_own_depth_topic_and_a_head_that_follows_reach_its_bridge(robot: Robot) -> None:
+    robot.overrides = {"topics": {"depth": DEPTH | {"own_m": 0.03}, "head": HEAD | {"follows_turn": True}}}
+    robot.full_clean()
+    config = bridge_config(robot)
+    assert config.topics.head and config.topics.head.follows_turn
+    assert config.topics.depth and config.topics.depth.topic == "/depth"
+    assert config.gate.depth and (config.gate.depth.height_m, config.gate.depth.own_m) == (1.1, 0.03)
+    assert robot_facts(robot).has_head
 
 
 @pytest.mark.parametrize("kind", ["scans", "sonars"])
