@@ -50,9 +50,9 @@ def test_contact_now_or_behind_the_reserve_is_zero():
 
 def test_braking_time_is_that_of_the_slower_axis():
     profile = tiago_profile()
-    assert braking.braking_time(Velocity(0.8, 0.0, 0.0), profile) == pytest.approx(1.0)
-    assert braking.braking_time(Velocity(0.0, 0.0, 2.0944), profile) == pytest.approx(1.25)
-    assert braking.braking_time(Velocity(0.8, 0.0, 2.0944), profile) == pytest.approx(1.25)
+    assert braking.braking_time(Velocity(0.65, 0.0, 0.0), profile) == pytest.approx(1.0)
+    assert braking.braking_time(Velocity(0.0, 0.0, 1.3 * 2.0944), profile) == pytest.approx(2.0)
+    assert braking.braking_time(Velocity(0.65, 0.0, 1.3 * 2.0944), profile) == pytest.approx(2.0)
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.05, 1.0))

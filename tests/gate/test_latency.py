@@ -125,12 +125,12 @@ def test_the_gate_reckons_with_what_it_measures_and_says_when_a_robot_is_late(ti
         assert (verdict.code, verdict.limits) == ("free", ())
     else:
         assert verdict.code == "robot_late"
-        assert verdict.text == "held to 0.8 m/s: the robot answers after 0.46 s"
+        assert verdict.text == "held to 0.9 m/s: the robot answers after 0.46 s"
         assert verdict.limits == (verdict.text,)
     tiago.ahead_at(0.9)
     tiago.now_s += 0.05
     tiago.all()
-    assert tiago.decide(1.0).velocity.vx == pytest.approx({0.05: 0.99, 0.4: 0.77}[delay_s], abs=0.02)
+    assert tiago.decide(1.0).velocity.vx == pytest.approx({0.05: 0.90, 0.4: 0.71}[delay_s], abs=0.02)
 
 
 def test_what_is_sent_counts_from_when_it_was_decided(tiago):
@@ -161,5 +161,5 @@ def test_an_operator_far_away_drives_slower_and_is_told(tiago):
     assert tiago.decide(1.0).code == "free"
     tiago.gate.observe_operator(0.8)
     verdict = tiago.decide(1.0)
-    assert (verdict.code, verdict.velocity.vx) == ("operator_late", pytest.approx(0.73, abs=0.01))
-    assert verdict.text == "held to 0.7 m/s: the page answers after 0.80 s"
+    assert (verdict.code, verdict.velocity.vx) == ("operator_late", pytest.approx(0.77, abs=0.01))
+    assert verdict.text == "held to 0.8 m/s: the page answers after 0.80 s"

@@ -76,7 +76,7 @@ class Laser:
         if not self.freshness.advances(stamp_s, arrival_s):
             return False
         self.sweep = sweep
-        self.seen = scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
+        self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
         self._complaint = ""
         self._revision += 1
         return True

@@ -36,7 +36,7 @@ class Parameters(Struct, frozen=True):
     lateral_margin_m: float = 0.03  # m_lat
     front_margin_m: float = 0.08  # m_front
     hard_margin_m: float = 0.01  # m_hard
-    deceleration_share: float = 0.8  # a = share x limit
+    deceleration_share: float = 0.65  # a = share x limit
     latency_s: float = 0.20  # T, until it is measured
     operator_delay_s: float = 0.30  # to the page and back; a longer one limits speed
     creep_mps: float = 0.10  # v_creep
