@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import NamedTuple
 
-from benchmarks.world.loop import PERIOD_S, Moment, Trace
+from benchmarks.world.loop import PERIOD_S, Trace
 from benchmarks.world.truth import Truth
-from robots.bridge.gate.values import Limits, Velocity
+from robots.bridge.gate.values import STILL, Limits, Velocity
 
 FREE_M = 2.0  # of free way, in which the asked speed is expected
 FALSE_STOP = 0.3  # below this share of the reachable speed
-REACHABLE_MPS = 0.1  # below this, nothing is judged
-REACHABLE_RADPS = 0.3
+REACHABLE = 0.3  # of the asked twist; before that, nothing is judged
+LEAST_MPS, LEAST_RADPS = 0.05, 0.3  # of the asked twist
 EVERY = 4  # of the decisions are judged
 
 
@@ -44,39 +45,44 @@ def together(parts: Iterable[Keeping]) -> Keeping:
 def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
     """Published against reachable speed, wherever the true way is free.
 
-    Reachable is what a base with these limits could have been sent: from what was published before the way became
-    free, at its own acceleration.
+    Reachable is the share of the asked twist that a base with these limits can have been brought to: from what was
+    published before the way became free, at its own accelerations.
     """
     moments: list[Keeping] = []
-    reachable, was_free = 0.0, False
-    before: Moment | None = None
-    for number, moment in enumerate(trace.moments):
-        asked, got, acceleration, least = _axis(moment, limits)
-        from_ = reachable if was_free else (_axis(before, limits)[1] if before else 0.0)
-        if before is None or math.copysign(1.0, before.asked.vx) != math.copysign(1.0, moment.asked.vx):
-            from_ = 0.0
-        step = acceleration * PERIOD_S
-        reachable = min(max(asked, from_ - step), from_ + step)
-        before = moment
+    reached, was_free = STILL, False
+    for number, (before, moment) in enumerate(pairwise(trace.moments)):
+        asked = moment.asked
+        reached = _stepped(reached if was_free else before.sent, asked, limits)
         if number % EVERY and was_free:
             continue
-        free_m = truth.free_m(moment.pose, moment.asked, FREE_M)
-        was_free = free_m >= _needed_m(moment.asked, limits)
-        if not moment.trying or not was_free or reachable < least:
+        free_m = truth.free_m(moment.pose, asked, FREE_M)
+        was_free = free_m >= _needed_m(asked, limits)
+        reachable = min(_share(reached, asked), reached.w / asked.w if asked.w else 1.0)  # the arc is kept
+        if not moment.trying or not was_free or reachable < REACHABLE or not _is_worth_judging(asked):
             continue
-        share = got / reachable
+        share = _share(moment.sent, asked) / reachable
         wide = free_m >= FREE_M
         moments.append(Keeping(int(wide), min(share, 1.0) if wide else 0.0, 1, int(share < FALSE_STOP)))
     return together(moments)
 
 
-def _axis(moment: Moment, limits: Limits) -> tuple[float, float, float, float]:
-    """Asked and published speed, acceleration and least speed of note: of turning where nothing else is asked."""
-    if moment.asked.vx:
-        sign = math.copysign(1.0, moment.asked.vx)
-        return abs(moment.asked.vx), sign * moment.sent.vx, limits.linear_mps2, REACHABLE_MPS
-    sign = math.copysign(1.0, moment.asked.w)
-    return abs(moment.asked.w), sign * moment.sent.w, limits.angular_radps2, REACHABLE_RADPS
+def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:
+    """One period nearer to what is asked."""
+    linear, angular = limits.linear_mps2 * PERIOD_S, limits.angular_radps2 * PERIOD_S
+    return Velocity(
+        min(max(asked.vx, reached.vx - linear), reached.vx + linear),
+        0.0,
+        min(max(asked.w, reached.w - angular), reached.w + angular),
+    )
+
+
+def _share(given: Velocity, asked: Velocity) -> float:
+    """How much of the asked twist this is: of its speed, or of its turning where nothing else is asked."""
+    return given.vx / asked.vx if asked.vx else given.w / asked.w if asked.w else 0.0
+
+
+def _is_worth_judging(asked: Velocity) -> bool:
+    return abs(asked.vx) >= LEAST_MPS or (not asked.vx and abs(asked.w) >= LEAST_RADPS)
 
 
 def _needed_m(asked: Velocity, limits: Limits) -> float:
