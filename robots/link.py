@@ -38,6 +38,7 @@ _ANSWER_TIMEOUT_S = 1.0
 _PING_S = 1.0
 _ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
 _CLOSE_S = 0.2
+_NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
 _DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
@@ -205,7 +206,9 @@ class BridgeLink:
             await self._socket.send(wire.encode(message), text=True)
 
     def _send_watchers(self) -> None:
-        self.send(wire.Watch(sorted(self._names)))
+        names = sorted(self._names)
+        named = [name[:_NAME_LENGTH] for name in names[:_NAMES]]
+        self.send(wire.Watch(named, len(names) - len(named)))
 
     # --- the connection ------------------------------------------------------------------------------
 

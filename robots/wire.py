@@ -357,11 +357,12 @@ class State(Struct, frozen=True):
     seq: int | None  # last drive message that was accepted
     neutral_needed: str | None  # why the stick must return to neutral first
     foreign: list[str]  # other nodes that publish to the drive topic
-    watchers: list[str]
+    watchers: list[str]  # as many as are named; see `watchers_more`
     clock_skew_s: float | None
     refused: dict[str, int]  # refused messages so far, by code
     latency_s: float = 0.0  # from a command to odometry that shows it, as the gate reckons with it
     latency_measured: bool = False  # else it is the profile's
+    watchers_more: int = 0
 
 
 class Scan(Struct, frozen=True):
@@ -439,9 +440,10 @@ class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
 
 
 class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
-    """Who looks through this web process; nobody means no views, only `Status`."""
+    """Who looks through this web process, and how many `more`; nobody means no views, only `Status`."""
 
-    watchers: Annotated[list[ShortText], Meta(max_length=500)]
+    watchers: Annotated[list[ShortText], Meta(max_length=20)]
+    more: Annotated[int, Meta(ge=0)] = 0
 
 
 LinkRequest = LinkHello | Grant | Revoke | Hold | Drive | LookAhead | LinkStop | LinkClear | Watch

@@ -52,6 +52,7 @@ class RobotConsumer(MessageSocket):
         self.tab: Tab | None = None
         self.viewer: Viewer | None = None
         self.grip: Grip | None = None
+        self._gone = False  # a look that is under way gives nothing to a page that is closed
         self._gave_up: UUID | None = None  # never gripped again, whatever an older look says
         self._standing: Standing | None = None
         self._told: tuple[object, ...] | None = None
@@ -76,6 +77,7 @@ class RobotConsumer(MessageSocket):
 
     async def closed(self) -> None:
         """Zero at once; the lease waits for the page to come back."""
+        self._gone = True
         if not hasattr(self, "room"):
             return
         held, self.grip = self.grip, None
@@ -282,7 +284,7 @@ class RobotConsumer(MessageSocket):
             ours = None
         if self.grip and (ours is None or ours.session != self.held_session):
             await self._lost(standing)
-        if ours and self.grip is None and isinstance(self.rights.permit, Permit):
+        if ours and self.grip is None and not self._gone and isinstance(self.rights.permit, Permit):
             if self._asking:
                 self._asking = False
                 await self.tell(notices.now_yours())

@@ -111,7 +111,11 @@ class FleetConsumer(MessageSocket):
             if self._drawn:
                 self._drawn = False
                 self._noted = self._of_note()
-                await self.tell(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
+                try:
+                    await self.tell(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
+                except Exception:
+                    self._drawn = True
+                    log.exception("a fleet page was not shown the robots")
             await asyncio.sleep(BUSY_S)
 
     def _card(self, slug: str) -> FleetCard:
@@ -141,6 +145,8 @@ class FleetConsumer(MessageSocket):
                 await self._look()
             except DatabaseError as error:
                 log.warning("the robots of a fleet page were not looked up: %s", error)
+            except Exception:
+                log.exception("looking up the robots of a fleet page failed")
 
     async def _look(self) -> None:
         """Follow the robots that this person may see now."""

@@ -12,6 +12,7 @@ import logging
 import time
 from collections.abc import Collection
 from contextlib import suppress
+from datetime import timedelta
 from typing import Protocol
 from uuid import UUID
 
@@ -42,6 +43,7 @@ class Member(Protocol):
     person: SignIn
     name: str
     looks: bool  # pictures are wanted
+    heard_s: float  # when the page last said anything, by the monotonic clock
 
     @property
     def held_session(self) -> UUID | None:
@@ -124,25 +126,31 @@ class Room:
             standing = await in_database(self._read, people)
             self.looked_s = time.monotonic()
             for member in list(self.members.values()):
-                await member.stands(standing)
+                try:
+                    await member.stands(standing)
+                except Exception:  # one page's fault is not the others'
+                    log.exception("a page of robot %s was not told how control stands", self.robot_id)
 
     def _read(self, people: Collection[SignIn]) -> Standing:
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         if rules.phase(standing.holding, standing.read_at) is not Phase.LAPSED:
             return standing
+        self._note_seen()
         with suppress(ControlRefused):  # then somebody else expires it, or it came back
             lease_expire(robot_id=self.robot_id, now=standing.read_at)
         return standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
 
     def _note_seen(self) -> None:
+        """The holder's page was there when it last spoke; it pings, and a cut network looks like an open connection."""
         for member in list(self.members.values()):
-            if member.held_session:
+            if session := member.held_session:
+                silent = timedelta(seconds=time.monotonic() - member.heard_s)
                 lease_seen(
                     robot_id=self.robot_id,
-                    session=member.held_session,
+                    session=session,
                     connection=member.id,
-                    now=timezone.now(),
+                    seen_at=timezone.now() - silent,
                 )
 
     async def _keep_looking(self) -> None:

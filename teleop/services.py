@@ -137,10 +137,10 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> H
     return before
 
 
-def lease_seen(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> bool:
-    """Note that the holder's page is there. False if this connection does not hold the lease any more."""
+def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> bool:
+    """Note when the holder's page was last there. False if this connection does not hold the lease any more."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
-    return mine.update(seen_at=now) == 1
+    return mine.update(seen_at=seen_at) == 1
 
 
 def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> bool:

@@ -45,6 +45,7 @@ class MessageSocket(AsyncConsumer):
         self._budget = Budget(FLOOD_PER_S, FLOOD_BURST)
         self._replies = Budget(REPLIES_PER_S, REPLIES_BURST)
         self._closing = False
+        self.heard_s = time.monotonic()  # when the page last said anything
 
     async def opened(self) -> None:
         """The handshake is done."""
@@ -73,6 +74,7 @@ class MessageSocket(AsyncConsumer):
                 log.info("%s: refused on this connection: %s", scope["path"], dict(self.refused))
 
     async def _received(self, event: dict[str, Any]) -> None:
+        self.heard_s = time.monotonic()
         raw = event.get("text")
         try:
             if raw is None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Any
+
+log = logging.getLogger(__name__)
 
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
@@ -107,7 +110,10 @@ class Views:
             due = {viewer for viewer in self.ready if self._has_turn(viewer)}
             self.ready -= due
             for viewer in sorted(due, key=lambda viewer: not viewer.drives):
-                await self.show(viewer)
+                try:
+                    await self.show(viewer)
+                except Exception:
+                    log.exception("a picture was not sent")
 
     def _has_turn(self, viewer: Viewer) -> bool:
         if viewer.drives or self.number - viewer.shown > self.every:

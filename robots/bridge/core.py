@@ -281,7 +281,7 @@ class Core:
             wire.PROTOCOL, self.config.robot_id, self.config.slug, self.grants.highest, state
         )
 
-    def state(self, now_s: float, watchers: list[str]) -> wire.State:
+    def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
         grant = self.grants.current
@@ -304,6 +304,7 @@ class Core:
             refused=dict(self.refused),
             latency_s=round(self._gate.latency.in_force_s(now_s), 2),
             latency_measured=self._gate.latency.measured_s is not None,
+            watchers_more=watchers_more,
         )
 
     def scan(self, now_s: float) -> wire.Scan:

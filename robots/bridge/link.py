@@ -45,6 +45,7 @@ class Link:
         self.number = Link._count
         self.name = ""
         self.watchers: list[str] = []
+        self.watchers_more = 0
         self._socket = socket
         self._reports: deque[bytes] = deque()
         self._view: bytes | None = None

@@ -92,9 +92,9 @@ class Bridge:
 
     def _show(self, now_s: float, count: int) -> None:
         self._view(_VIEW_LATEST_S)
-        watchers = self._watchers()
-        state = self._core.state(now_s, watchers)
-        key = (state.phase, state.text, state.stop, state.fence, state.neutral_needed, tuple(watchers))
+        state = self._state(now_s)
+        watchers = (*state.watchers, state.watchers_more)
+        key = (state.phase, state.text, state.stop, state.fence, state.neutral_needed, watchers)
         if key != self._last_key or count % _STATUS_TICKS == 0:
             self._last_key = key
             self._announce(wire.Status(state))
@@ -106,9 +106,13 @@ class Bridge:
         if not looked_at or now_s - self._viewed_s < gap_s:
             return
         self._viewed_s = now_s
-        view = wire.encode(wire.View(self._core.state(now_s, self._watchers()), self._core.scan(now_s)))
+        view = wire.encode(wire.View(self._state(now_s), self._core.scan(now_s)))
         for link in looked_at:
             link.show(view)
+
+    def _state(self, now_s: float) -> wire.State:
+        more = sum(link.watchers_more for link in self._links.links)
+        return self._core.state(now_s, self._watchers(), more)
 
     def _watchers(self) -> list[str]:
         return sorted({name for link in self._links.links for name in link.watchers})

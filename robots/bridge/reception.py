@@ -73,7 +73,7 @@ class Reception:
                 else:
                     link.report(wire.Refused("link_clear", refusal, message.seq))
             case wire.Watch():
-                link.watchers = message.watchers
+                link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():
                 self._greet(link, message)
 

@@ -12,6 +12,11 @@ export function latencyText({ latency_s: latencyS, latency_measured: measured })
   return `${Math.round(latencyS * 1000)} ms${measured ? "" : " (assumed)"}`;
 }
 
+export function watchersText({ watchers, watchers_more: more }) {
+  const names = more ? [...watchers, `${more} more`] : watchers;
+  return names.join(", ") || "Nobody";
+}
+
 function sameTexts(list, texts) {
   return (
     list.children.length === texts.length &&
@@ -35,7 +40,7 @@ export class Details {
     const { limits: standing = [] } = state.verdict;
     fill(limits, standing.length ? standing : ["None"]);
     say(latency, latencyText(state));
-    say(watchers, state.watchers.join(", ") || "Nobody");
+    say(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);
     show(foreign, state.foreign.length > 0);
     say(foreign, `Also publishing to the drive topic: ${state.foreign.join(", ")}`);

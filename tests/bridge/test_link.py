@@ -67,7 +67,7 @@ class Bridge:
                 answer = wire.Stopped(self.bench.core.stop_state, message.seq)
                 link.report(wire.Refused("link_clear", refusal, message.seq) if refusal else answer)
             case wire.Watch():
-                link.watchers = message.watchers
+                link.watchers, link.watchers_more = message.watchers, message.more
 
 
 class Follower:
@@ -210,6 +210,22 @@ async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
     link.watch(link.follower, [])
     await link.stop(wire.LinkStop("Ann"))
     assert remote.watchers == []
+
+
+async def test_a_crowd_of_onlookers_with_long_names_fits_into_a_message(link, bridge):
+    [remote] = bridge.server.links
+    link.watch(link.follower, [f"{number:03} " + "Ü" * 190 for number in range(500)])
+    await link.stop(wire.LinkStop("Ann"))
+    assert (len(remote.watchers), remote.watchers_more) == (20, 480)
+    assert remote.watchers[0].startswith("000 ")
+
+
+async def test_a_bridge_that_ends_hears_no_command_any_more(link, bridge):
+    bridge.server.shut()
+    await link.forward('{"t":"drive","fence":2,"seq":1,"sent_ms":5.25,"x":0.5,"w":-0.25,"share":1}')
+    await link.follower.until("down")
+    await asyncio.wait_for(bridge.lost.wait(), 5)
+    assert bridge.drives == []
 
 
 async def test_the_stop_command_needs_no_event_loop(bridge, address):

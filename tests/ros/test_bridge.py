@@ -12,6 +12,7 @@ import stat
 import struct
 import time
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from xmlrpc.client import ServerProxy
 
@@ -20,6 +21,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from rospy.msg import serialize_message
 from sensor_msgs.msg import Range
 
 from robots import wire
@@ -212,11 +214,14 @@ def test_sonars_that_share_a_topic_and_speak_at_once_are_all_heard(ros, bridges,
     hand = bridges(rosmaster, msgspec.structs.replace(config, topics=topics)).link()
 
     def burst() -> None:
-        for sonar in sonars:
+        packet = BytesIO()  # one: they arrive together
+        for number, sonar in enumerate(sonars):
             reading = Range(range=0.5, min_range=0.1, max_range=1.0)
             reading.header.frame_id = sonar.frame_id
             reading.header.stamp = rospy.Time.from_sec(time.time())
-            publisher.publish(reading)
+            serialize_message(packet, number, reading)
+        [connection] = publisher.impl.connections
+        connection.write_data(packet.getvalue())
 
     def heard(state: wire.State) -> bool:
         return all(sensor.ok for sensor in state.sensors if sensor.kind == "sonar")

@@ -1,5 +1,8 @@
 """Control on live pages: who gets it, keeps it, and loses it."""
 
+import asyncio
+import threading
+import time
 from datetime import timedelta
 
 import pytest
@@ -10,7 +13,7 @@ from fleet.audit.models import Record
 from robots import wire
 from robots.models import Robot
 from robots.wire import Refusal
-from teleop import services
+from teleop import consumers, rooms, rules, services
 from teleop.database import in_database
 from teleop.hints import Hints
 from teleop.models import ControlSession, EndReason, Lease
@@ -387,3 +390,75 @@ async def test_a_robot_out_of_service_is_said_to_be(open_page, bridge, robot):
     await bridge.close()
     page = await open_page("observer")
     assert (await page.hears("bridge_gone"))["refusal"]["code"] == "robot_disabled"
+
+
+# --- an open connection is not yet a page that is there ----------------------------------------------
+
+
+@pytest.fixture
+def short_grace(monkeypatch):
+    """A page is late after 0.6 s and gone after 1.2 s; the database is looked at often."""
+    monkeypatch.setattr(rules, "LATE_S", 0.6)
+    monkeypatch.setattr(rules, "GRACE_S", 1.2)
+    monkeypatch.setattr(rooms, "LOOK_HOLDER_S", 0.05)
+
+
+async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_though_the_connection_stands(
+    open_page, bridge, short_grace
+):
+    holder, watching = await open_page("operator"), await open_page("second")
+    await holder.say("take")
+    await watching.hears("control", state="other")
+    await watching.hears("control", state="away")
+    await watching.hears("control", state="free")
+    await bridge.hears(wire.Revoke)
+
+
+async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_grace):
+    holder, watching = await open_page("operator"), await open_page("second")
+    await holder.say("take")
+    await watching.hears("control", state="other")
+    until_s = time.monotonic() + 2 * rules.GRACE_S
+    while time.monotonic() < until_s:
+        await holder.say("ping", sent_ms=1)
+        await holder.hears("pong")
+        await watching.hears_nothing("control", within_s=0.1)
+
+
+async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(open_page, bridge, monkeypatch):
+    monkeypatch.setattr(rooms, "LOOK_HOLDER_S", 0.02)
+    monkeypatch.setattr(rooms, "LOOKS_PER_FULL", 1)
+    noted, looks, standing_of = threading.Event(), threading.Semaphore(0), rooms.standing_of
+
+    def looked(*args, **kwargs):
+        looks.release()
+        return standing_of(*args, **kwargs)
+
+    monkeypatch.setattr(consumers, "_left", lambda *_args: noted.wait(10))  # the database is slow
+    page = await open_page("operator")
+    await open_page("second")
+    await take(page)
+    closing = asyncio.ensure_future(page.close())
+    await bridge.hears(wire.Hold, lambda hold: hold.reason == "The page is gone.")
+    granted = len(bridge.all(wire.Grant))
+    monkeypatch.setattr(rooms, "standing_of", looked)
+    for _ in range(4):
+        assert await asyncio.to_thread(looks.acquire, timeout=5)
+    noted.set()
+    await closing
+    assert len(bridge.all(wire.Grant)) == granted
+    assert bridge.all(wire.Hold)[-1].reason == "The page is gone."
+
+
+async def test_one_pages_fault_leaves_the_others_informed(open_page, bridge, monkeypatch):
+    await open_page("operator")
+    second = await open_page("second")
+    [room] = rooms._rooms.values()
+    first = next(iter(room.members.values()))
+
+    async def fails(_standing):
+        raise RuntimeError("a fault of ours")
+
+    monkeypatch.setattr(first, "stands", fails)
+    await second.say("take")
+    await second.hears("control", state="yours")

@@ -1,5 +1,8 @@
 """The fleet page: what is shown, and Stop all."""
 
+import asyncio
+import threading
+
 import msgspec
 import pytest
 import pytest_asyncio
@@ -7,6 +10,7 @@ import pytest_asyncio
 from robots import wire
 from robots.models import Robot, RobotRole
 from robots.selectors import link_address
+from teleop import fleet_consumer
 from teleop.database import in_database
 from teleop.socket import CloseCode
 from tests.teleop.support import IDLE, FakeBridge, Page
@@ -72,6 +76,26 @@ async def test_news_is_shown_at_once(open_fleet, robot, bridge):
     bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
     robots = await shows(page, lambda robots: robots[robot.slug]["state"]["holder"])
     assert robots[robot.slug]["state"]["holder"] == "Olga Operator"
+
+
+async def test_a_fault_in_looking_or_showing_ends_no_page(open_fleet, robot, bridge, monkeypatch):
+    monkeypatch.setattr(fleet_consumer, "RIGHTS_S", 0.05)
+    page = await open_fleet("observer")
+    await shows(page, lambda robots: robots[robot.slug]["state"])
+    looked, shown = threading.Semaphore(0), threading.Semaphore(0)
+
+    def fails(fault):
+        fault.release()
+        raise RuntimeError("a fault of ours")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(fleet_consumer, "_visible_to", lambda _person: fails(looked))
+        broken.setattr(fleet_consumer.FleetConsumer, "_card", lambda _self, _slug: fails(shown))
+        await page.say("ack")
+        for fault in (looked, looked, shown):
+            assert await asyncio.to_thread(fault.acquire, timeout=5)
+    bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
+    await shows(page, lambda robots: robots[robot.slug]["state"]["holder"])
 
 
 async def test_without_an_answer_no_second_picture_is_sent(open_fleet, bridge):

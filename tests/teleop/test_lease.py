@@ -287,7 +287,7 @@ def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_o
 def test_being_seen_counts_for_the_connection_that_holds_only(robot, operator):
     held = take(robot, operator)
     later = NOW + timedelta(seconds=5)
-    seen = {"robot_id": robot.id, "now": later}
+    seen = {"robot_id": robot.id, "seen_at": later}
     assert services.lease_seen(session=held.session, connection="operator-connection", **seen)
     assert not services.lease_seen(session=held.session, connection="another", **seen)
     assert not services.lease_seen(session=uuid4(), connection="operator-connection", **seen)

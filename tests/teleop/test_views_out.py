@@ -99,3 +99,24 @@ async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_pictu
     assert all(33 <= len(sent[name]) <= 35 for name in range(1, len(crowd)))
     newest = Counter(sent[name][-1] for name in range(1, len(crowd)))
     assert max(newest.values()) <= CROWD + 1  # not all at once
+
+
+async def test_a_viewer_whose_sending_fails_costs_the_others_nothing():
+    views, sent, arrived = Views(), [], asyncio.Event()
+
+    async def fails(_event):
+        raise RuntimeError("a fault of ours")
+
+    async def send(event):
+        sent.append(event["text"])
+        arrived.set()
+
+    Viewer(views, fails)
+    lively = Viewer(views, send)
+    for number in range(2):
+        arrived.clear()
+        views.publish(str(number))
+        await asyncio.wait_for(arrived.wait(), 5)
+        await lively.drawn()
+    assert sent == ["0", "1"]
+    await views.close()
