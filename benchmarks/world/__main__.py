@@ -5,39 +5,75 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from contextlib import nullcontext
+from pathlib import Path
 
-from benchmarks.world import objects
-from benchmarks.world.controllers import CONTROLLERS
-from benchmarks.world.loop import Case, Trace
+from benchmarks.world import clutter, crossing, doors, faults, objects
+from benchmarks.world.controllers import CONTROLLERS, Ours
+from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.play import loop_of
+from benchmarks.world.robot import tiago_profile
+from robots.bridge.recording import Recorder
 
 
 def main() -> int:
     """Returns 1 if the robot touched something."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.world", description=__doc__)
-    parser.add_argument("thing", choices=list(objects.OBJECTS))
-    parser.add_argument("angle", type=int, choices=objects.ANGLES)
-    parser.add_argument("share", type=float)
-    parser.add_argument("seed", type=int)
-    parser.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
-    parser.add_argument("--blanked", action="store_true", help="PAL's /scan in place of /scan_raw")
-    parser.add_argument("--quiet", action="store_true", help="only how it ends")
-    asked = parser.parse_args()
-    full = objects.Full(asked.controller, asked.thing, asked.angle, asked.share, asked.seed, asked.blanked)
-    return show(objects.build(full), asked.controller, asked.seed, quiet=asked.quiet)
-
-
-def show(case: Case, controller: str, seed: int, *, quiet: bool) -> int:
-    """Play and print."""
-    trace = loop_of(case, controller, seed).play()
-    if not quiet:
+    asked = _parser().parse_args()
+    loop = loop_of(_case(asked), asked.controller, asked.seed)
+    with Recorder(asked.record, tiago_profile()) if asked.record else nullcontext() as recorder:
+        if recorder is not None:
+            recorder.recorded(_gate(loop).gate)
+        trace = loop.play()
+    if not asked.quiet:
         _print_moments(trace)
-    for touch in trace.touches:
-        moving = f"{touch.robot.vx:.2f} m/s, {touch.robot.w:.2f} rad/s"
-        print(f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {moving}")
-    gap_m, ended = trace.moments[-1].gap_m, "CRASH" if trace.touches else "clear"
-    print(f"{ended}, gap {gap_m:.3f} m, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
+    _print_end(trace)
     return 1 if trace.touches else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.world", description=__doc__)
+    part = parser.add_subparsers(dest="part", required=True)
+    thing = part.add_parser("object", help="full stick at one object")
+    thing.add_argument("thing", choices=list(objects.OBJECTS))
+    thing.add_argument("angle", type=int, choices=objects.ANGLES)
+    thing.add_argument("share", type=float)
+    thing.add_argument("--blanked", action="store_true", help="PAL's /scan in place of /scan_raw")
+    fault = part.add_parser("fault", help="full stick ahead while something fails")
+    fault.add_argument("fault", choices=list(faults.FAULTS))
+    fault.add_argument("thing", choices=faults.THINGS)
+    fault.add_argument("share", type=float)
+    door = part.add_parser("door", help="a competent driver passes a door")
+    door.add_argument("width", type=float, choices=list(doors.DOORS))
+    person = part.add_parser("crossing", help="a person walks across the way")
+    person.add_argument("share", type=float)
+    part.add_parser("clutter", help="a minute of adversarial stick in clutter")
+    for each in part.choices.values():
+        each.add_argument("seed", type=int)
+        each.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
+        each.add_argument("--quiet", action="store_true", help="only how it ends")
+        each.add_argument("--record", type=Path, help="what the gate is told, for manage.py replay_gate")
+    return parser
+
+
+def _case(asked: argparse.Namespace) -> Case:
+    if asked.part == "object":
+        full = objects.Full(
+            asked.controller, asked.thing, asked.angle, asked.share, asked.seed, asked.blanked
+        )
+        return objects.build(full)
+    if asked.part == "fault":
+        return faults.build(faults.Failing(asked.fault, asked.thing, asked.share, asked.seed))
+    if asked.part == "door":
+        return doors.build(asked.width, asked.seed)
+    if asked.part == "crossing":
+        return crossing.build(asked.share, asked.seed)
+    return clutter.build(asked.seed)
+
+
+def _gate(loop: Loop) -> Ours:
+    if not isinstance(loop.controller, Ours):
+        raise SystemExit("only the gate can be recorded")
+    return loop.controller
 
 
 def _print_moments(trace: Trace) -> None:
@@ -48,6 +84,14 @@ def _print_moments(trace: Trace) -> None:
             f"  moves {m.moving.vx:5.2f} {m.moving.w:5.2f}  asked {m.asked.vx:5.2f} {m.asked.w:5.2f}"
             f"  sent {m.sent.vx:5.2f} {m.sent.w:5.2f}  gap {m.gap_m:6.3f}  {m.code} {m.text}"
         )
+
+
+def _print_end(trace: Trace) -> None:
+    for touch in trace.touches:
+        moving = f"{touch.robot.vx:.2f} m/s, {touch.robot.w:.2f} rad/s"
+        print(f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {moving}")
+    gap_m, ended = trace.moments[-1].gap_m, "CRASH" if trace.touches else "clear"
+    print(f"{ended}, gap {gap_m:.3f} m, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
 
 
 if __name__ == "__main__":

@@ -65,8 +65,8 @@ class Ours:
 
     looks = True
 
-    def __init__(self, profile: GateProfile, fan: Fan, gate: Gate | None = None) -> None:
-        self.gate = gate or Gate(profile)
+    def __init__(self, profile: GateProfile, fan: Fan) -> None:
+        self.gate = Gate(profile)
         self.gate.observe_operator(OPERATOR_DELAY_S)
         self._profile = profile
         self._fan = fan

@@ -59,7 +59,8 @@ class Delays(NamedTuple):
     @classmethod
     def drawn(cls, random: np.random.Generator) -> Delays:
         """As on a good local network; TIAGo's wheels then obey within 0.1 s."""
-        odometry, scan, depth, command = random.uniform((0.005, 0.02, 0.06, 0.02), (0.02, 0.06, 0.12, 0.08))
+        drawn = random.uniform((0.005, 0.02, 0.06, 0.02), (0.02, 0.06, 0.12, 0.08))
+        odometry, scan, depth, command = drawn.tolist()
         return cls(odometry, scan, depth, command)
 
 
@@ -258,7 +259,8 @@ class Loop:
 
     def _tell_odometry(self, stamp_s: float, now_s: float) -> None:
         told = self.robot.odometry
-        pose, velocity = values.Pose(told.x, told.y, told.yaw), Velocity(*told.velocity)
+        pose = values.Pose(float(told.x), float(told.y), float(told.yaw))
+        velocity = Velocity(*map(float, told.velocity))
         if not self.robot.faults.odom_frozen or self._frozen_odometry is None:
             self._frozen_odometry = stamp_s, pose, velocity
         stamp_s, pose, velocity = self._frozen_odometry
