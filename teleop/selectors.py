@@ -7,7 +7,7 @@ from datetime import datetime
 from uuid import UUID
 
 from fleet.accounts.models import User
-from fleet.accounts.selectors import sessions_alive
+from fleet.accounts.selectors import signed_in
 from robots.models import Robot, Role
 from robots.selectors import link_address, robot_facts, roles_on
 from robots.wire import Refusal
@@ -52,11 +52,12 @@ def standing_of(
 ) -> Standing:
     """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
+    holding = holding_of(robot_id)
     return Standing(
         read_at=now,
-        holding=holding_of(robot_id),
+        holding=holding,
         asks=asks_of(robot_id),
-        endings=_endings(sessions),
+        endings=_endings(set(sessions) - {holding.session} if holding else sessions),
         rights=rights_of(people, robot, now),
     )
 
@@ -64,10 +65,12 @@ def standing_of(
 def rights_of(people: Collection[SignIn], robot: Robot | None, now: datetime) -> dict[SignIn, Rights]:
     """What each sign-in may do with the robot; nothing if the robot is None: it was deleted.
 
-    Three queries, however many people look.
+    Two queries, however many people look; a third if somebody's sign-in ended.
     """
-    users = User.objects.in_bulk({user_id for user_id, _ in people})
-    alive = sessions_alive(people)
+    alive = signed_in(people)
+    users = {user.id: user for user in alive.values()}
+    if ended := {user_id for user_id, _ in people} - users.keys():
+        users |= User.objects.in_bulk(ended)
     roles = roles_on(robot, users.values()) if robot else {}
     return {
         person: _rights(users.get(person[0]), person in alive, roles.get(person[0]), robot, now)

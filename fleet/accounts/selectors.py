@@ -22,16 +22,22 @@ def session_alive(session_key: str, user_id: UUID) -> bool:
 
 def sessions_alive(people: Collection[tuple[UUID, str]]) -> set[tuple[UUID, str]]:
     """Which of these sign-ins, (user, session key), still hold. One query for all."""
+    return set(signed_in(people))
+
+
+def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], User]:
+    """Who is behind those of these sign-ins, (user, session key), that still hold. One query for all."""
+    asked = set(people)
     sign_ins = SignIn.objects.filter(
-        session_id__in={key for _user, key in people}, session__expire_date__gt=timezone.now()
+        session_id__in={key for _user, key in asked}, session__expire_date__gt=timezone.now()
     ).select_related("user")
-    holding = {
-        (sign_in.user.id, sign_in.session_id)
+    return {
+        person: sign_in.user
         for sign_in in sign_ins
-        if sign_in.user.is_active
+        if (person := (sign_in.user.id, sign_in.session_id)) in asked
+        and sign_in.user.is_active
         and constant_time_compare(sign_in.auth_hash, sign_in.user.get_session_auth_hash())
     }
-    return holding & set(people)
 
 
 def account_alive(user_id: UUID) -> bool:
