@@ -257,8 +257,9 @@ async def test_a_clear_that_the_bridge_refuses_is_refused_with_its_reason(link, 
 async def test_an_answer_that_comes_when_nobody_waits_any_more_breaks_nothing(link, bridge):
     late = asyncio.ensure_future(link.stop(wire.LinkStop("Ben")))
     await asyncio.sleep(0)  # it is on its way
-    for answer in link._latch.values():
-        answer.cancel()  # as a time-out leaves it for one turn of the loop
+    [number] = link._latch
+    link._latch[number].cancel()  # as a time-out leaves it for one turn of the loop
+    link._heard(wire.Stopped(wire.StopState("stopping"), number))
     await asyncio.wait({late})
     await link.stop(wire.LinkStop("Ann"))
     assert link.up
