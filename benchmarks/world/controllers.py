@@ -32,11 +32,12 @@ class Fan(NamedTuple):
 
 
 class Said(NamedTuple):
-    """What is published, and why not more."""
+    """What is published, why not more, and the standing limits in words."""
 
     velocity: Velocity
     code: str = ""
     text: str = ""
+    limits: tuple[str, ...] = ()
 
 
 class Controller(Protocol):
@@ -104,7 +105,7 @@ class Ours:
         if asked == STILL:
             self._neutral = None
         verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
-        said = Said(verdict.velocity, verdict.code, verdict.text)
+        said = Said(verdict.velocity, verdict.code, verdict.text, verdict.limits)
         if verdict.neutral:
             self._neutral = said
         return said if self._neutral is None else self._neutral._replace(velocity=verdict.velocity)

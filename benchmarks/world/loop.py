@@ -115,6 +115,7 @@ class Moment(NamedTuple):
     text: str
     gap_m: float  # as it was at most `GAP_EVERY` decisions ago
     trying: bool
+    limits: tuple[str, ...] = ()  # that hold whatever is in the way, in words
 
 
 class Touch(NamedTuple):
@@ -343,9 +344,7 @@ class Loop:
         if len(self.trace.moments) % GAP_EVERY == 0:
             self._gap_m = self.robot.physics.clearance_m()
         self.trace.moments.append(
-            Moment(
-                time_s, pose, moving, asked, said.velocity, said.code, said.text, self._gap_m, stick.trying
-            )
+            Moment(time_s, pose, moving, asked, *said[:3], self._gap_m, stick.trying, said.limits)
         )
         self._end(now_s, stick.trying, said.velocity, moving)
 
