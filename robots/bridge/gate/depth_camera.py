@@ -53,6 +53,7 @@ class DepthCamera:
 
     def __init__(self, view: DepthView, footprint: Footprint) -> None:
         self.footprint = footprint
+        self.body = footprint  # with the arm, if it reaches out: the camera sees it
         self.freshness = Freshness()
         self.remembered = DepthMemory(self)
         self._view = view
@@ -98,10 +99,10 @@ class DepthCamera:
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
 
     def _without_robot(self, columns: Columns) -> Columns:
-        """Within its footprint, and a little about it, the camera sees the robot itself."""
+        """Within its body, and a little about it, the camera sees the robot itself."""
         if not len(columns.points):
             return columns
-        kept = self.footprint.gaps(columns.points) >= self._view.own_m
+        kept = self.body.gaps(columns.points) >= self._view.own_m
         return Columns(columns.points.T[:, kept].T, columns.low[kept], columns.high[kept])
 
     def _forget_another_frame(self, trail: Trail) -> None:

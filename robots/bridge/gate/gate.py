@@ -19,6 +19,7 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
                       stops within what of a bent way is in its picture
     blind_direction   held to the blind speed: no sensor looks in the direction of travel
     sonar_stale       held to 0.1 m/s: the sonars that look in the direction of travel are silent
+    arm_away          held to 0.2 m/s: the arm is not at home, and where it reaches is not known
     robot_late        held back: the robot answers later than its profile assumes
     operator_late     held back: the way between robot and operator is longer than is good for this speed
     scan_late         a laser's newest scan is older than 0.22 s: slowed, down to nothing at 0.28 s
@@ -36,9 +37,9 @@ from typing import Any
 import numpy as np
 from msgspec import structs
 
-from robots.bridge.gate import arc, braking, words
+from robots.bridge.gate import arc, braking, posture, words
 from robots.bridge.gate.depth_camera import DepthCamera, Frame
-from robots.bridge.gate.footprint import footprint_of
+from robots.bridge.gate.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.health import (
     DEPTH_STALE_S,
     LASER_STALE_S,
@@ -90,7 +91,10 @@ class Gate:
     def __init__(self, profile: GateProfile, more: tuple[Source, ...] = ()) -> None:
         """ValueError if the profile describes no footprint."""
         self.profile = profile
-        self.footprint = footprint_of(profile)
+        self.footprint = self._base = footprint_of(profile)
+        self._arm_discs: tuple[posture.Disc, ...] = ()
+        self._posture = posture.UNKNOWN
+        self._posture_s = -math.inf
         limits = profile.limits
         fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         self._trail = Trail(fastest, limits.turn_radps)
@@ -180,6 +184,17 @@ class Gate:
             seen, sensor = placed(laser.seen, base), put(laser.pose, base)
             self._movers[laser.name].observe(seen, laser.sweep, sensor, stamp_s, self._trail.resets)
 
+    def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
+        """Take where the arm is. What reaches out of the base becomes part of the footprint."""
+        self._posture, self._posture_s = arm, arrival_s
+        radius_m = self._base.reach(0.0)
+        discs = posture.beyond(arm.discs or (), radius_m)
+        if discs != self._arm_discs:
+            self._arm_discs = discs
+            self.footprint = Discs(((0.0, 0.0, radius_m), *discs)) if discs else self._base
+            if self._depth:
+                self._depth.body = self.footprint
+
     def observe_operator(self, delay_s: float | None) -> None:
         """Take how long the way to the operator's page and back is; None if nobody knows."""
         self._operator_delay_s = delay_s
@@ -257,18 +272,38 @@ class Gate:
         obstacles = self.obstacles(now_s)
         turn_rates = (self._velocity.w, sent.w)
         profile = self._with_latency_of(now_s)
-        found = restrain(wanted, turn_rates, obstacles.points, obstacles.source, self.footprint, profile)
+        hulls = self._hulls(obstacles)
+        allowed, cause = wanted, None
+        for hull, near in hulls:
+            found = restrain(allowed, turn_rates, near.points, near.source, hull, profile)
+            if found.velocity != allowed:
+                allowed, cause = found.velocity, found.cause
         step_s = min(now_s - self._decided_s, LONGEST_STEP_S)
-        risen = stepped_up(sent, found.velocity, profile, step_s)
-        rolled = self._rolled_out(risen, obstacles, profile, now_s)
-        if rolled.cause is not None:
-            return self._restrained(asked, wanted, rolled.velocity, rolled.cause, limits)
-        if found.cause is None or found.velocity == wanted:
+        risen = stepped_up(sent, allowed, profile, step_s)
+        for hull, near in hulls:
+            rolled = self._rolled_out(risen, hull, near, profile, now_s)
+            if rolled.cause is not None:
+                allowed, risen, cause = rolled.velocity, rolled.velocity, rolled.cause
+        if cause is None:
             return Verdict(risen, asked, code, text, limits=limits)
-        return self._restrained(asked, wanted, found.velocity, found.cause, limits)._replace(velocity=risen)
+        return self._restrained(asked, wanted, allowed, cause, limits)._replace(velocity=risen)
+
+    def _hulls(self, obstacles: Obstacles) -> list[tuple[Footprint, Obstacles]]:
+        """Which hull must stay clear of which obstacles.
+
+        What is seen well within an arm is below or above it, or the arm would have touched it: it counts for the base
+        alone. Else a robot whose arm is over a box or a table could not even retreat.
+        """
+        if not self._arm_discs:
+            return [(self.footprint, obstacles)]
+        under = Discs(self._arm_discs).gaps(obstacles.points) < -posture.UNDER_M
+        return [
+            (hull, obstacles._replace(points=obstacles.points.T[:, rows].T, source=obstacles.source[rows]))
+            for hull, rows in ((self.footprint, ~under), (self._base, under))
+        ]
 
     def _rolled_out(
-        self, candidate: Velocity, obstacles: Obstacles, profile: GateProfile, now_s: float
+        self, candidate: Velocity, hull: Footprint, obstacles: Obstacles, profile: GateProfile, now_s: float
     ) -> Restraint:
         """The share of a candidate that stays clear when it is played out, and what is in the way of more."""
         if is_still(candidate):
@@ -280,7 +315,7 @@ class Gate:
             self._velocity,
             obstacles.points,
             drift,
-            self.footprint,
+            hull,
             profile,
             PERIOD_S,
             profile.parameters.latency_s,
@@ -288,7 +323,7 @@ class Gate:
         if rolled.share == 1.0:
             return Restraint(candidate)
         at = obstacles.points[rolled.row]
-        gap_m = float(self.footprint.gaps(at[None])[0])
+        gap_m = float(hull.gaps(at[None])[0])
         rule = OBSTACLE if drift is None or not drift[rolled.row].any() else MOVER
         cause = Cause(rule, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
         return Restraint(_scaled(candidate, rolled.share), cause)
@@ -332,6 +367,7 @@ class Gate:
         if speed > 0.0:
             direction = math.atan2(wanted.vy, wanted.vx)
             holds = [
+                *self._arm_hold(now_s),
                 *self._delay_holds(now_s),
                 *self._depth_hold(wanted, now_s),
                 *self._direction_hold(direction, now_s),
@@ -355,11 +391,21 @@ class Gate:
 
     def _standing_limits(self, now_s: float) -> tuple[str, ...]:
         """In words, every limit on speed that holds whatever is in the way."""
-        holds = [*self._delay_holds(now_s), *self._depth_hold(AHEAD, now_s)]
+        holds = [*self._arm_hold(now_s), *self._delay_holds(now_s), *self._depth_hold(AHEAD, now_s)]
         ways = (0.0, math.pi) if self.profile.limits.lateral_mps == 0.0 else (0.0, math.pi, 1.57, -1.57)
         for direction in ways:
             holds += self._direction_hold(direction, now_s)
         return tuple(hold.text for hold in holds)
+
+    def _arm_hold(self, now_s: float) -> list[Hold]:
+        """The limit while the arm may be anywhere."""
+        told = now_s - self._posture_s <= posture.KNOWN_S
+        known = told and (self._posture.at_home or self._posture.discs is not None)
+        if known or not self.profile.has_arm:
+            return []
+        why = "the arm is away from home" if told else "nothing tells where the arm is"
+        text = f"held to {words.figure(posture.AWAY_MPS)} m/s: {why}"
+        return [Hold("arm_away", text, posture.AWAY_MPS)]
 
     def _delay_holds(self, now_s: float) -> list[Hold]:
         """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""

@@ -80,6 +80,7 @@ class GateProfile(Struct, frozen=True):
     blind_mps: float  # speed in directions, or heights, that nobody watches
     parameters: Parameters = Parameters()
     discs: tuple[tuple[float, float, float], ...] | None = None
+    has_arm: bool = False  # which may reach out of the footprint: `Gate.observe_posture` tells
     depth: DepthView | None = None  # None with `has_depth`: there is one, and it is not used
 
 

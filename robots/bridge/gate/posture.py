@@ -1,0 +1,57 @@
+"""The arm as part of the footprint: discs along its links (GATE.md, method 9, "arm away from home")."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+SPACING = 1.5  # between the middles of two discs, in radii of the arm
+AWAY_MPS = 0.2  # while the arm is away from home and nobody knows where
+UNDER_M = 0.05  # deeper within an arm's disc than this: below or above the arm
+KNOWN_S = 0.5  # a posture older than this is unknown
+
+Disc = tuple[float, float, float]
+
+
+class Posture(NamedTuple):
+    """Where the arm is: at home, away with known discs (x, y, radius; base frame, metres), or away and unknown."""
+
+    at_home: bool
+    discs: tuple[Disc, ...] | None = None
+
+
+AT_HOME = Posture(at_home=True, discs=())
+UNKNOWN = Posture(at_home=False)
+
+
+def is_home(positions: Mapping[str, float], home: Mapping[str, float], tolerance: float) -> bool | None:
+    """Whether every joint is where it is at home, within `tolerance` (rad or m); None if one of them is not told."""
+    if not home.keys() <= positions.keys():
+        return None
+    return all(abs(positions[joint] - at) <= tolerance for joint, at in home.items())
+
+
+def discs_along(line: NDArray[np.float64], radius_m: float) -> tuple[Disc, ...]:
+    """Discs that cover an arm of this radius along a line of link origins (N, 2 or 3; base frame), seen from above.
+
+    Between two discs s apart the arm's flank is covered by a radius of sqrt(r^2 + (s/2)^2).
+    """
+    radius = radius_m * math.hypot(1.0, SPACING / 2.0)
+    middles: list[NDArray[np.float64]] = [line[0, :2]]
+    for begin, end in zip(line[:-1, :2], line[1:, :2], strict=True):
+        pieces = math.ceil(float(np.hypot(*(end - begin))) / (SPACING * radius_m))
+        middles += [begin + (end - begin) * (piece / pieces) for piece in range(1, pieces + 1)]
+    kept = [middles[0]]
+    for middle in middles[1:]:
+        if np.hypot(*(middle - kept[-1])) > radius_m / 4.0:  # links above one another are one disc
+            kept.append(middle)
+    return tuple((float(x), float(y), radius) for x, y in kept)
+
+
+def beyond(discs: tuple[Disc, ...], base_radius_m: float) -> tuple[Disc, ...]:
+    """The discs that reach out of a base of this radius."""
+    return tuple(disc for disc in discs if math.hypot(disc[0], disc[1]) + disc[2] > base_radius_m)

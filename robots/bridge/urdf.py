@@ -1,0 +1,125 @@
+"""A robot's kinematic tree, from its description (URDF), and where its links are with given joint positions.
+
+A joint's frame is its origin in the parent's frame, then moved along or about its axis (wiki.ros.org/urdf/XML/joint).
+Metres and radians.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST = 8_000_000  # characters
+MOST_JOINTS = 2_000
+
+Matrix = NDArray[np.float64]
+
+
+class BadDescription(ValueError):
+    """A description that cannot be used, and why, in words."""
+
+
+class _Joint(NamedTuple):
+    parent: str
+    name: str
+    kind: str
+    origin: Matrix  # (4, 4)
+    axis: Matrix  # (3,)
+
+
+class Tree:
+    """Links and the joints between them."""
+
+    def __init__(self, text: str) -> None:
+        """BadDescription if `text` is no URDF."""
+        if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
+            raise BadDescription("the robot's description is too large, or declares more than elements")
+        try:
+            elements = ElementTree.fromstring(text).findall("joint")  # noqa: S314 - no declarations, see above
+            if len(elements) > MOST_JOINTS:
+                raise BadDescription(f"the robot's description has more than {MOST_JOINTS} joints")
+            self._above = dict(map(_joint, elements))
+        except (ElementTree.ParseError, KeyError, ValueError) as error:
+            raise BadDescription(f"the robot's description makes no sense: {error}") from error
+
+    def moving(self, links: Sequence[str]) -> set[str]:
+        """The joints that move any of `links`. BadDescription if a link hangs on nothing."""
+        return {joint.name for link in links for joint in self._chain(link) if joint.kind != "fixed"}
+
+    def places(self, links: Sequence[str], positions: Mapping[str, float]) -> Matrix:
+        """Where the links' origins are, (N, 3), in the frame of the root. KeyError names a joint without a position."""
+        return np.array([self._place(link, positions) for link in links])
+
+    def _place(self, link: str, positions: Mapping[str, float]) -> Matrix:
+        point = np.array([0.0, 0.0, 0.0, 1.0])
+        for joint in self._chain(link):
+            position = 0.0 if joint.kind == "fixed" else positions[joint.name]
+            point = joint.origin @ _motion(joint, position) @ point
+        return point[:3]
+
+    def _chain(self, link: str) -> list[_Joint]:
+        """From a link up to the root."""
+        chain: list[_Joint] = []
+        while joint := self._above.get(link):
+            chain.append(joint)
+            link = joint.parent
+            if len(chain) > len(self._above):
+                raise BadDescription("the robot's description goes round in a circle")
+        if not chain:
+            raise BadDescription(f"the robot's description has no link {link!r} that hangs on another")
+        return chain
+
+
+def _joint(element: Element) -> tuple[str, _Joint]:
+    """The child link, and the joint that it hangs on."""
+    found = {tag: element.find(tag) for tag in ("parent", "child", "origin", "axis")}
+    parent, child = found["parent"], found["child"]
+    if parent is None or child is None:
+        raise ValueError(f"joint {element.get('name')!r} lacks parent or child")
+    origin, axis = found["origin"], found["axis"]
+    pose = np.eye(4)
+    if origin is not None:
+        pose[:3, 3] = _numbers(origin.get("xyz", "0 0 0"))
+        pose[:3, :3] = _rotation(*_numbers(origin.get("rpy", "0 0 0")))
+    along = _numbers(axis.get("xyz", "1 0 0")) if axis is not None else np.array([1.0, 0.0, 0.0])
+    length = float(np.linalg.norm(along))
+    if length == 0.0:
+        raise ValueError(f"joint {element.get('name')!r} has an axis of no length")
+    return child.attrib["link"], _Joint(
+        parent.attrib["link"], element.attrib["name"], element.attrib["type"], pose, along / length
+    )
+
+
+def _numbers(text: str) -> Matrix:
+    numbers = np.array([float(word) for word in text.split()])
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise ValueError(f"{text!r} is not three numbers")
+    return numbers
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> Matrix:
+    """About the fixed axes x, then y, then z."""
+    return _about((0.0, 0.0, 1.0), yaw) @ _about((0.0, 1.0, 0.0), pitch) @ _about((1.0, 0.0, 0.0), roll)
+
+
+def _about(axis: Sequence[float] | Matrix, angle: float) -> Matrix:
+    """Rodrigues' formula: R = I + sin(angle) K + (1 - cos(angle)) K^2, K the axis' cross product."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Matrix = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return turned
+
+
+def _motion(joint: _Joint, position: float) -> Matrix:
+    moved = np.eye(4)
+    if joint.kind == "prismatic":
+        moved[:3, 3] = position * joint.axis
+    elif joint.kind in ("revolute", "continuous"):
+        moved[:3, :3] = _about(joint.axis, position)
+    return moved

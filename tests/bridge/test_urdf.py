@@ -1,0 +1,65 @@
+"""Where links are, by the robot's description."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robots.bridge.urdf import BadDescription, Tree
+from robots.simulator.body import BODIES
+from robots.simulator.frames import frames, place, urdf
+from robots.simulator.joints import HOME
+
+ARM = """<robot name="r">
+  <joint name="lift" type="prismatic"><parent link="base"/><child link="torso"/><origin xyz="0 0 1"/>
+    <axis xyz="0 0 2"/></joint>
+  <joint name="shoulder" type="revolute"><parent link="torso"/><child link="upper"/>
+    <origin xyz="0.2 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/><origin xyz="0.5 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="hand" type="fixed"><parent link="lower"/><child link="hand"/><origin xyz="0.4 0 0"/></joint>
+</robot>"""
+
+
+def test_links_are_where_their_joints_put_them():
+    hand = Tree(ARM).places(["hand"], {"lift": 0.3, "shoulder": 0.0, "elbow": -math.pi / 2})[0]
+    assert hand == pytest.approx([0.2 + 0.4, 0.5, 1.3])
+    assert Tree(ARM).moving(["hand"]) == {"lift", "shoulder", "elbow"}
+
+
+def test_the_simulated_robots_description_agrees_with_its_frames():
+    body = BODIES["tiago"]
+    tree, table = Tree(urdf(body, "tiago-1")), frames(body)
+    positions = HOME | {"arm_1_joint": 1.2, "arm_2_joint": 0.4, "arm_4_joint": 0.7, "torso_lift_joint": 0.2}
+    for link in ("arm_3_link", "arm_7_link", "gripper_grasping_frame", "head_2_link"):
+        assert tree.places([link], positions)[0] == pytest.approx(
+            place(table, link, positions).origin, abs=1e-5
+        )
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("no xml", "makes no sense"),
+        ('<!DOCTYPE r [<!ENTITY a "a">]><robot/>', "declares more than elements"),
+        (ARM.replace('xyz="0 0 2"', 'xyz="0 0 0"'), "axis of no length"),
+        (ARM.replace('xyz="0 0 1"', 'xyz="0 nan 1"', 1), "not three numbers"),
+        (ARM.replace('<parent link="base"/>', ""), "lacks parent or child"),
+        (ARM.replace('link="base"', 'link="hand"'), "circle"),
+        ("<robot>" + "<x/>" * 2_000_001 + "</robot>", "too large"),
+    ],
+)
+def test_a_description_that_makes_no_sense_is_refused_in_words(text, why):
+    with pytest.raises(BadDescription, match=why):
+        Tree(text).moving(["hand"])
+
+
+def test_a_link_that_is_not_there_is_named():
+    with pytest.raises(BadDescription, match="tentacle"):
+        Tree(ARM).moving(["tentacle"])
+
+
+def test_a_joint_without_a_position_is_named():
+    with pytest.raises(KeyError, match="elbow"):
+        Tree(ARM).places(["hand"], {"lift": 0.0, "shoulder": 0.0})
