@@ -170,7 +170,7 @@ def _figures(name: str, done: list[tuple[Full, Outcome]], *, ours: bool) -> list
             continue
         figures.append(Figure(f"{thing}, {name}: crashes of {len(ends)}", crashes, "", 0.0 if ours else None))
     crashes = sum(end.touched is not None for _, end in done)
-    percent = 100.0 * at_most(crashes) / len(done)
+    percent = min(100.0 * at_most(crashes) / len(done), 100.0)
     figures.append(Figure(f"all, {name}: crashes, at most (95 %, of {len(done)})", percent, "%"))
     if name == "none":
         return figures

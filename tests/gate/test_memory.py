@@ -85,12 +85,17 @@ def test_after_six_metres_of_travel_everything_older_is_forgotten():
     assert len(memory.points(3.0)) == 0
 
 
-def test_the_point_itself_is_kept_and_the_newest_one():
+def test_a_cell_keeps_the_mean_of_what_was_seen_in_it_not_where_noise_had_it_last():
     memory = Memory(LASER_LAYER)
     memory.see(np.array([[0.501, 0.502], [0.511, 0.512]]), HERE, 0.0)
     np.testing.assert_array_equal(memory.points(0.0), [[0.511, 0.512]])
-    memory.see(np.array([[0.505, 0.506]]), HERE, 0.1)
-    np.testing.assert_array_equal(memory.points(0.1), [[0.505, 0.506]])
+    for scan in range(20):
+        memory.see(np.array([[0.511, 0.512]]), HERE, 0.1 * scan)
+    memory.see(np.array([[0.521, 0.512]]), HERE, 2.0)
+    np.testing.assert_allclose(memory.points(2.0), [[0.513, 0.512]])
+    for scan in range(30):
+        memory.see(np.array([[0.521, 0.512]]), HERE, 2.1 + 0.1 * scan)
+    np.testing.assert_allclose(memory.points(5.0), [[0.521, 0.512]], atol=1e-4)
 
 
 def test_what_is_far_away_is_not_remembered_nor_found_again_where_it_never_was():

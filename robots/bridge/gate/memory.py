@@ -21,6 +21,7 @@ PASSES = 2  # observations that see free space where a point is remembered, unti
 GAP_S = 0.2  # a cell that was not seen for longer was not watched meanwhile
 BRIEFLY_S = 0.6  # watched no longer than this is seen in passing: shortest life
 LONG_S = 2.0  # watched for this long: longest life
+NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
 
 
 class Layer(NamedTuple):
@@ -90,7 +91,11 @@ class Memory:
         self._forget(far | old)
 
     def see(self, points: Points, pose: Pose, now_s: float) -> None:
-        """Something is at `points` (odometry frame), seen now by the robot at `pose`. The newest place is kept."""
+        """Something is at `points` (odometry frame), seen now by the robot at `pose`.
+
+        A cell keeps the mean of the places seen in it, the newer ones weighing more: what leaves the view must not stay
+        where noise had it last, or a wall that is passed closely blocks the way.
+        """
         self.follow(pose, now_s)
         x, y = points.T
         near = np.maximum(np.abs(x - pose.x), np.abs(y - pose.y)) <= self.reach_m
@@ -101,7 +106,9 @@ class Memory:
         known = self._lives[cells]
         watched_s = np.minimum(now_s - self._seen_s[cells], GAP_S)
         watched_s = np.where(known, self._watched_s[cells] + watched_s, 0.0)
-        self._x[cells], self._y[cells] = x[kept], y[kept]
+        share = np.where(known, NEWEST_SHARE, 1.0)
+        self._x[cells] += share * (x[kept] - self._x[cells])
+        self._y[cells] += share * (y[kept] - self._y[cells])
         self._watched_s[cells] = watched_s
         self._seen_s[cells] = now_s
         self._expires_s[cells] = now_s + self._life_s(watched_s)
