@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate import braking
 from robots.bridge.gate.footprint import footprint_of
-from robots.bridge.gate.restraint import restrain, safe_share, way_out
+from robots.bridge.gate.restraint import restrain, safe_shares, way_out
 from robots.bridge.gate.values import Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 
@@ -118,11 +118,16 @@ def test_a_box_turns_its_corner_out_of_a_wall_but_not_into_it(w):
 
 def test_the_way_out_never_demands_more_than_there_is_nor_less_than_the_hull_elsewhere():
     gaps = np.array([0.5, 0.01, 0.2])
-    np.testing.assert_allclose(way_out(gaps, 0.03, 1.0), [0.0099, 0.0099, 0.0099])
+    np.testing.assert_allclose(way_out(gaps, 0.03, 1.0), [0.0099])
     inside = np.array([0.5, -0.02, 0.2])
     np.testing.assert_allclose(way_out(inside, 0.03, 1.0), [0.0, -0.0201, 0.0])
-    np.testing.assert_allclose(way_out(np.array([0.5, 0.2]), 0.03, 1.0), [0.03, 0.03])
-    np.testing.assert_allclose(way_out(np.array([0.5, 0.02]), 0.03, 0.5), [0.0099, 0.0099])
+    np.testing.assert_allclose(way_out(np.array([0.5, 0.2]), 0.03, 1.0), [0.03])
+    np.testing.assert_allclose(way_out(np.array([0.5, 0.02]), 0.03, 0.5), [0.0099])
+
+
+@given(st.lists(st.floats(-0.3, 1.0), min_size=1).map(np.array), st.sampled_from([0.5, 1.0]))
+def test_grown_for_the_way_out_the_hull_holds_no_point(gaps, demanded_share):
+    assert (way_out(gaps, 0.03, demanded_share) < gaps).all()
 
 
 def test_nose_at_the_wall_the_whole_turn_is_given_back():
@@ -140,8 +145,8 @@ def test_given_back_rotation_is_safe_itself(x, y):
     allowed = decide("disc", stick, points).velocity
     hull = footprint_of(profile)
     gaps = hull.gaps(points)
-    share = safe_share(allowed, points, gaps, way_out(gaps, 0.03, 1.0), hull, profile)
-    assert allowed.vx == 0.0 or share.share > 0.99
+    shares = safe_shares([allowed], points, gaps, way_out(gaps, 0.03, 1.0), hull, profile)
+    assert allowed.vx == 0.0 or shares[allowed].share > 0.99
 
 
 def test_the_arc_that_the_base_still_follows_must_be_clear_too():

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc
+from robots.bridge.gate.arc import Contacts, Courses, Metres
 from robots.bridge.gate.planar import Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Velocity
 
-Metres = NDArray[np.float64]
+Band = tuple[float, float]
 Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um are exact enough there
 
 
@@ -20,13 +21,11 @@ class Footprint(Protocol):
     """What the gate asks of a hull. Points are (N, 2) in the base frame.
 
     `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
-    `corner_stretch`: how much farther than the margin a corner moves out when the hull is grown by it.
     `pose_spacing_m`: how far it may move between two poses that are looked at; what stands between is missed by little.
     `turns_freely`: turning on the spot, it touches nothing new.
     """
 
     demanded_share: float
-    corner_stretch: float
     pose_spacing_m: float
     turns_freely: bool
 
@@ -36,14 +35,11 @@ class Footprint(Protocol):
     def gaps(self, points: Points) -> Metres:
         """How far each point lies outside the hull; negative inside."""
 
-    def contact_times(self, points: Points, twist: Velocity, growth: Metres) -> NDArray[np.float64]:
-        """Seconds until the hull grown by `growth` first touches each point; infinity for never."""
+    def bands(self, twist: Velocity) -> list[Band]:
+        """Which tracks (see `arc.Courses`) the hull sweeps on this arc."""
 
-    def path_speeds(self, points: Points, twist: Velocity) -> Metres | float:
-        """The speed at which the way to each point is used up, m/s."""
-
-    def clearances(self, points: Points, twist: Velocity) -> Metres:
-        """How far each point stays outside of what the hull sweeps on this arc; negative if it is swept."""
+    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
+        """When the hull touches which points. It is grown by `growth`, (1,) or (N,), and they lie outside of it."""
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         """The least gap that each point has on each row of a path, (rows, N).
@@ -56,7 +52,6 @@ class Disc:
     """A disc about the base origin."""
 
     demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
-    corner_stretch = 1.0
     pose_spacing_m = 0.04
     turns_freely = True
 
@@ -64,6 +59,7 @@ class Disc:
         if not (math.isfinite(radius_m) and radius_m > 0.0):
             raise ValueError("The radius of a footprint must be above zero.")
         self.radius_m = radius_m
+        self._discs = np.array([(0.0, 0.0, radius_m)])
 
     def reach(self, growth_m: float) -> float:
         return self.radius_m + growth_m
@@ -73,22 +69,13 @@ class Disc:
         gaps: Metres = np.sqrt(x**2 + y**2) - self.radius_m
         return gaps
 
-    def contact_times(self, points: Points, twist: Velocity, growth: Metres) -> NDArray[np.float64]:
-        return arc.disc_contact_times(points, twist, self.radius_m + growth)
+    def bands(self, twist: Velocity) -> list[Band]:
+        return [_disc_band(0.0, 0.0, self.radius_m, twist)]
 
-    def path_speeds(self, points: Points, twist: Velocity) -> float:
-        return arc.speed(twist)  # turning a disc brings it no nearer to anything
-
-    def clearances(self, points: Points, twist: Velocity) -> Metres:
-        x, y = points.T
-        clearances: Metres
-        if arc.is_straight(twist):
-            clearances = np.abs(twist.vx * y - twist.vy * x) / arc.speed(twist) - self.radius_m
-        else:
-            cx, cy = arc.centre(twist)
-            distance = np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
-            clearances = np.abs(distance - math.hypot(cx, cy)) - self.radius_m
-        return clearances
+    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
+        contacts = arc.disc_contacts(courses, self._discs, growth)
+        v = arc.speed(courses.twists[0])  # turning a disc brings it no nearer to anything
+        return contacts._replace(speeds=np.full(len(contacts.rows), v))
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         return _least_distances(path, points, drift) - np.float32(self.radius_m)
@@ -100,7 +87,6 @@ class Discs:
     demanded_share = (
         0.5  # turning out of a wall, one disc may come a little nearer to it before another leaves
     )
-    corner_stretch = 1.0
     pose_spacing_m = 0.04
     turns_freely = False
 
@@ -111,6 +97,7 @@ class Discs:
         if not all(math.isfinite(x) and math.isfinite(y) for x, y, _ in discs):
             raise ValueError("The middle of each disc must be two numbers.")
         self._discs = [(x, y, Disc(radius_m)) for x, y, radius_m in discs]
+        self._middles_and_radii = np.array(discs)
 
     def reach(self, growth_m: float) -> float:
         return max(math.hypot(x, y) + disc.reach(growth_m) for x, y, disc in self._discs)
@@ -118,21 +105,11 @@ class Discs:
     def gaps(self, points: Points) -> Metres:
         return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
 
-    def contact_times(self, points: Points, twist: Velocity, growth: Metres) -> NDArray[np.float64]:
-        return _least(
-            [
-                disc.contact_times(_from(points, x, y), _twist_at(x, y, twist), growth)
-                for x, y, disc in self._discs
-            ]
-        )
+    def bands(self, twist: Velocity) -> list[Band]:
+        return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
 
-    def path_speeds(self, points: Points, twist: Velocity) -> Metres | float:
-        return _speeds_about_centre(points, twist)
-
-    def clearances(self, points: Points, twist: Velocity) -> Metres:
-        return _least(
-            [disc.clearances(_from(points, x, y), _twist_at(x, y, twist)) for x, y, disc in self._discs]
-        )
+    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
+        return arc.disc_contacts(courses, self._middles_and_radii, growth)
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         cos, sin = np.cos(path.yaw), np.sin(path.yaw)
@@ -156,7 +133,6 @@ class Polygon:
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
         self.edges = arc.Edges(outline)
-        self.corner_stretch = float(self.edges.corner_stretch.max())
         self._corners = [(float(x), float(y)) for x, y in outline]
         lengths = (self.edges.high - self.edges.low).tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
@@ -171,26 +147,14 @@ class Polygon:
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)
 
-    def contact_times(self, points: Points, twist: Velocity, growth: Metres) -> NDArray[np.float64]:
-        return arc.polygon_contact_times(points, twist, self.edges, growth)
-
-    def path_speeds(self, points: Points, twist: Velocity) -> Metres | float:
-        return _speeds_about_centre(points, twist)
-
-    def clearances(self, points: Points, twist: Velocity) -> Metres:
-        """The hull sweeps a strip, or a ring about the centre of rotation."""
-        x, y = points.T
+    def bands(self, twist: Velocity) -> list[Band]:
         if arc.is_straight(twist):
-            across = np.array([-twist.vy, twist.vx]) / arc.speed(twist)
-            corners = self.edges.vertices @ across
-            low, high = corners.min(), corners.max()
-            where = across[0] * x + across[1] * y
-        else:
-            cx, cy = arc.centre(twist)
-            low, high = self._ring(cx, cy)
-            where = np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
-        clearances: Metres = np.maximum(where - high, low - where)
-        return clearances
+            tracks = [arc.track(x, y, twist) for x, y in self._corners]
+            return [(min(tracks), max(tracks))]
+        return [self._ring(*arc.centre(twist))]
+
+    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
+        return arc.polygon_contacts(courses, self.edges, growth)
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         """Each edge of each pose is a half-plane; its distances to all points are one row of the product."""
@@ -222,6 +186,17 @@ class Polygon:
         return 0.0 if inside else nearest, farthest
 
 
+def clearances(courses: Courses, footprint: Footprint) -> Metres:
+    """How far each point stays outside of what the hull sweeps on each arc, (twists, N); negative if it is swept."""
+    bands = np.array([footprint.bands(twist) for twist in courses.twists])  # (twists, bands, low and high)
+    return _least(
+        [
+            np.maximum(low - courses.track, courses.track - high)
+            for low, high in bands.transpose(1, 2, 0)[..., None]
+        ]
+    )
+
+
 def footprint_of(profile: GateProfile) -> Footprint:
     """The hull that a profile describes. ValueError if it describes none."""
     if profile.discs is not None:
@@ -238,24 +213,15 @@ def _from(points: Points, x: float, y: float) -> Points:
     return from_columns(points[:, 0] - x, points[:, 1] - y)
 
 
-def _twist_at(x: float, y: float, twist: Velocity) -> Velocity:
-    """The same motion of the same body, told at (x, y) instead of at its origin."""
-    return Velocity(twist.vx - twist.w * y, twist.vy + twist.w * x, twist.w)
+def _disc_band(x: float, y: float, radius_m: float, twist: Velocity) -> Band:
+    """The tracks that a disc about (x, y) sweeps: a strip, or a ring about the centre of rotation."""
+    middle = arc.track(x, y, twist)
+    return middle - radius_m, middle + radius_m
 
 
 def _least(arrays: list[Metres]) -> Metres:
     least: Metres = np.minimum.reduce(arrays)
     return least
-
-
-def _speeds_about_centre(points: Points, twist: Velocity) -> Metres | float:
-    """How fast a body moves where these points are, m/s."""
-    if arc.is_straight(twist):
-        return arc.speed(twist)
-    cx, cy = arc.centre(twist)
-    x, y = points.T
-    speeds: Metres = abs(twist.w) * np.sqrt((x - cx) ** 2 + (y - cy) ** 2)
-    return np.maximum(speeds, 1e-9)
 
 
 def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:

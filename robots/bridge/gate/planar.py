@@ -34,6 +34,12 @@ def from_columns(x: NDArray[np.float64], y: NDArray[np.float64]) -> Points:
     return np.stack((x, y)).T
 
 
+def chosen(points: Points, rows: NDArray[np.intp]) -> Points:
+    """Some of the points, their columns together in memory again."""
+    some: Points = points.T.take(rows, axis=1).T
+    return some
+
+
 def placed(points: Points, pose: Pose) -> Points:
     """Points given in the frame that stands at `pose`, in the frame in which `pose` is given."""
     x, y = points.T

@@ -6,14 +6,17 @@ Pure: everything is an argument, nothing is kept.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc, braking
-from robots.bridge.gate.footprint import Footprint, Metres
-from robots.bridge.gate.planar import Points
+from robots.bridge.gate.arc import Courses, Metres, Rows
+from robots.bridge.gate.footprint import Footprint, clearances
+from robots.bridge.gate.planar import Points, chosen
 from robots.bridge.gate.values import GateProfile, Velocity
 
 WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less this
@@ -72,11 +75,12 @@ def restrain(
     near = _within_reach(points, arcs, footprint, profile)
     if not len(near):
         return Restraint(wanted)
-    points = points.T[:, near].T
+    points = chosen(points, near)
     gaps = footprint.gaps(points)
     growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
     surroundings = (points, gaps, growth, footprint, profile)
-    limit = min((safe_share(each, *surroundings) for each in arcs), key=lambda share: share.share)
+    shares = safe_shares(arcs, *surroundings)
+    limit = min((shares[twist] for twist in arcs), key=_by_share)
     if limit is FREE:
         return Restraint(wanted)
     row = limit.row
@@ -86,87 +90,103 @@ def restrain(
 
 
 def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Metres:
-    """How far the hull is grown for each point: by the lateral margin, but never demand more clearance than there is.
+    """How far the hull is grown: by the lateral margin, but never demand more clearance than there is.
 
     Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
-    does not shrink below the hull itself, except for points that are inside already.
+    does not shrink below the hull itself, except for points that are inside already: only then it is not the same
+    for all points, (1,), but each has its own, (N,).
     """
     spare = np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M
-    common = min(max(float(spare.min(initial=lateral_margin_m)), 0.0), lateral_margin_m)
-    return np.minimum(spare, common)
+    least = float(spare.min(initial=lateral_margin_m))
+    return np.array([least]) if least >= 0.0 else np.minimum(spare, 0.0)
 
 
-def safe_share(
-    twist: Velocity,
+def safe_shares(
+    twists: Sequence[Velocity],
     points: Points,
     gaps: Metres,
     growth: Metres,
     footprint: Footprint,
     profile: GateProfile,
-    at_least: float = 0.0,
-) -> Share:
-    """The share of `twist` that braking and passing allow: the smaller one.
-
-    One that is not above `at_least` need not be exact.
-    """
-    clearances = footprint.clearances(points, twist)
-    brakes = _braking_share(twist, points, clearances, growth, footprint, profile)
-    if brakes.share <= at_least:
-        return brakes
-    passes = _passing_share(twist, points, clearances, gaps, growth, profile)
-    return min(brakes, passes, key=lambda share: share.share)
+) -> dict[Velocity, Share]:
+    """The share of each twist that braking and passing allow: the smaller one. The twists differ in their turn only."""
+    shares: dict[Velocity, Share] = {}
+    for courses in arc.courses(points, twists):
+        brakes = _braking_shares(courses, growth, footprint, profile)
+        passes = _passing_shares(courses, points, gaps, growth, footprint, profile)
+        for twist, *limits in zip(courses.twists, brakes, passes, strict=True):
+            shares[twist] = min(limits, key=_by_share)
+    return shares
 
 
-def _braking_share(
-    twist: Velocity,
+def _by_share(limit: Share) -> float:
+    return limit.share
+
+
+def _braking_shares(
+    courses: Courses, growth: Metres, footprint: Footprint, profile: GateProfile
+) -> list[Share]:
+    """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
+    parameters = profile.parameters
+    contacts = footprint.contacts(courses, growth)
+    until_s = contacts.times - parameters.front_margin_m / contacts.speeds
+    shares = []
+    for twist, first in zip(
+        courses.twists, _lowest(until_s, contacts.twists, len(courses.twists)), strict=True
+    ):
+        if first is None:
+            shares.append(FREE)
+            continue
+        braking_s = braking.braking_time(twist, profile)
+        share = braking.scale(float(until_s[first]), parameters.latency_s, braking_s)
+        shares.append(Share(share, OBSTACLE, int(contacts.rows[first])) if share < 1.0 else FREE)
+    return shares
+
+
+def _passing_shares(
+    courses: Courses,
     points: Points,
-    clearances: Metres,
+    gaps: Metres,
     growth: Metres,
     footprint: Footprint,
     profile: GateProfile,
-) -> Share:
-    """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
-    swept = np.flatnonzero(clearances <= footprint.corner_stretch * np.maximum(growth, 0.0))
-    if not len(swept):
-        return FREE
-    parameters = profile.parameters
-    points = points.T[:, swept].T
-    times = footprint.contact_times(points, twist, growth[swept])
-    if times.min() == np.inf:
-        return FREE
-    times -= parameters.front_margin_m / footprint.path_speeds(points, twist)
-    first = int(times.argmin())
-    share = braking.scale(float(times[first]), parameters.latency_s, braking.braking_time(twist, profile))
-    return Share(share, OBSTACLE, int(swept[first])) if share < 1.0 else FREE
-
-
-def _passing_share(
-    twist: Velocity, points: Points, clearances: Metres, gaps: Metres, growth: Metres, profile: GateProfile
-) -> Share:
+) -> list[Share]:
     """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
 
     Before that place the robot may be as fast as still lets it brake to this speed; the gap shrinks at most as
     fast as the robot moves, so gap - clearance is a distance that is surely left.
     """
-    v = arc.speed(twist)
+    free = [FREE] * len(courses.twists)
+    way = courses.twists[0]
+    v = arc.speed(way)
     parameters = profile.parameters
     if v <= parameters.creep_mps:
-        return FREE
+        return free
     x, y = points.T
     harmless = parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
-    ahead = twist.vx * x + twist.vy * y > 0.0
-    passed = np.flatnonzero((clearances < harmless) & (clearances >= growth) & ahead)
-    if not len(passed):
-        return FREE
-    clearances = clearances[passed]
-    spare = np.maximum(clearances - parameters.lateral_margin_m, 0.0)
+    ahead = way.vx * x + way.vy * y > 0.0
+    clear = clearances(courses, footprint)
+    numbers, rows = arc.places((clear < harmless) & (clear >= growth) & ahead)
+    if not len(rows):
+        return free
+    clear = clear[numbers, rows]
+    spare = np.maximum(clear - parameters.lateral_margin_m, 0.0)
     there = parameters.creep_mps + spare / parameters.near_miss_s
-    left = np.maximum(gaps[passed] - clearances, 0.0)
+    left = np.maximum(gaps[rows] - clear, 0.0)
     linear, _ = braking.deceleration(profile)
     allowed = braking.speed_before(left, there, parameters.latency_s, linear)
-    slowest = int(allowed.argmin())
-    share = float(allowed[slowest]) / v
-    return Share(share, NEAR_MISS, int(passed[slowest])) if share < 1.0 else FREE
+    return [
+        FREE
+        if slowest is None or allowed[slowest] >= v
+        else Share(float(allowed[slowest]) / v, NEAR_MISS, int(rows[slowest]))
+        for slowest in _lowest(allowed, numbers, len(free))
+    ]
+
+
+def _lowest(values: Metres, numbers: Rows, count: int) -> list[int | None]:
+    """Where the lowest value of each twist is, None if it has none. Values come in order of their twists' numbers."""
+    ends = np.searchsorted(numbers, range(count + 1)).tolist()
+    return [start + int(values[start:end].argmin()) if start < end else None for start, end in pairwise(ends)]
 
 
 def _give_rotation_back(
@@ -187,13 +207,9 @@ def _give_rotation_back(
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:
         return scaled
-    for turn in TURN_SHARES:
-        candidate = scaled._replace(w=turn * wanted.w)
-        if turn <= share:
-            break
-        if safe_share(candidate, points, gaps, growth, footprint, profile, _WHOLE).share > _WHOLE:
-            return candidate
-    return scaled
+    candidates = [scaled._replace(w=turn * wanted.w) for turn in TURN_SHARES if turn > share]
+    shares = safe_shares(candidates, points, gaps, growth, footprint, profile)
+    return next((twist for twist in candidates if shares[twist].share > _WHOLE), scaled)
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:

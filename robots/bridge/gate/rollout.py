@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc, braking
-from robots.bridge.gate.footprint import Footprint, Metres
-from robots.bridge.gate.planar import Path, Points
+from robots.bridge.gate.arc import Metres
+from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.planar import Path, Points, chosen
 from robots.bridge.gate.restraint import STANDING_MPS, way_out
 from robots.bridge.gate.values import GateProfile, Velocity
 
@@ -117,7 +118,7 @@ def safe_share(
     met = _within(points, drift, first, footprint)
     if not len(met):
         return CLEAR
-    points = points.T[:, met].T
+    points = chosen(points, met)
     drift = None if drift is None else drift[met]
     margins = _margins(len(met), drift, profile)
     spare = footprint.least_gaps(first, points, drift)[0] - margins
@@ -315,8 +316,10 @@ def _demanded(
 ) -> Metres:
     """The margins, but nowhere more than stopping now would leave (method 4); apart for what moves and what stands."""
     share = footprint.demanded_share
-    demanded = way_out(unavoidable, profile.parameters.hard_margin_m, share)
-    if drift is not None and (moving := _moving(drift)).any():
-        demanded[~moving] = way_out(unavoidable[~moving], profile.parameters.hard_margin_m, share)
-        demanded[moving] = way_out(unavoidable[moving], MOVER_MARGIN_M, share)
+    hard = profile.parameters.hard_margin_m
+    if drift is None or not (moving := _moving(drift)).any():
+        return way_out(unavoidable, hard, share)
+    demanded = np.empty(len(drift))
+    demanded[~moving] = way_out(unavoidable[~moving], hard, share)
+    demanded[moving] = way_out(unavoidable[moving], MOVER_MARGIN_M, share)
     return demanded
