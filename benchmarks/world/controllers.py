@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robots.bridge.gate.depth import DepthImage, Lens, Transform, picture_of_image
 from robots.bridge.gate.depth_camera import frame_of
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.posture import AT_HOME
 from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
 from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
 
@@ -104,6 +105,7 @@ class Ours:
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
         if asked == STILL:
             self._neutral = None
+        self.gate.observe_posture(AT_HOME, now_s)  # as joint states tell: the arm stays folded
         verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
         said = Said(verdict.velocity, verdict.code, verdict.text, verdict.limits)
         if verdict.neutral:
