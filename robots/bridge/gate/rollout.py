@@ -225,30 +225,39 @@ def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _S
 
 def _changed(speed: float, command: float, up: float, down: float) -> float:
     """A speed on its way to the commanded one, quicker away from zero than towards it."""
+    if speed == command:
+        return speed
     step = up if speed * command >= 0.0 and abs(command) > abs(speed) else down
     return min(max(command, speed - step), speed + step)
 
 
 def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
-    """From each state a row: full braking to standstill."""
-    x, y, yaw, time_s = np.array([state[:4] for state in begun]).T[..., None]
-    vx, vy, w = np.array([state.velocity for state in begun]).T[..., None]
-    linear_s = np.maximum(np.abs(vx), np.abs(vy)) / rates.linear_down
-    spans = np.maximum(linear_s, np.abs(w) / rates.angular_down)
-    swept_m = np.abs(vx) + np.abs(vy) + (0.0 if footprint.turns_freely else footprint.reach(0.0)) * np.abs(w)
-    poses = min(math.ceil((swept_m * spans).max() / 2.0 / footprint.pose_spacing_m) + 1, MOST_POSES)
-    passed_s = spans * _evenly_along_a_braked_way(poses)
-    turned = _braked(w, rates.angular_down, passed_s)
-    way = _braked(vx, rates.linear_down, passed_s)
+    """From each state a row: full braking to standstill. Arrays over axes are (rows, 3, poses)."""
+    poses = max(_poses_until_still(state.velocity, rates, footprint) for state in begun)
+    starts = np.array([(*state[:4], *state.velocity) for state in begun])
+    x, y, yaw, time_s = starts[:, :4].T[..., None]
+    speeds = starts[:, 4:, None]
+    rate = np.array([[rates.linear_down], [rates.linear_down], [rates.angular_down]])
+    needed_s = np.abs(speeds) / rate
+    passed_s = needed_s.max(axis=1) * _evenly_along_a_braked_way(poses)
+    braked_s = np.minimum(passed_s[:, None], needed_s)
+    way = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
+    turned = way[:, 2]
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
-    cos, sin = np.cos(heading), np.sin(heading)
-    forward = way[:, 1:] - way[:, :-1]
-    dx, dy = cos * forward, sin * forward
-    if vy.any():
-        aside = _braked(vy, rates.linear_down, passed_s)
-        left = aside[:, 1:] - aside[:, :-1]
-        dx, dy = dx - sin * left, dy + cos * left
-    return Path(_summed(x, dx), _summed(y, dy), yaw + turned, time_s + passed_s)
+    steps = way[:, :2, 1:] - way[:, :2, :-1]
+    places = np.empty(passed_s.shape, dtype=np.complex128)  # x + iy, which turns by a product
+    places[:, :1] = x + 1j * y
+    np.multiply(steps[:, 0] + 1j * steps[:, 1], np.exp(1j * heading), out=places[:, 1:])
+    np.cumsum(places, axis=1, out=places)
+    return Path(places.real, places.imag, yaw + turned, time_s + passed_s)
+
+
+def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) -> int:
+    """How many poses are close enough together, though no more than `MOST_POSES`."""
+    vx, vy, w = map(abs, velocity)
+    still_s = max(max(vx, vy) / rates.linear_down, w / rates.angular_down)
+    swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
+    return min(math.ceil((vx + vy + swing_m * w) * still_s / 2.0 / footprint.pose_spacing_m) + 1, MOST_POSES)
 
 
 @cache
@@ -256,22 +265,6 @@ def _evenly_along_a_braked_way(poses: int) -> Metres:
     """Shares of the time of braking: dense while the robot is fast."""
     shares: Metres = 1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1))
     return shares
-
-
-def _summed(start: Metres, steps: Metres) -> Metres:
-    """Where one is at first and after each step, (rows, 1 + steps)."""
-    places = np.empty((len(steps), steps.shape[1] + 1))
-    places[:, :1] = start
-    np.cumsum(steps, axis=1, out=places[:, 1:])
-    places[:, 1:] += start
-    return places
-
-
-def _braked(speeds: Metres, rate: float, passed_s: Metres) -> Metres:
-    """How far one gets within these times while braking from these speeds at this rate."""
-    braked_s = np.minimum(passed_s, np.abs(speeds) / rate)
-    way: Metres = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
-    return way
 
 
 def _path(states: list[_State]) -> Path:
