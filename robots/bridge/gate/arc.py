@@ -24,7 +24,7 @@ Rows = NDArray[np.intp]
 
 STRAIGHT_PER_M = 0.001  # |w| <= 0.001 |v| counts as straight: a turning circle of more than a kilometre
 _TINY = 1e-12
-_HAIR_M = 1e-9  # between two edges nothing slips through
+_HAIR_M = 1e-9  # added to both ends of an edge: between two nothing slips through
 
 
 def speed(twist: Velocity) -> float:
@@ -104,10 +104,9 @@ def track(x: float, y: float, twist: Velocity) -> float:
 def disc_contacts(courses: Courses, discs: NDArray[np.float64], growth: Metres) -> Contacts:
     """Contacts with discs (x, y, radius) grown by `growth`, one for all points or one for each."""
     x, y, radius = discs.T[..., None]
-    radius = np.broadcast_to(radius + growth, (len(discs), courses.track.shape[1]))
     if isinstance(courses, Lines):
-        return _discs_straight(courses, x, y, radius)
-    return _discs_turning(courses, x, y, radius)
+        return _discs_straight(courses, x, y, radius + growth)
+    return _discs_turning(courses, x, y, radius + growth)
 
 
 def _discs_straight(courses: Lines, x: Metres, y: Metres, radius: Metres) -> Contacts:
@@ -117,7 +116,7 @@ def _discs_straight(courses: Lines, x: Metres, y: Metres, radius: Metres) -> Con
     ahead = courses.ahead[:, None] - (twist.vx * x + twist.vy * y) / v
     aside = np.abs(courses.track[:, None] - (twist.vx * y - twist.vy * x) / v)
     number, disc, row = places((aside < radius) & (ahead > 0.0))
-    half_chord = np.sqrt(radius[disc, row] ** 2 - aside[0, disc, row] ** 2)
+    half_chord = np.sqrt(radius[disc, _columns(row, radius[0])] ** 2 - aside[0, disc, row] ** 2)
     times = np.maximum(ahead[0, disc, row] - half_chord, 0.0) / v
     return Contacts(number, row, times, np.full(len(row), v))
 
@@ -131,12 +130,18 @@ def _discs_turning(courses: Circles, x: Metres, y: Metres, radius: Metres) -> Co
     rho = np.sqrt(mx * mx + my * my)
     number, disc, row = places(np.abs(courses.track[:, None] - rho) < radius)
     begin = np.arctan2(my, mx)[number, disc, 0]
-    rho, r, d, w = rho[number, disc, 0], radius[disc, row], courses.track[number, row], courses.w[number, 0]
+    rho, d, w = rho[number, disc, 0], courses.track[number, row], courses.w[number, 0]
+    r = radius[disc, _columns(row, radius[0])]
     phi = np.mod(np.sign(w) * (np.arctan2(courses.y[number, row], courses.x[number, row]) - begin), math.tau)
     cos_delta = (d * d + rho * rho - r * r) / np.maximum(2.0 * d * rho, _TINY)
     delta = np.arccos(np.minimum(np.maximum(cos_delta, -1.0), 1.0))
     turning = np.abs(w)
     return Contacts(number, row, np.maximum(phi - delta, 0.0) / turning, turning * d)
+
+
+def _columns(rows: Rows, values: Metres) -> Rows | int:
+    """Where in `values`, (1,) or (N,), those of these rows are."""
+    return rows if len(values) > 1 else 0
 
 
 def places(marked: NDArray[np.bool_]) -> tuple[Rows, ...]:
@@ -147,9 +152,9 @@ def places(marked: NDArray[np.bool_]) -> tuple[Rows, ...]:
 class Edges:
     """The edges of a convex polygon, counter-clockwise, ready to be grown outwards by a margin.
 
-    Edge i lies where normal_i . p = offset_i; along it, u_i . p runs from low_i to high_i (u_i is the normal
-    turned left). Growing by m moves each edge out by m and lengthens its ends by m times `low_stretch` and
-    `high_stretch`: corners stay sharp.
+    Edge i lies where normal_i . p = offset_i; along it, u_i . p runs from one end to the other (u_i is the normal
+    turned left). Growing by m moves each edge out by m and lengthens its ends by m times the tangent of half the
+    bend there: corners stay sharp.
     """
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
@@ -176,10 +181,10 @@ class Edges:
         self.along = along
         self.normals = np.stack((along[:, 1], -along[:, 0]), axis=1)
         self.offsets = (self.normals * vertices).sum(axis=1)
-        self.low = (along * vertices).sum(axis=1)
-        self.high = self.low + lengths
-        self.low_stretch = np.tan(bends / 2.0)
-        self.high_stretch = np.roll(self.low_stretch, -1)
+        self.lengths = lengths
+        low, low_stretch = (along * vertices).sum(axis=1), np.tan(bends / 2.0)
+        self._ends = np.stack((low - _HAIR_M, low + lengths + _HAIR_M))[..., None]
+        self._stretch = np.stack((-low_stretch, np.roll(low_stretch, -1)))[..., None]
         self.headings = np.arctan2(self.normals[:, 1], self.normals[:, 0])
         self.corner_stretch = 1.0 / np.cos(bends / 2.0)
 
@@ -191,11 +196,10 @@ class Edges:
         gaps: NDArray[np.float64] = self.beyond(points).max(axis=0)
         return gaps
 
-    def ends(self, growth: Metres) -> tuple[Metres, Metres]:
-        """Where along its line each edge begins and ends once it is grown, with a hair's breadth more, (edges, N)."""
-        low = self.low[:, None] - growth * self.low_stretch[:, None]
-        high = self.high[:, None] + growth * self.high_stretch[:, None]
-        return low - _HAIR_M, high + _HAIR_M
+    def ends(self, growth: Metres) -> Metres:
+        """Where along its line each edge begins and ends once it is grown, (2, edges, N)."""
+        ends: Metres = self._ends + growth * self._stretch
+        return ends
 
     def beyond(self, points: Points) -> NDArray[np.float64]:
         """How far each point lies beyond each edge's line, (edges, N).
@@ -228,7 +232,7 @@ def _enter_straight(courses: Lines, edges: Edges, growth: Metres) -> Contacts:
     low, high = edges.ends(growth)
     rightmost, leftmost = left * height + ahead * low, left * height + ahead * high
     edge, row = places((ahead > 0.0) & (courses.track >= rightmost) & (courses.track <= leftmost))
-    height = np.broadcast_to(height, (len(height), courses.track.shape[1]))[edge, row]
+    height = height[edge, _columns(row, growth)]
     ahead, left = ahead[edge, 0], left[edge, 0]
     way = courses.ahead[0, row] - (height - left * courses.track[0, row]) / ahead
     times = np.where(way >= 0.0, way, np.inf) / v
@@ -245,15 +249,13 @@ def _enter_turning(courses: Circles, edges: Edges, growth: Metres) -> Contacts:
     (nx, ny), (ux, uy) = edges.normals.T[..., None], edges.along.T[..., None]
     cx, cy, w = courses.centre_x[:, None], courses.centre_y[:, None], courses.w[:, None]
     height = edges.offsets[:, None] + growth - nx * cx - ny * cy
-    foot = ux * cx + uy * cy
-    low, high = (end - foot for end in edges.ends(growth))
-    first, last = np.where(w > 0.0, -high, low), np.where(w > 0.0, -low, high)
-    nearest = np.hypot(height, np.maximum(first, 0.0))
-    farthest = np.where(last > 0.0, np.hypot(height, last), 0.0)
+    ends = edges.ends(growth)[:, None] - (ux * cx + uy * cy)
+    entering_side = np.where(w > 0.0, -ends[::-1], ends)
+    nearest, farthest = np.hypot(height, np.maximum(entering_side, 0.0))
     track = courses.track[:, None]
     number, edge, row = places((track > nearest) & (track <= farthest))
     d, turning = courses.track[number, row], courses.w[number, 0]
-    height = np.broadcast_to(height, (*height.shape[:2], track.shape[2]))[number, edge, row]
+    height = height[number, edge, _columns(row, growth)]
     sideways = np.sqrt(np.maximum(d * d - height * height, 0.0))
     entry = edges.headings[edge] + np.arctan2(np.copysign(sideways, -turning), height)
     phi = np.arctan2(courses.y[number, row], courses.x[number, row])

@@ -134,7 +134,7 @@ class Polygon:
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
         self.edges = arc.Edges(outline)
         self._corners = [(float(x), float(y)) for x, y in outline]
-        lengths = (self.edges.high - self.edges.low).tolist()
+        lengths = self.edges.lengths.tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
         distances: list[float] = np.hypot(*self.edges.vertices.T).tolist()
         self._corner_reaches: list[tuple[float, float]] = list(
