@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
+from robots.bridge.config import ArmSource, DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import Parameters
 from robots.bridge.stick import STEADYING, STEPS, StickStep
 
@@ -171,6 +171,10 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _depth_problems(topics.depth)
     if topics.head:
         yield from _head_problems(topics.head)
+    if topics.arm:
+        yield from _arm_problems(topics.arm)
+        if topics.joint_states is None:
+            yield "arm: needs joint_states, or nobody knows where it is"
     for index, scan in enumerate(topics.scans):
         yield from _name_problem(scan.topic, f"scans[{index}].topic")
         yield from _pose_problems(scan, f"scans[{index}]")
@@ -209,6 +213,21 @@ def _head_problems(head: HeadSource) -> Iterator[str]:
             yield f"head.{name}: must name a joint"
     if abs(head.look_tilt) > math.pi / 2.0:
         yield f"head.look_tilt: must be between -1.57 and 1.57 rad, not {head.look_tilt:g}"
+
+
+def _arm_problems(arm: ArmSource) -> Iterator[str]:
+    if not arm.home:
+        yield "arm.home: must name the arm's joints"
+    if len(arm.links) < 2:
+        yield "arm.links: must name the arm's links from shoulder to tip"
+    if not 0.0 < arm.tolerance <= 0.5:
+        yield f"arm.tolerance: must be above 0 and at most 0.5 rad or m, not {arm.tolerance:g}"
+    if not 0.02 <= arm.radius_m <= 0.5:
+        yield f"arm.radius_m: must be between 0.02 and 0.5 m, not {arm.radius_m:g}"
+    for motion, discs in arm.postures.items():
+        for index, (_, _, radius_m) in enumerate(discs):
+            if radius_m <= 0.0:
+                yield f"arm.postures.{motion}[{index}]: its radius must be above zero"
 
 
 def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:

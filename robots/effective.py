@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from robots.bridge.config import DepthSource, Topic, Topics
+from robots.bridge.config import ArmSource, DepthSource, Topic, Topics
 from robots.bridge.gate.values import DepthView, GateProfile, Limits, Parameters
 from robots.bridge.stick import StickStep
 from robots.described import (
@@ -107,6 +107,16 @@ def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
             yield f"{kind}: {mine} here, {theirs} in the profile; what watches the way may be renamed, not removed"
     if given.depth and profile.depth:
         yield from _seen_less(given.depth, profile.depth)
+    if given.arm and profile.arm:
+        yield from _reaches_less(given.arm, profile.arm)
+
+
+def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
+    """An arm that would pass for smaller, or for folded sooner."""
+    if given.radius_m < profile.radius_m:
+        yield f"arm.radius_m: {given.radius_m:g} is below the profile's {profile.radius_m:g}; only tighten"
+    if given.tolerance > profile.tolerance:
+        yield f"arm.tolerance: {given.tolerance:g} is above the profile's {profile.tolerance:g}; only tighten"
 
 
 def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
@@ -178,6 +188,7 @@ def gate_profile(robot: Robot) -> GateProfile:
         has_depth=interface.depth is not None or profile_topics(robot.profile).depth is not None,
         blind_mps=blind_mps(robot),
         parameters=parameters(robot),
+        has_arm=interface.arm is not None or profile_topics(robot.profile).arm is not None,
         depth=_depth_view(interface.depth),
     )
 

@@ -362,6 +362,7 @@ class State(Struct, frozen=True):
     refused: dict[str, int]  # refused messages so far, by code
     latency_s: float = 0.0  # from a command to odometry that shows it, as the gate reckons with it
     latency_measured: bool = False  # else it is the profile's
+    arm: list[tuple[float, float, float]] = []  # what of it reaches out of the base: discs x, y, radius (base frame)
     watchers_more: int = 0
 
 

@@ -65,6 +65,16 @@ class HeadSource(Struct, frozen=True):
     follows_turn: bool = False  # on a drive the head turns to where the robot will be
 
 
+class ArmSource(Struct, frozen=True):
+    """An arm that may reach out of the footprint. `Topics.joint_states` tells where it is."""
+
+    home: dict[str, float]  # joints with which it is within the footprint: radians, or metres
+    links: list[str]  # of the robot's description, shoulder to tip: the arm lies along their origins
+    tolerance: float = 0.15  # of home: radians, or metres
+    radius_m: float = 0.07
+    postures: dict[str, list[tuple[float, float, float]]] = {}  # by motion, where there is no description: its end
+
+
 class Topics(Struct, frozen=True):
     """Where a robot's ROS interface is. None: the robot has no such thing."""
 
@@ -74,6 +84,7 @@ class Topics(Struct, frozen=True):
     sonars: list[SonarSource] = []
     depth: DepthSource | None = None
     head: HeadSource | None = None
+    arm: ArmSource | None = None
     joint_states: Topic | None = None
     battery: Topic | None = None  # std_msgs/Float32 percent, or sensor_msgs/BatteryState
     charging: Topic | None = None  # std_msgs/Bool

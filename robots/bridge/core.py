@@ -23,6 +23,7 @@ from robots.bridge.config import BridgeConfig, SonarSource
 from robots.bridge.drives import WAITING, DriveLog
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.posture import Posture
 from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.grants import Grants
 from robots.bridge.head import Aim, Head
@@ -250,6 +251,10 @@ class Core:
         """One picture of the depth camera."""
         self._gate.observe_depth(frame, stamp_s, arrival_s)
 
+    def posture(self, arm: Posture, arrival_s: float) -> None:
+        """Where the arm is."""
+        self._gate.observe_posture(arm, arrival_s)
+
     def bad_depth(self, why: str) -> None:
         """A picture of the depth camera that cannot be used, and why."""
         self._gate.observe_bad_depth(why)
@@ -304,6 +309,7 @@ class Core:
             refused=dict(self.refused),
             latency_s=round(self._gate.latency.in_force_s(now_s), 2),
             latency_measured=self._gate.latency.measured_s is not None,
+            arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in self._gate.arm_discs],
             watchers_more=watchers_more,
         )
 

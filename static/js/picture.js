@@ -220,6 +220,7 @@ export class Picture {
 
   #drawRobot(pixel) {
     const pen = this.#pen;
+    this.#drawArm(this.#view.state.arm ?? []);
     this.#outline(this.#facts.footprint);
     pen.fillStyle = this.#colour.robot;
     pen.fill();
@@ -234,6 +235,16 @@ export class Picture {
     pen.closePath();
     pen.fillStyle = this.#colour["robot-edge"];
     pen.fill();
+  }
+
+  #drawArm(discs) {
+    const pen = this.#pen;
+    pen.fillStyle = this.#colour["robot-edge"];
+    for (const [x, y, radius] of discs) {
+      pen.beginPath();
+      pen.arc(x, y, radius, 0, 2 * Math.PI);
+      pen.fill();
+    }
   }
 
   #drawHold(point, pixel) {

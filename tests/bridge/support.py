@@ -47,6 +47,7 @@ class OpenGate:
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.says: Callable[[Velocity], Verdict] | None = None
         self.latency = Latency(LIMITS, 0.2)
+        self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
 
     def observe_operator(self, delay_s: float | None) -> None:

@@ -15,6 +15,7 @@ from robots.selectors import bridge_config, require_link_settings, robot_facts
 pytestmark = pytest.mark.django_db
 
 DEPTH = {"topic": "/depth", "type": "sensor_msgs/Image", "height_m": 1.1}
+ARM = {"home": {"arm_1_joint": 0.2}, "links": ["arm_1_link", "arm_7_link"]}
 HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_joint": "head_2_joint"}
 
 
@@ -27,7 +28,7 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
         ({"limits": {"turn_radps": 0.0}}, "limits.turn_radps: must be above 0"),
         ({"limits": {"reverse_mps": -0.1}}, "limits.reverse_mps: must not be negative"),
         ({"gate": {"front_margin_m": 0.05}}, "gate.front_margin_m: 0.05 is below the profile's 0.08"),
-        ({"gate": {"deceleration_share": 0.9}}, "gate.deceleration_share: 0.9 is above the profile's 0.8"),
+        ({"gate": {"deceleration_share": 0.9}}, "gate.deceleration_share: 0.9 is above the profile's 0.65"),
         ({"gate": {"latency_s": 5.0}}, "gate.latency_s: must be between 0.1 and 1, not 5"),
         (
             {"topics": {"scans": [{"topic": "scan", "pose": [0, 0, 0]}]}},
@@ -52,6 +53,17 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
         ({"topics": {"depth": DEPTH | {"info": "info"}}}, "topics.depth.info: 'info' is not"),
         ({"topics": {"head": HEAD | {"look_tilt": -40}}}, "topics.head.look_tilt: must be between"),
         ({"topics": {"head": HEAD | {"pan_joint": ""}}}, "topics.head.pan_joint: must name a joint"),
+        (
+            {"topics": {"arm": ARM | {"tolerance": 0.4}}},
+            "topics.arm.tolerance: 0.4 is above the profile's 0.15",
+        ),
+        (
+            {"topics": {"arm": ARM | {"radius_m": 0.03}}},
+            "topics.arm.radius_m: 0.03 is below the profile's 0.07",
+        ),
+        ({"topics": {"arm": ARM | {"home": {}}}}, "topics.arm.home: must name the arm's joints"),
+        ({"topics": {"arm": ARM | {"links": ["hand"]}}}, "topics.arm.links: must name the arm's links"),
+        ({"topics": {"arm": ARM, "joint_states": None}}, "topics.arm: needs joint_states"),
         ({"topics": {"lidar": "/scan"}}, "topics.lidar: there is no such field"),
         ({"speed": 2}, "speed: there is no such field (there are: gate, limits, topics)"),
     ],

@@ -92,7 +92,7 @@ class Gate:
         """ValueError if the profile describes no footprint."""
         self.profile = profile
         self.footprint = self._base = footprint_of(profile)
-        self._arm_discs: tuple[posture.Disc, ...] = ()
+        self.arm_discs: tuple[posture.Disc, ...] = ()  # what of the arm reaches out of the base
         self._posture = posture.UNKNOWN
         self._posture_s = -math.inf
         limits = profile.limits
@@ -189,8 +189,8 @@ class Gate:
         self._posture, self._posture_s = arm, arrival_s
         radius_m = self._base.reach(0.0)
         discs = posture.beyond(arm.discs or (), radius_m)
-        if discs != self._arm_discs:
-            self._arm_discs = discs
+        if discs != self.arm_discs:
+            self.arm_discs = discs
             self.footprint = Discs(((0.0, 0.0, radius_m), *discs)) if discs else self._base
             if self._depth:
                 self._depth.body = self.footprint
@@ -294,9 +294,9 @@ class Gate:
         What is seen well within an arm is below or above it, or the arm would have touched it: it counts for the base
         alone. Else a robot whose arm is over a box or a table could not even retreat.
         """
-        if not self._arm_discs:
+        if not self.arm_discs:
             return [(self.footprint, obstacles)]
-        under = Discs(self._arm_discs).gaps(obstacles.points) < -posture.UNDER_M
+        under = Discs(self.arm_discs).gaps(obstacles.points) < -posture.UNDER_M
         return [
             (hull, obstacles._replace(points=obstacles.points.T[:, rows].T, source=obstacles.source[rows]))
             for hull, rows in ((self.footprint, ~under), (self._base, under))

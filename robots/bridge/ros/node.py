@@ -31,11 +31,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.depth_camera import Frame
+from robots.bridge.gate.posture import Posture
 from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.head import Aim
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.types import message_class
 
 log = logging.getLogger(__name__)
@@ -71,6 +73,7 @@ class RosBase:
         self._subscribers: list[rospy.Subscriber] = []
         self._depth: DepthTopics | None = None
         self._head: rospy.Publisher | None = None
+        self._arm: PostureTopics | None = None
         self._ending = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
@@ -218,11 +221,17 @@ class RosBase:
             self._subscribe(
                 Topic(f"{topics.motions.name}/status", "actionlib_msgs/GoalStatusArray"), self._on_motions
             )
+        if topics.arm and topics.joint_states:
+            self._arm = PostureTopics(topics.arm, self._on_posture)
+            self._arm.describe(rospy.get_param("/robot_description", None))
+            self._subscribers += self._arm.subscribe(topics.joint_states, topics.motions)
         if topics.depth and self._config.gate.depth:
             self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
 
     def _register_again(self, own_uri: str) -> None:
         """What `rospy.init_node` and its topics told the last master, told to its successor."""
+        if self._arm:
+            self._arm.describe(rospy.get_param("/robot_description", None))
         for publisher in self._publishers:
             self._master.register("registerPublisher", publisher.resolved_name, publisher.type, own_uri)
         for subscriber in self._subscribers + (self._depth.subscribers if self._depth else []):
@@ -293,6 +302,9 @@ class RosBase:
         arrival_s, stamp_s = time.monotonic(), message.header.stamp.to_sec()
         frame_id = message.header.frame_id.lstrip("/")
         self._post(lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range))
+
+    def _on_posture(self, arm: Posture, arrival_s: float) -> None:
+        self._post(lambda: self._core.posture(arm, arrival_s))
 
     def _on_battery(self, message: Any) -> None:
         percent = message.percentage * 100 if hasattr(message, "percentage") else message.data

@@ -1,0 +1,100 @@
+"""Where the arm is: from joint states by the robot's description, or by the motion that it finished last.
+
+Joint states come fifty times a second on a thread of rospy's; every fifth is looked at.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from sensor_msgs.msg import JointState
+
+from robots.bridge.config import ArmSource, Topic
+from robots.bridge.gate.posture import AT_HOME, KNOWN_S, UNKNOWN, Posture, discs_along, is_home
+from robots.bridge.ros.types import message_class
+from robots.bridge.urdf import BadDescription, Tree
+
+log = logging.getLogger(__name__)
+
+EVERY_S = 0.1
+
+Take = Callable[[Posture, float], None]
+
+
+class PostureTopics:
+    """The topics that tell of one arm. `take` is called on a thread of rospy's with the posture and its arrival."""
+
+    def __init__(self, arm: ArmSource, take: Take) -> None:
+        self._arm = arm
+        self._take = take
+        self._tree: Tree | None = None
+        self._joints: dict[str, tuple[float, float]] = {}  # position and arrival
+        self._looked_s = float("-inf")
+        self._motions: dict[str, str] = {}  # goal id -> motion, of goals that have not ended
+        self._after: str | None = None  # the motion that ended last, as it should
+
+    def describe(self, description: object) -> None:
+        """Take the robot's description; without a usable one the table of motions counts."""
+        self._tree = None
+        if isinstance(description, str):
+            try:
+                tree = Tree(description)
+                tree.moving(self._arm.links)
+                self._tree = tree
+            except BadDescription as error:
+                log.warning("%s: the arm's place is told by its motions only", error)
+
+    def subscribe(self, joint_states: Topic, motions: Topic | None) -> list[rospy.Subscriber]:
+        """Listen."""
+        subscribers = [rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._hear, queue_size=1)]
+        if motions and self._arm.postures:
+            kind = motions.type.removesuffix("Action")
+            for part, hear in (("goal", self._begun), ("result", self._ended)):
+                topic, type_ = f"{motions.name}/{part}", f"{kind}Action{part.capitalize()}"
+                subscribers.append(rospy.Subscriber(topic, message_class(type_), hear, queue_size=10))
+        return subscribers
+
+    # --- on rospy's threads ------------------------------------------------------------------------
+
+    def _hear(self, raw: Any) -> None:
+        arrival_s = time.monotonic()
+        if arrival_s - self._looked_s < EVERY_S:
+            return
+        self._looked_s = arrival_s
+        message = JointState().deserialize(raw._buff)
+        for name, position in zip(message.name, message.position, strict=False):
+            self._joints[name] = (position, arrival_s)
+        self._take(self._posture(arrival_s), arrival_s)
+
+    def _posture(self, now_s: float) -> Posture:
+        positions = {
+            name: at for name, (at, arrival_s) in self._joints.items() if now_s - arrival_s <= KNOWN_S
+        }
+        home = is_home(positions, self._arm.home, self._arm.tolerance)
+        if home:
+            self._after = None
+            return AT_HOME
+        if self._tree is not None:
+            try:
+                line = self._tree.places(self._arm.links, positions)
+            except KeyError:  # a joint that nobody tells of
+                return UNKNOWN
+            return Posture(False, discs_along(line, self._arm.radius_m))
+        if self._after in self._arm.postures and not self._motions:
+            return Posture(False, tuple(self._arm.postures[self._after]))
+        return UNKNOWN
+
+    def _begun(self, goal: Any) -> None:
+        self._motions[goal.goal_id.id] = goal.goal.motion_name
+        self._after = None
+
+    def _ended(self, result: Any) -> None:
+        motion = self._motions.pop(result.status.goal_id.id, None)
+        self._after = motion if result.status.status == GoalStatus.SUCCEEDED else None

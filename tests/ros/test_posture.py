@@ -1,0 +1,83 @@
+"""The arm on the way from joint states to the footprint: reaching out, it stops the robot before a wall."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import math
+from contextlib import contextmanager
+
+import msgspec
+import pytest
+import rospy
+from geometry_msgs.msg import Pose2D
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from robots.bridge.config import ArmSource, Topic
+from robots.simulator.joints import HOME
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+
+JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]
+ARM = ArmSource(
+    home={joint: HOME[joint] for joint in JOINTS},
+    links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
+)
+AHEAD = [1.5, 0.0, -0.3, 0.3, -1.2, 0.3, 0.0]  # the hand 1.03 m ahead of the middle of the base
+BEFORE_WALL = Pose2D(7.6, 2.6, -math.pi / 2.0)  # the wall's face is at y = 0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    return simulator(seed=1)
+
+
+@contextmanager
+def bridge(master, folder):
+    config = tiago_config(master, folder)
+    states = Topic("/joint_states", "sensor_msgs/JointState")
+    topics = msgspec.structs.replace(config.topics, arm=ARM, joint_states=states)
+    gate = msgspec.structs.replace(config.gate, has_arm=True, has_depth=False)
+    process = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
+    hand = process.link()
+    try:
+        hand.state_until(lambda state: state.phase == "online", "a robot that can be driven")
+        yield hand
+    finally:
+        hand.close()
+        process.stop()
+
+
+def arm_limits(state):
+    return [limit for limit in state.verdict.limits if "arm" in limit]
+
+
+def reach_out(ros):
+    with ros.speak("/arm_controller/command", JointTrajectory) as command:
+        point = JointTrajectoryPoint(positions=AHEAD, time_from_start=rospy.Duration.from_sec(0.1))
+        command.publish(JointTrajectory(joint_names=JOINTS, points=[point]))
+
+
+def test_an_arm_that_reaches_out_keeps_clear_of_the_wall(ros, rosmaster, tmp_path):
+    with (
+        bridge(rosmaster, tmp_path) as hand,
+        ros.listen("/ground_truth/pose", Odometry) as truth,
+        ros.listen("/ground_truth/contacts", String) as contacts,
+        ros.speak("/ground_truth/teleport", Pose2D) as teleport,
+    ):
+        hand.state_until(lambda state: not arm_limits(state), "an arm at home")
+        teleport.publish(BEFORE_WALL)
+        truth.until(lambda message: abs(message.pose.pose.position.y - BEFORE_WALL.y) < 0.01)
+        reach_out(ros)
+        contacts.drain()
+        hand.take_control(1)
+        hand.stick(0.5)
+        state = hand.state_until(
+            lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
+        )
+        [*_, last] = truth.drain()
+    assert arm_limits(state) == [], "the robot's description tells where the arm is"
+    assert 1.03 < last.pose.pose.position.y < 1.4
+    assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
