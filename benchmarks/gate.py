@@ -1,4 +1,4 @@
-"""What the safety gate costs per decision, with few and many points in reach, disc and polygon."""
+"""What the safety gate costs per decision, with few and many points in reach, and adds to the drive path."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ from collections import deque
 import numpy as np
 
 from benchmarks.harness import Figure, progress, quantile
+from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
+from robots.bridge.core import Core, RosStatus
+from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity
+from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
+from robots.bridge.head import Aim
+from robots.bridge.sink import DriveSummary, Holder
+from robots.bridge.store import Persisted
+from robots.wire import Drive, Grant
 
 DECISIONS = 3000
 HELD = 40  # decisions with one stick: 0.8 s
@@ -40,17 +47,28 @@ def measure() -> list[Figure]:
             half_us = limit_us if points == 700 else 800.0
             figures.append(Figure(f"{name}: p50", quantile(spent_us, 0.5), "us", half_us))
             figures.append(Figure(f"{name}: p99", quantile(spent_us, 0.99), "us", 1000.0))
+    progress("drive path in a room")
+    with_gate_us, without_us = _drive_path()
+    added_us = quantile(with_gate_us, 0.5) - quantile(without_us, 0.5)
+    figures.append(Figure("added to the drive path in a room, wall time: p50", added_us, "us", 500.0))
     return figures
 
 
 class _Clutter:
     """A gate, and a clutter of objects seven beams wide that its laser sees."""
 
-    def __init__(self, outline: Outline | None, points: int, nearest_m: float, farthest_m: float) -> None:
+    def __init__(
+        self,
+        outline: Outline | None,
+        points: int,
+        nearest_m: float,
+        farthest_m: float,
+        kind: type[Gate] = Gate,
+    ) -> None:
         objects = np.random.default_rng(1).uniform(nearest_m, farthest_m, points // 7 + 1)
         self._ranges = objects.repeat(7)[:points]
         self._increment = FIELD_OF_VIEW / (points - 1)
-        self.gate = Gate(
+        self.gate = kind(
             GateProfile(
                 limits=Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944),
                 radius_m=0.27,
@@ -65,11 +83,19 @@ class _Clutter:
 
     def observe(self, turn: int, now_s: float, velocity: Velocity) -> None:
         """Odometry at 50 Hz, the laser at 10 Hz."""
-        moved = Pose(1e-5 * (turn % 100), 0.0, 0.0)
-        self.gate.observe_odometry(now_s, now_s, moved, velocity)
+        self.gate.observe_odometry(now_s, now_s, moved(turn), velocity)
+        self.scan(turn, now_s)
+
+    def scan(self, turn: int, now_s: float) -> None:
+        """The laser's, when it is time for one."""
         if turn % 5 == 0:
             start = -FIELD_OF_VIEW / 2.0
             self.gate.observe_scan(LASER, now_s, now_s, self._ranges, start, self._increment, 0.05, 25.0)
+
+
+def moved(turn: int) -> Pose:
+    """Odometry is never quite still."""
+    return Pose(1e-5 * (turn % 100), 0.0, 0.0)
 
 
 def _decisions(clutter: _Clutter) -> list[float]:
@@ -86,3 +112,87 @@ def _decisions(clutter: _Clutter) -> list[float]:
         if verdict.neutral:
             raise RuntimeError(f"the gate saw nothing to decide upon: {verdict.text}")
     return spent_us
+
+
+class _OpenGate(Gate):
+    """Knows all that a gate knows and lets everything pass."""
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
+        return Verdict(asked, asked, "free", "")
+
+
+class _Base:
+    """Takes note of the newest twist."""
+
+    listeners = 1
+    newest = STILL
+
+    def publish(self, velocity: Velocity) -> None:
+        self.newest = velocity
+
+    def cancel_all(self) -> None: ...
+
+    def aim_head(self, aim: Aim) -> None: ...
+
+
+class _NoRecords:
+    """Everything is on record at once."""
+
+    def begin_drive(self, holder: Holder) -> int:
+        return 1
+
+    def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None: ...
+
+    def look_ahead(self, holder: Holder) -> int:
+        return 1
+
+    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
+        return 1
+
+    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None: ...
+
+
+def _drive_path() -> tuple[list[float], list[float]]:
+    """Microseconds of wall time from a stick position at the core to the twist at the base, with gate and without.
+
+    Both in turn, 50 times a second of the robot's time, in a room of 700 points.
+    """
+    with_gate, without = (_Path(_Clutter(None, 700, 1.0, 6.0, kind)) for kind in (Gate, _OpenGate))
+    for turn in range(DECISIONS):
+        for path in (with_gate, without):
+            path.step(turn, 1.0 + turn / 50.0)
+    return with_gate.spent_us, without.spent_us
+
+
+class _Path:
+    """A core with control granted, and its base, which does what is sent 0.1 s later."""
+
+    def __init__(self, clutter: _Clutter) -> None:
+        self.spent_us: list[float] = []
+        self._clutter = clutter
+        self._base = _Base()
+        self._on_its_way = deque([STILL] * 5)
+        topics = Topics(Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry"))
+        profile = clutter.gate.profile
+        config = BridgeConfig("0", "bench", "Bench", "", None, {}, topics, profile, "turn", LinkAddress(), "")
+        left = Persisted(False, "", "", 0)
+        self._core = Core(config, self._base, clutter.gate, DriveLog(_NoRecords()), left, lambda _ended: None)
+        self._core.ros_status(RosStatus("connecting", ""), 0.0)
+        self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
+
+    def step(self, turn: int, now_s: float) -> None:
+        """What the robot measured, then the stick: in the middle at first, and then where a decision costs most."""
+        self._core.odometry(now_s, now_s, moved(turn), self._on_its_way.popleft(), now_s)
+        self._clutter.scan(turn, now_s)
+        stick = STICKS[turn // HELD % len(STICKS)] if turn >= HELD else STILL
+        limits = self._clutter.gate.profile.limits
+        x, w = stick.vx / limits.forward_mps, stick.w / limits.turn_radps
+        drive = Drive(fence=1, seq=turn + 1, sent_ms=1000.0 * now_s, x=x, w=w, share=1.0)
+        before = time.perf_counter()
+        refusal = self._core.drive(drive, 1, now_s)
+        spent_us = 1e6 * (time.perf_counter() - before)
+        self._on_its_way.append(self._base.newest)
+        if refusal is not None:
+            raise RuntimeError(f"nothing was driven: {refusal.text}")
+        if self._base.newest != STILL:
+            self.spent_us.append(spent_us)
