@@ -229,7 +229,7 @@ def _within_reach(
     way = max(arc.speed(twist) * braking.horizon(twist, profile) for twist in arcs)
     reach = footprint.reach(parameters.lateral_margin_m) + parameters.front_margin_m + way
     x, y = points.T
-    return np.flatnonzero(x**2 + y**2 < reach**2)
+    return np.flatnonzero(x * x + y * y < reach**2)
 
 
 def is_still(twist: Velocity) -> bool:

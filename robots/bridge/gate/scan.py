@@ -93,7 +93,8 @@ class Sweep:
         if not -0.5 <= beams <= len(self.ranges) - 0.5:
             return False
         about = self.known if self.increment > 0.0 else self.known[::-1]
-        return bool(about[max(int(beams - half), 0) : int(beams + half) + 1].mean() >= LEAST_KNOWN_SHARE)
+        about = about[max(int(beams - half), 0) : int(beams + half) + 1]
+        return bool(np.count_nonzero(about) >= LEAST_KNOWN_SHARE * len(about))
 
     @cached_property
     def alone(self) -> NDArray[np.bool_]:
