@@ -29,7 +29,8 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     verdict = operator.state["verdict"]
     assert verdict["asked"][0] > 0
     assert 0 < verdict["distance_m"] < 0.5  # at the wall, and not in it
-    assert "laser" in operator.part("words").inner_text()
+    words = operator.part("words").inner_text()  # at a wall, what laser and depth see is equally near
+    assert words.startswith("Stopped (0.4 m/s asked): ") and words.endswith(" m ahead")
 
     # Along the wall it moves again; then the stop, with the first finger still on the stick.
     fingers.move(1, (x, y + operator.stick_reach))
