@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, cast, get_type_hints
+from typing import Any, Literal, NamedTuple, cast, get_type_hints
 
 import msgspec
 import numpy as np
@@ -22,7 +22,9 @@ import numpy as np
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import GateProfile, Velocity, Verdict
 
-_ARRAY = 1  # msgpack's extension: a dtype's name, a zero byte, the shape as text, a zero byte, the numbers
+# msgpack's extension: a dtype's name, a zero byte, C or F for the order, the shape as text, a zero byte, the numbers.
+# The order counts: numpy adds up by it, and the last bit may be another one in another order.
+_ARRAY = 1
 _LARGEST_FRAME = 16 * 1024 * 1024
 _LENGTH = struct.Struct(">I")
 
@@ -135,17 +137,20 @@ def _converted(value: Any, kind: Any) -> Any:
 def _packed(value: Any) -> msgspec.msgpack.Ext:
     if not isinstance(value, np.ndarray):
         raise NotImplementedError(f"a {type(value).__name__} cannot be recorded")
+    order: Literal["C", "F"] = "F" if value.flags.f_contiguous and not value.flags.c_contiguous else "C"
     shape = ",".join(map(str, value.shape))
-    head = f"{value.dtype.str}\0{shape}\0".encode()
-    return msgspec.msgpack.Ext(_ARRAY, head + np.ascontiguousarray(value).tobytes())
+    head = f"{value.dtype.str}\0{order}{shape}\0".encode()
+    return msgspec.msgpack.Ext(_ARRAY, head + value.tobytes(order))
 
 
 def _unpacked(code: int, raw: memoryview) -> Any:
     if code != _ARRAY:
         raise ValueError(f"unknown extension {code}")
-    dtype, shape, numbers = bytes(raw).split(b"\0", 2)
-    sizes = [int(size) for size in shape.decode().split(",") if size]
-    return np.frombuffer(numbers, dtype=np.dtype(dtype.decode())).reshape(sizes)
+    dtype, ordered, numbers = bytes(raw).split(b"\0", 2)
+    order, shape = ordered.decode()[:1], ordered.decode()[1:]
+    sizes = [int(size) for size in shape.split(",") if size]
+    flat = np.frombuffer(numbers, dtype=np.dtype(dtype.decode()))
+    return flat.reshape(sizes, order="F" if order == "F" else "C")
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_packed)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import gzip
 import math
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from robots.bridge.gate.depth import DepthImage, Lens, picture_of_image
+from robots.bridge.gate.depth_camera import Frame, frame_of
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.gate.posture import Posture
+from robots.bridge.gate.values import STILL, DepthView, Pose, Velocity
 from robots.bridge.recording import BadRecording, Recorder, replay
-from tests.gate.conftest import Feeder, tiago_profile
+from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 
 @pytest.fixture
@@ -69,3 +73,66 @@ def test_what_cannot_be_read_is_said_in_words(drive, tmp_path):
     for path in (cut, text, empty, foreign, tmp_path / "absent.gate"):
         with pytest.raises(BadRecording, match=path.stem):
             list(replay(path))
+
+
+def pictured() -> Frame:
+    """A real picture of something that stands ahead, with pixels that were not measured."""
+    random = np.random.default_rng(5)
+    ahead = random.normal(1.5, 0.01, (120, 160)).astype(np.float32)
+    ahead[::7, ::5], ahead[::11, ::3] = math.nan, math.inf
+    image = DepthImage(160, 120, "32FC1", False, 4 * 160, ahead.tobytes())
+    to_base = np.eye(4)
+    to_base[:3, :3] = [[0.0, -0.6, 0.8], [-1.0, 0.0, 0.0], [0.0, -0.8, -0.6]]
+    to_base[:3, 3] = 0.1, 0.0, 1.1
+    frame = frame_of(picture_of_image(image, Lens.seeing(1.1, 160, 120)), to_base, DepthView(1.1, 1.15))
+    assert len(frame.columns.points)
+    return frame
+
+
+WIDE = math.pi * 1e8  # all 53 bits of a number
+TOLD = {
+    "observe_odometry": [
+        (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf))
+    ],
+    "observe_scan": [
+        (LASER, WIDE, 0.1, np.array([1 / 3, math.nan, math.inf, -math.inf, -0.0]), -1.6, 0.1 / 3, 0.05, 25.0),
+        (LASER, WIDE, 0.1, np.array([0.1, math.nan, 25.0], dtype=np.float32), -1.6, 0.1, 0.05, 25.0),
+        (LASER, WIDE, 0.1, [0.1, math.inf], -1.6, 0.1, 0.05, 25.0),
+    ],
+    "observe_range": [("sonar", WIDE, 0.1, 1 / 3, math.inf), ("sonar", WIDE, 0.1, math.nan, 1.0)],
+    "observe_depth": [(pictured(), WIDE, 1 / 3)],
+    "observe_bad_depth": [("its pictures are \u2018mono8\u2019",)],
+    "observe_posture": [
+        (Posture(at_home=False, discs=((1 / 3, -0.0, 0.1), (0.5, 0.25, 0.1))), WIDE),
+        (Posture(at_home=True, discs=()), 0.1),
+        (Posture(at_home=False), 0.1),
+    ],
+    "observe_operator": [(1 / 3,), (None,)],
+}
+
+
+def bits(value):
+    """A value as something that equals only what is the same to the last bit and of the same kind."""
+    if isinstance(value, np.ndarray):
+        order = value.flags.f_contiguous, value.flags.c_contiguous
+        return np.ndarray, value.dtype.str, value.shape, order, value.tobytes("A")
+    if isinstance(value, (tuple, list)):
+        return type(value), [bits(one) for one in value]
+    return type(value), struct.pack("d", value) if isinstance(value, float) else value
+
+
+@pytest.mark.parametrize("method", [name for name in vars(Gate) if name.startswith("observe_")])
+def test_whatever_a_gate_can_be_told_comes_back_to_the_last_bit(method, tmp_path):
+    heard = []
+
+    class Listening(Gate):
+        pass
+
+    setattr(Listening, method, lambda _, *told: heard.append(told))
+    path = tmp_path / "told.gate"
+    with Recorder(path, tiago_profile()) as recorder:
+        gate = recorder.recorded(Gate(tiago_profile()))
+        for told in TOLD[method]:
+            getattr(gate, method)(*told)
+    assert list(replay(path, Listening)) == []
+    assert bits(heard) == bits(TOLD[method])
