@@ -72,7 +72,9 @@ class ArmSource(Struct, frozen=True):
     links: list[str]  # of the robot's description, shoulder to tip: the arm lies along their origins
     tolerance: float = 0.15  # of home: radians, or metres
     radius_m: float = 0.07
-    postures: dict[str, list[tuple[float, float, float]]] = {}  # by motion, where there is no description: its end
+    postures: dict[
+        str, list[tuple[float, float, float]]
+    ] = {}  # by motion, where there is no description: its end
 
 
 class Topics(Struct, frozen=True):
