@@ -15,7 +15,7 @@ from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
-from robots.bridge.sink import DriveSummary, Holder
+from robots.bridge.sink import DriveSummary, GateSummary, Holder
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant
 
@@ -149,7 +149,7 @@ class _NoRecords:
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return 1
 
-    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None: ...
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None: ...
 
 
 def _drive_path() -> tuple[list[float], list[float]]:

@@ -13,7 +13,7 @@ from django.db import DatabaseError, close_old_connections
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable, record
 from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, Holder, RecordError
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -81,9 +81,9 @@ class AuditSink:
         return record("gate.begin", of=drive, outcome=verdict.code, parameters=figures, **self._by(holder)).pk
 
     @_or_record_error
-    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None:
-        """Commit that it ended."""
-        figures = {"duration_s": round(duration_s, 2)}
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
+        """Commit that it ended, and what it came to."""
+        figures = {"duration_s": round(summary.duration_s, 2), "also": summary.also}
         record("gate.end", of=intervention, parameters=figures, **self._by(holder))
 
     def _by(self, holder: Holder) -> _By:

@@ -2,6 +2,10 @@
 
 Records are committed by the sink in one worker thread; the control loop asks `may_move` and never
 waits. Gate interventions are kept as one record when they begin and one when they end.
+
+What flickers is one intervention: it is over when its rule has held nothing back for `MERGE_S`. Another rule that holds
+back meanwhile is named in the end's record, and gets records of its own once the first is over. So there are never more
+than two records a second; only a stop after which the stick must return to neutral is on record at once, always.
 """
 
 from __future__ import annotations
@@ -10,11 +14,11 @@ import logging
 import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, Holder, RecordError, RecordSink
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError, RecordSink
 from robots.wire import Refusal
 
 log = logging.getLogger(__name__)
@@ -22,8 +26,9 @@ log = logging.getLogger(__name__)
 RECORD_PATIENCE_S = 2.0  # a record that takes longer stops the robot
 _RETRY_S = 0.5
 _STANDSTILL_S = 0.5
-# Not interventions: nothing is held back, or what holds is a standing limit that the page shows all the time.
-_QUIET_CODES = frozenset({"idle", "free", "robot_limit", "depth_missing", "blind_direction"})
+MERGE_S = 1.0  # a pause of the same intervention, if it is shorter
+# Not interventions: nothing is held back that the robot could do.
+_QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
 _T = TypeVar("_T")
 
 WAITING = Refusal("recording", "The drive is being put on record.", "audit")
@@ -50,8 +55,9 @@ class _Intervention:
     code: str
     holder: Holder
     began_s: float
+    held_s: float  # when it held back last
     number: Future[int]
-    free_since_s: float | None = None
+    also: set[str] = field(default_factory=set)  # codes of other rules that held back meanwhile
 
 
 class DriveLog:
@@ -101,21 +107,17 @@ class DriveLog:
         if drive is None or not _committed(drive.number):
             return
         drive.halted_by = None
+        if current is not None and (verdict.neutral or now_s - current.held_s >= MERGE_S):
+            self._end_intervention(now_s)
+            current = None
         if verdict.code in _QUIET_CODES:
-            if current is None:
-                return
-            current.free_since_s = current.free_since_s or now_s
-            if now_s - current.free_since_s >= _STANDSTILL_S:
-                self._end_intervention(now_s)
             return
-        if current is not None and current.code == verdict.code:
-            current.free_since_s = None
-            return
-        self._end_intervention(now_s)
-        number, holder = drive.number.result(), drive.holder
-        drive.interventions += 1
-        begun = self._submit(now_s, lambda: self._sink.begin_gate(number, holder, verdict))
-        self._intervention = _Intervention(verdict.code, holder, now_s, begun)
+        if current is None:
+            self._begin_intervention(drive, verdict, now_s)
+        elif current.code == verdict.code:
+            current.held_s = now_s
+        else:
+            current.also.add(verdict.code)
 
     def tick(self, now_s: float, still: bool) -> Refusal | None:
         """Once per period. `still`: zero is sent and odometry shows standstill.
@@ -164,12 +166,18 @@ class DriveLog:
         self.end(now_s, "bridge ended")
         self._worker.shutdown(wait=True)
 
+    def _begin_intervention(self, drive: _Drive, verdict: Verdict, now_s: float) -> None:
+        number, holder = drive.number.result(), drive.holder
+        drive.interventions += 1
+        begun = self._submit(now_s, lambda: self._sink.begin_gate(number, holder, verdict))
+        self._intervention = _Intervention(verdict.code, holder, now_s, now_s, begun)
+
     def _end_intervention(self, now_s: float) -> None:
         current, self._intervention = self._intervention, None
         if current is None or _failed(current.number):
             return
-        duration_s = round(now_s - current.began_s, 3)
-        self._submit(now_s, lambda: self._sink.end_gate(current.number.result(), current.holder, duration_s))
+        summary = GateSummary(round(current.held_s - current.began_s, 3), sorted(current.also))
+        self._submit(now_s, lambda: self._sink.end_gate(current.number.result(), current.holder, summary))
 
     def _submit(self, now_s: float, call: Callable[[], _T]) -> Future[_T]:
         future = self._worker.submit(call)

@@ -37,6 +37,13 @@ class DriveSummary(Struct, frozen=True):
     ended_by: str  # "standstill", or what stopped it
 
 
+class GateSummary(Struct, frozen=True):
+    """What an intervention of the gate came to."""
+
+    duration_s: float  # from its first to its last verdict
+    also: list[str]  # codes of other rules that held back meanwhile
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge sees it. Tokens are opaque to the bridge."""
 
@@ -52,5 +59,5 @@ class RecordSink(Protocol):
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         """Commit that the gate began to hold back, and why."""
 
-    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None:
-        """Commit that it ended."""
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
+        """Commit that it ended, and what it came to."""

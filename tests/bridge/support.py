@@ -16,7 +16,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
-from robots.bridge.sink import DriveSummary, Holder, RecordError, RecordSink
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError, RecordSink
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
 
@@ -114,8 +114,8 @@ class MemorySink:
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record("gate.begin", verdict)
 
-    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None:
-        self._record("gate.end", duration_s)
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
+        self._record("gate.end", summary)
 
     @property
     def kinds(self) -> list[str]:

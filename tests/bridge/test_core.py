@@ -1,5 +1,7 @@
 """The chain as the bridge enforces it: lease, dead-man, stop, neutral stick, audit."""
 
+import itertools
+
 import pytest
 
 from robots.bridge.core import RosStatus
@@ -356,18 +358,83 @@ def test_a_drive_whose_end_odometry_does_not_show_says_so(bench):
     assert bench.sink.records[-1][1].ended_by == "nothing new came from odometry"
 
 
-def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench):
-    bench.granted().driving()
-    bench.gate.says = lambda asked: Verdict(Velocity(0.1, 0, 0), asked, "obstacle", "slowed")
-    for _ in range(20):
+def held(bench, *codes, for_s, neutral=False):
+    """Full stick while the gate holds back by these rules in turn, one each decision."""
+    turns = itertools.cycle(codes)
+
+    def says(asked):
+        code = next(turns)
+        velocity = asked if code == "free" else Velocity(0.1, 0, 0)
+        return Verdict(velocity, asked, code, f"{code}!", "laser", 0.4, 0.0, "ahead", neutral=neutral)
+
+    bench.gate.says = says
+    for _ in range(round(for_s / 0.05)):
         bench.stick(0.5)
-        bench.pass_time(0.05)
-    bench.gate.says = None
-    for _ in range(20):
-        bench.stick(0.5)
+        bench.recorded()  # time passes faster here than the records' worker can tell
         bench.pass_time(0.05)
     bench.recorded()
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "obstacle",
+        "near_miss",
+        "mover",
+        "robot_late",
+        "operator_late",
+        "depth_missing",
+        "depth_stale",
+        "head_away",
+        "blind_direction",
+        "sonar_stale",
+        "arm_away",
+        "scan_late",
+    ],
+)
+def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench, code):
+    bench.granted().driving()
+    held(bench, code, for_s=1.0)
+    held(bench, "free", for_s=1.5)
     assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end"]
+    (_, begun), (_, ended) = bench.sink.records[1:]
+    assert (begun.code, begun.sensor, begun.side, begun.distance_m) == (code, "laser", "ahead", 0.4)
+    assert (begun.asked, begun.velocity) == (Velocity(0.5, 0, 0), Velocity(0.1, 0, 0))
+    assert ended.duration_s == pytest.approx(0.95, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "codes", [("obstacle", "free"), ("obstacle", "near_miss"), ("mover", "free", "scan_late")]
+)
+def test_what_flickers_is_one_intervention_and_its_end_names_what_came_between(bench, codes):
+    bench.granted().driving()
+    held(bench, *codes, for_s=5.0)
+    held(bench, "free", for_s=1.5)
+    assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end"]
+    assert bench.sink.records[-1][1].also == sorted({*codes} - {codes[0], "free"})
+
+
+def test_a_rule_that_takes_over_for_good_is_an_intervention_of_its_own(bench):
+    bench.granted().driving()
+    held(bench, "near_miss", for_s=1.0)
+    held(bench, "obstacle", for_s=2.0)
+    assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end", "gate.begin"]
+    assert bench.sink.records[-1][1].code == "obstacle"
+
+
+def test_a_stop_that_needs_a_neutral_stick_is_on_record_at_once_whatever_held_back_before(bench):
+    bench.granted().driving()
+    held(bench, "near_miss", for_s=0.5)
+    held(bench, "scan_stale", for_s=0.05, neutral=True)
+    assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end", "gate.begin"]
+    assert bench.sink.records[-1][1].code == "scan_stale"
+
+
+@pytest.mark.parametrize("code", ["free", "robot_limit"])
+def test_what_the_robot_could_not_do_anyway_is_no_intervention(bench, code):
+    bench.granted().driving()
+    held(bench, code, for_s=1.5)
+    assert bench.sink.kinds == ["drive.start"]
 
 
 def test_a_robot_held_at_a_wall_is_still_one_drive(bench):

@@ -11,7 +11,7 @@ from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots.bridge.gate.values import STILL, Velocity, Verdict
-from robots.bridge.sink import DriveSummary, Holder, RecordError
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError
 from robots.models import Robot
 from robots.records import AuditSink
 from robots.wire import Grant
@@ -48,7 +48,7 @@ def holder(operator: User) -> Holder:
 def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Holder, robot: Robot) -> None:
     drive = sink.begin_drive(holder)
     intervention = sink.begin_gate(drive, holder, HELD)
-    sink.end_gate(intervention, holder, 1.234)
+    sink.end_gate(intervention, holder, GateSummary(1.234, ["near_miss"]))
     sink.end_drive(drive, holder, SUMMARY)
     start, begin, end, finish = Record.objects.filter(robot_id=robot.pk).order_by("id")
     assert [start.kind, begin.kind, end.kind, finish.kind] == [
@@ -62,7 +62,16 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     assert {str(record.session_id) for record in (start, begin, end, finish)} == {holder.session}
     assert (start.actor_name, start.fence) == ("Olga Operator", 5)
     assert begin.outcome == "obstacle"
-    assert (begin.parameters["distance_m"], begin.parameters["allowed"]["vx_mps"]) == (0.612, 0.2)
+    assert begin.parameters == {
+        "text": "slowed to 0.2 m/s: laser, 0.6 m ahead",
+        "sensor": "/scan_raw",
+        "distance_m": 0.612,
+        "bearing": 0.1,
+        "side": "ahead",
+        "asked": {"vx_mps": 0.4, "vy_mps": 0.0, "w_radps": 0.0},
+        "allowed": {"vx_mps": 0.2, "vy_mps": 0.0, "w_radps": 0.0},
+    }
+    assert end.parameters == {"duration_s": 1.23, "also": ["near_miss"]}
     assert (finish.outcome, finish.parameters["distance_m"]) == ("standstill", 3.142)
 
 

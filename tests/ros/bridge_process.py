@@ -10,7 +10,7 @@ import msgspec
 from robots.bridge.config import BridgeConfig
 from robots.bridge.gate.values import Verdict
 from robots.bridge.process import run
-from robots.bridge.sink import DriveSummary, Holder
+from robots.bridge.sink import DriveSummary, GateSummary, Holder
 
 
 class FileSink:
@@ -37,7 +37,7 @@ class FileSink:
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record(f"gate.begin {verdict.code}")
 
-    def end_gate(self, intervention: int, holder: Holder, duration_s: float) -> None:
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         self._record("gate.end")
 
 
