@@ -37,6 +37,7 @@ QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then th
 ODOMETRY_ONLINE_S = 1.0
 CLOCK_SKEW_S = 0.5  # below, nobody need know
 VIEW_RADIUS_M = 8.0
+DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
 
@@ -319,8 +320,8 @@ class Core:
         return wire.Scan(
             laser_cm=_centimetres(obstacles, "scan"),
             sonar_cm=[self._range_cm(s, now_s) for s in self.config.topics.sonars],
-            depth_cm=_centimetres(obstacles, "depth"),
-            remembered_cm=_centimetres(obstacles, "memory"),
+            depth_cm=_centimetres(obstacles, "depth", DRAWN_GRAIN_CM),
+            remembered_cm=_centimetres(obstacles, "memory", DRAWN_GRAIN_CM),
         )
 
     # --- inside ----------------------------------------------------------------------------------
@@ -455,12 +456,16 @@ class Core:
         return None if range_m is None else round(range_m * 100)
 
 
-def _centimetres(obstacles: Obstacles, kind: str) -> list[int]:
-    """The points near enough to be drawn that sources of one kind know of, flat."""
+def _centimetres(obstacles: Obstacles, kind: str, grain: int = 1) -> list[int]:
+    """The points near enough to be drawn that sources of one kind know of, flat, one for each `grain` centimetres."""
     sources = [number for number, other in enumerate(obstacles.kinds) if other == kind]
     points = obstacles.points[np.isin(obstacles.source, sources)]
     near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
-    flat: list[int] = np.rint(near * 100).astype(int).ravel().tolist()
+    places = np.rint(near * (100 / grain)).astype(np.int64)
+    if grain > 1:
+        _, kept = np.unique((places[:, 0] << 32) + places[:, 1], return_index=True)
+        places = places[kept] * grain
+    flat: list[int] = places.ravel().tolist()
     return flat
 
 

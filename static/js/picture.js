@@ -128,8 +128,9 @@ export class Picture {
     this.#drawSonars(this.#view.scan?.sonar_cm ?? [], pixel);
     this.#drawPath(this.#view.state.verdict.allowed, pixel);
     const { laser_cm = [], depth_cm = [], remembered_cm = [] } = this.#view.scan ?? {};
-    this.#drawPoints(remembered_cm, "remembered", 2.5 * pixel);
-    this.#drawPoints(depth_cm, "depth", 4 * pixel);
+    const grain = Math.max(2.5 * pixel, 0.06); // metres: what lies on this grid is drawn without gaps
+    this.#drawPoints(remembered_cm, "remembered", grain);
+    this.#drawPoints(depth_cm, "depth", grain);
     this.#drawPoints(laser_cm, "laser", 3 * pixel);
     this.#drawRobot(pixel);
     this.#drawHold(this.#view.state.verdict.point, pixel);

@@ -2,10 +2,11 @@
 
 import itertools
 
+import numpy as np
 import pytest
 
 from robots.bridge.core import RosStatus
-from robots.bridge.gate.values import STILL, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 from robots.bridge.store import Persisted
 from robots.wire import Grant
 from tests.bridge.support import Bench
@@ -452,3 +453,16 @@ def test_the_gate_reckons_with_the_way_to_the_page_and_the_page_is_shown_the_rob
     assert bench.gate.operator_delay_s == 0.7
     state = bench.core.state(bench.now_s, [])
     assert (state.latency_s, state.latency_measured) == (0.2, False)
+
+
+def test_a_picture_has_one_point_for_each_six_centimetres_of_what_is_remembered(bench):
+    near = np.array([(1.0, 0.5), (1.01, 0.51), (1.2, -0.5), (20.0, 0.0)])
+    bench.gate.obstacles = lambda _now_s: Obstacles(
+        near, np.array([1, 1, 1, 1]), ("laser", "seen"), ("scan", "memory")
+    )
+    scan = bench.core.scan(bench.now_s)
+    assert sorted(zip(scan.remembered_cm[::2], scan.remembered_cm[1::2], strict=True)) == [
+        (102, 48),
+        (120, -48),
+    ]
+    assert scan.laser_cm == scan.depth_cm == []
