@@ -1,0 +1,125 @@
+"""Make the short recordings of near misses that tests replay: python -m benchmarks.world.recordings DIRECTORY.
+
+Beside each recording stands the truth, which the gate never sees: where the robot and everything around it really was
+at each decision.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from msgspec import structs
+
+from benchmarks.world import crossing, doors, objects
+from benchmarks.world.controllers import Fan, Ours, Ranges, Said
+from benchmarks.world.loop import Case, Loop
+from benchmarks.world.play import SCAN
+from benchmarks.world.robot import tiago_profile
+from benchmarks.world.truth import RADIUS_M, Truth
+from robots.bridge.gate.depth import Transform
+from robots.bridge.gate.values import GateProfile, Pose, Velocity
+from robots.bridge.recording import Recorder
+from robots.simulator.physics import Pose as TruePose
+from robots.simulator.robot import Robot
+
+Point = tuple[float, float]
+SEED = 2
+LOOKS = {"table_top"}  # with a depth camera; where the laser sees enough, its pictures only make large files
+CASES: dict[str, Callable[[], Case]] = {
+    "table_leg_at_45_degrees": lambda: replace(
+        objects.build(objects.Full("gate", "table leg", 45, 1.0, SEED)), longest_s=3.2
+    ),
+    "table_top": lambda: replace(objects.build(objects.Full("gate", "table top", 0, 1.0, 1)), longest_s=3.7),
+    "doorway_of_70_cm": lambda: replace(
+        doors.build(0.70, SEED), start=TruePose(1.0, 0.08, -0.1), longest_s=4.5
+    ),
+    "person_crossing": lambda: replace(crossing.build(1.0, SEED), longest_s=4.2),
+}
+
+
+class Witnessed(msgspec.Struct, frozen=True):
+    """What stood where, in the world's frame; metres and radians."""
+
+    radius_m: float  # of the robot
+    outline: list[Point]  # of all that stands, every few centimetres
+    poses: list[Pose]  # of the robot, at each decision
+    people: list[list[tuple[float, float, float]]]  # x, y, radius of each, at each decision
+
+
+class Witness(Ours):
+    """Our gate with coarse sensors, which make small files, and somebody who knows the truth.
+
+    The laser tells millimetres; the depth camera what structured light can tell apart, one pixel of `_THIN` by `_THIN`.
+    """
+
+    robot: Robot
+    _DISPARITY = 0.004  # between two distances that the camera tells apart, 1/m
+    _THIN = 10
+
+    def __init__(self, profile: GateProfile, fan: Fan) -> None:
+        super().__init__(profile, fan)
+        self.looks = profile.has_depth
+        self.poses: list[Pose] = []
+        self.people: list[list[tuple[float, float, float]]] = []
+
+    def scan(self, stamp_s: float, arrival_s: float, ranges: Ranges) -> None:
+        super().scan(stamp_s, arrival_s, np.round(ranges, 3))
+
+    def depth(self, stamp_s: float, arrival_s: float, metres: Ranges, to_base: Transform) -> None:
+        disparity = np.round(1.0 / metres[:: self._THIN, :: self._THIN] / self._DISPARITY) * self._DISPARITY
+        coarse = (1.0 / disparity).astype(np.float32)
+        super().depth(stamp_s, arrival_s, coarse.repeat(self._THIN, 0).repeat(self._THIN, 1), to_base)
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
+        self.poses.append(Pose(*(round(axis, 4) for axis in self.robot.physics.pose)))
+        self.people.append(
+            [(round(one.x, 4), round(one.y, 4), one.person.radius) for one in self.robot.people.values()]
+        )
+        return super().decide(asked, sent, now_s)
+
+
+def main() -> int:
+    """Write all of them. Returns 1 if a robot touched something: then it is no near miss."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.world.recordings", description=__doc__)
+    parser.add_argument("directory", type=Path)
+    directory: Path = parser.parse_args().directory
+    directory.mkdir(parents=True, exist_ok=True)
+    return max(_made(directory / name, case()) for name, case in CASES.items())
+
+
+def _made(path: Path, case: Case) -> int:
+    witnesses: list[Witness] = []
+
+    def witness(fan: Fan) -> Witness:
+        witnesses.append(Witness(profile, fan))
+        return witnesses[0]
+
+    profile = tiago_profile()
+    if path.name not in LOOKS:
+        profile = structs.replace(profile, has_depth=False, depth=None)
+    loop = Loop(case, witness, profile.limits, SCAN, SEED)
+    [there] = witnesses
+    there.robot = loop.robot
+    recording = path.with_suffix(".gate")
+    outline = [] if case.world.people else Truth(loop.robot.physics).points.round(3).tolist()
+    with Recorder(recording, profile) as recorder:
+        recorder.recorded(there.gate)
+        trace = loop.play()
+    # Once more and small, without a date: the same drive is the same file.
+    recording.write_bytes(gzip.compress(gzip.decompress(recording.read_bytes()), 9, mtime=0))
+    truth = Witnessed(RADIUS_M, outline, there.poses, there.people)
+    path.with_suffix(".json").write_bytes(msgspec.json.encode(truth) + b"\n")
+    gap_m = min(moment.gap_m for moment in trace.moments)
+    print(f"{recording.name}: {trace.time_s:.1f} s, {recording.stat().st_size / 1000:.0f} kB, {gap_m:.3f} m")
+    return 1 if trace.touches else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
