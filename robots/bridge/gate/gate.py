@@ -181,8 +181,8 @@ class Gate:
         stamp_s = laser.freshness.stamp_s
         base = None if stamp_s is None else self._trail.pose_at(stamp_s)
         if stamp_s is not None and base is not None and laser.sweep is not None:
-            seen, sensor = placed(laser.seen, base), put(laser.pose, base)
-            self._movers[laser.name].observe(seen, laser.sweep, sensor, stamp_s, self._trail.resets)
+            measured, sensor = placed(laser.measured, base), put(laser.pose, base)
+            self._movers[laser.name].observe(measured, laser.sweep, sensor, stamp_s, self._trail.resets)
 
     def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""

@@ -40,8 +40,7 @@ class LaserMemory:
         if self._resets != trail.resets:  # after a jump of the odometry what was remembered is anywhere
             self._resets = trail.resets
             self._memory.clear()
-        seen = outside_hull(placed(sweep.steadied(), self._laser.pose), self._laser.footprint)
-        self._memory.see(placed(seen, base), base, now_s)
+        self._memory.see(placed(self._laser.seen, base), base, now_s)
         origin = seen_from(ORIGIN, base)
         remembered = self._memory.points(now_s)
         told = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))

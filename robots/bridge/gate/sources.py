@@ -53,6 +53,7 @@ class Laser:
         self.footprint = footprint
         self.sweep: scan.Sweep | None = None  # the newest
         self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
+        self.measured = NO_POINTS  # the same with all their noise
         self._complaint = ""
         self._revision = 0
 
@@ -77,6 +78,7 @@ class Laser:
             return False
         self.sweep = sweep
         self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
+        self.measured = scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
         self._complaint = ""
         self._revision += 1
         return True
