@@ -6,8 +6,10 @@ import argparse
 import pkgutil
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import benchmarks
+from benchmarks.gate import record
 from benchmarks.harness import machine, show
 from script.stack.demo import Ended, ended_by_signals
 
@@ -17,6 +19,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="script/bench", description="Without a name, lists what there is.")
     parser.add_argument("name", nargs="?")
     parser.add_argument("--json", action="store_true", help="JSON alone on stdout")
+    parser.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE",
+        help="gate only: measure nothing, write a minute's drive to FILE for manage.py replay_gate",
+    )
     asked = parser.parse_args()
     if asked.name is None:
         for name, described in known().items():
@@ -24,6 +32,10 @@ def main() -> int:
         return 0
     if asked.name not in known():
         parser.error(f"no such benchmark: {asked.name} ({', '.join(known())})")
+    if asked.record is not None:
+        if asked.name != "gate":
+            parser.error(f"{asked.name} records nothing, gate does")
+        return record(asked.record)
     facts = machine()
     try:
         with ended_by_signals():

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from pathlib import Path
 
 import numpy as np
 
 from benchmarks.harness import Figure, progress, quantile
+from benchmarks.world import clutter
+from benchmarks.world.play import loop_of, recorded
 from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
@@ -19,6 +22,7 @@ from robots.bridge.sink import DriveSummary, GateSummary, Holder
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant
 
+SEED = 1  # of the recorded minute
 DECISIONS = 3000
 HELD = 40  # decisions with one stick: 0.8 s
 LASER = "laser"
@@ -52,6 +56,19 @@ def measure() -> list[Figure]:
     added_us = quantile(with_gate_us, 0.5) - quantile(without_us, 0.5)
     figures.append(Figure("added to the drive path in a room, wall time: p50", added_us, "us", 500.0))
     return figures
+
+
+def record(path: Path) -> int:
+    """Write what the gate is told and answers in a minute of any stick in clutter, with its near misses.
+
+    MuJoCo moves the robot; see `benchmarks.world`. Returns the exit status: 1 if the robot touched something.
+    """
+    trace = recorded(loop_of(clutter.build(SEED), "gate", SEED), path)
+    near_m = min(moment.gap_m for moment in trace.moments)
+    progress(
+        f"{path}: {len(trace.moments)} decisions, {trace.way_m:.0f} m, nothing nearer than {near_m:.2f} m"
+    )
+    return 1 if trace.touches else 0
 
 
 class _Clutter:

@@ -5,25 +5,22 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 
 from benchmarks.world import clutter, crossing, doors, faults, objects
-from benchmarks.world.controllers import CONTROLLERS, Ours
-from benchmarks.world.loop import Case, Loop, Trace
-from benchmarks.world.play import loop_of
-from benchmarks.world.robot import tiago_profile
-from robots.bridge.recording import Recorder
+from benchmarks.world.controllers import CONTROLLERS
+from benchmarks.world.loop import Case, Trace
+from benchmarks.world.play import loop_of, recorded
 
 
 def main() -> int:
     """Returns 1 if the robot touched something."""
-    asked = _parser().parse_args()
+    parser = _parser()
+    asked = parser.parse_args()
+    if asked.record and asked.controller != "gate":
+        parser.error("only --controller gate can be recorded")
     loop = loop_of(_case(asked), asked.controller, asked.seed)
-    with Recorder(asked.record, tiago_profile()) if asked.record else nullcontext() as recorder:
-        if recorder is not None:
-            recorder.recorded(_gate(loop).gate)
-        trace = loop.play()
+    trace = recorded(loop, asked.record) if asked.record else loop.play()
     if not asked.quiet:
         _print_moments(trace)
     _print_end(trace)
@@ -68,12 +65,6 @@ def _case(asked: argparse.Namespace) -> Case:
     if asked.part == "crossing":
         return crossing.build(asked.share, asked.seed)
     return clutter.build(asked.seed)
-
-
-def _gate(loop: Loop) -> Ours:
-    if not isinstance(loop.controller, Ours):
-        raise SystemExit("only the gate can be recorded")
-    return loop.controller
 
 
 def _print_moments(trace: Trace) -> None:

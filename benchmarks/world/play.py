@@ -6,12 +6,14 @@ import math
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 from benchmarks.harness import progress
-from benchmarks.world.controllers import CONTROLLERS
-from benchmarks.world.loop import Case, Loop
+from benchmarks.world.controllers import CONTROLLERS, Ours
+from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.robot import tiago_profile
+from robots.bridge.recording import Recorder
 
 Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")
@@ -32,6 +34,15 @@ def loop_of(case: Case, controller: str, seed: int) -> Loop:
     """A run of `case`, ready to be played."""
     profile = tiago_profile()
     return Loop(case, lambda fan: CONTROLLERS[controller](profile, fan), profile.limits, SCAN, seed)
+
+
+def recorded(loop: Loop, path: Path) -> Trace:
+    """Play a run of our gate and write down what the gate is told and answers."""
+    if not isinstance(loop.controller, Ours):
+        raise ValueError("only our own gate can be recorded")
+    with Recorder(path, loop.controller.gate.profile) as recorder:
+        recorder.recorded(loop.controller.gate)
+        return loop.play()
 
 
 def played(name: str, jobs: Sequence[Job], play: Callable[[Job], Outcome]) -> Iterator[tuple[Job, Outcome]]:

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -20,12 +21,11 @@ from msgspec import structs
 from benchmarks.world import crossing, doors, objects
 from benchmarks.world.controllers import Fan, Ours, Ranges, Said
 from benchmarks.world.loop import Case, Loop
-from benchmarks.world.play import SCAN
+from benchmarks.world.play import SCAN, recorded
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.truth import RADIUS_M, Truth
 from robots.bridge.gate.depth import Transform
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
-from robots.bridge.recording import Recorder
 from robots.simulator.physics import Pose as TruePose
 from robots.simulator.robot import Robot
 
@@ -95,26 +95,18 @@ def main() -> int:
 
 
 def _made(path: Path, case: Case) -> int:
-    witnesses: list[Witness] = []
-
-    def witness(fan: Fan) -> Witness:
-        witnesses.append(Witness(profile, fan))
-        return witnesses[0]
-
     profile = tiago_profile()
     if path.name not in LOOKS:
         profile = structs.replace(profile, has_depth=False, depth=None)
-    loop = Loop(case, witness, profile.limits, SCAN, SEED)
-    [there] = witnesses
-    there.robot = loop.robot
+    loop = Loop(case, lambda fan: Witness(profile, fan), profile.limits, SCAN, SEED)
+    witness = cast(Witness, loop.controller)
+    witness.robot = loop.robot
     recording = path.with_suffix(".gate")
     outline = [] if case.world.people else Truth(loop.robot.physics).points.round(3).tolist()
-    with Recorder(recording, profile) as recorder:
-        recorder.recorded(there.gate)
-        trace = loop.play()
+    trace = recorded(loop, recording)
     # Once more and small, without a date: the same drive is the same file.
     recording.write_bytes(gzip.compress(gzip.decompress(recording.read_bytes()), 9, mtime=0))
-    truth = Witnessed(RADIUS_M, outline, there.poses, there.people)
+    truth = Witnessed(RADIUS_M, outline, witness.poses, witness.people)
     path.with_suffix(".json").write_bytes(msgspec.json.encode(truth) + b"\n")
     gap_m = min(moment.gap_m for moment in trace.moments)
     print(f"{recording.name}: {trace.time_s:.1f} s, {recording.stat().st_size / 1000:.0f} kB, {gap_m:.3f} m")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.recording import BadRecording
@@ -13,9 +14,9 @@ import rosbag  # isort: skip
 from geometry_msgs.msg import Twist  # isort: skip
 from nav_msgs.msg import Odometry  # isort: skip
 from rospy import Time  # isort: skip
-from sensor_msgs.msg import LaserScan  # isort: skip
+from sensor_msgs.msg import JointState, LaserScan  # isort: skip
 
-from robots.bridge.config import ScanSource, Topic, Topics  # isort: skip
+from robots.bridge.config import ArmSource, ScanSource, Topic, Topics  # isort: skip
 
 TOPICS = Topics(
     drive=Topic("/key_vel", "geometry_msgs/Twist"),
@@ -53,6 +54,21 @@ def test_the_commands_of_a_bag_are_judged_by_what_the_bag_saw(tmp_path):
     assert [told[0][0], told[-1][0]] == pytest.approx([1000.0, 1001.9])
     assert told[-1][1].code == "obstacle"
     assert told[-1][1].velocity.vx < 0.1 < told[5][1].velocity.vx
+
+
+@pytest.mark.parametrize(("position", "held"), [(0.02, False), (0.5, True)])
+def test_joint_states_of_a_bag_tell_whether_the_arm_is_at_home(tmp_path, position, held):
+    topics = structs.replace(
+        TOPICS, joint_states=Topic("/joint_states", "sensor_msgs/JointState"), arm=ArmSource({"arm": 0.0}, [])
+    )
+    path = filled(tmp_path / "drive.bag")
+    with rosbag.Bag(str(path), "a") as file:
+        for tick in range(100):
+            at = Time.from_sec(1000.0 + 0.02 * tick)
+            file.write("/joint_states", JointState(name=["arm"], position=[position]), at)
+    gate = Gate(structs.replace(PROFILE, has_arm=True))
+    *_, (_, verdict) = bag.drive(path, gate, topics)
+    assert any("arm" in limit for limit in verdict.limits) == held
 
 
 def test_a_bag_without_odometry_or_no_bag_at_all_is_refused_in_words(tmp_path):

@@ -14,6 +14,7 @@ import rosbag
 
 from robots.bridge.config import Topics
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.posture import AT_HOME, UNKNOWN, is_home
 from robots.bridge.gate.values import STILL, Velocity, Verdict
 from robots.bridge.recording import BadRecording
 from robots.bridge.ros.convert import planar
@@ -24,7 +25,8 @@ Told = tuple[float, Verdict]
 def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
     """Tell `gate` what the bag holds; the time and the verdict for each command on the drive topic.
 
-    The bag's own times are the arrivals. BadRecording if the file is no bag, or holds no command or no odometry.
+    The bag's own times are the arrivals. Of the arm only whether it is at home is told, and no depth pictures: the gate
+    answers as with a camera that is silent. BadRecording if the file is no bag, or holds no command or no odometry.
     """
     tellers = _tellers(gate, topics)
     sent = STILL
@@ -74,10 +76,19 @@ def _tellers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], Non
 
         return scan
 
+    joints: dict[str, float] = {}
+
+    def joint_states(message: Any, at_s: float) -> None:
+        joints.update(zip(message.name, message.position, strict=False))
+        if topics.arm:
+            home = is_home(joints, topics.arm.home, topics.arm.tolerance)
+            gate.observe_posture(AT_HOME if home else UNKNOWN, at_s)
+
     return {
         topics.odometry.name: odometry,
         **{source.topic: sonar for source in topics.sonars},
         **{source.topic: scan_of(source.topic) for source in topics.scans},
+        **({topics.joint_states.name: joint_states} if topics.joint_states else {}),
     }
 
 
