@@ -89,12 +89,12 @@ def least_gaps(kind, candidate, points, queue, velocity, drift=None):
     profile = PROFILES[kind]
     hull = footprint_of(profile)
     drift = np.zeros_like(points) if drift is None else drift
-    least = np.full(len(points), np.inf)
-    for time_s, x, y, yaw, _ in played(profile, candidate, queue, velocity):
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        local = (points + time_s * drift - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
-        least = np.minimum(least, hull.gaps(np.asfortranarray(local)))
-    return least
+    moments = np.array([moment[:4] for moment in played(profile, candidate, queue, velocity)])
+    time_s, x, y, yaw = moments.T[:, :, None]
+    east, north = points.T[:, None] + time_s * drift.T[:, None] - (x, y)
+    local = np.cos(yaw) * east + np.sin(yaw) * north, np.cos(yaw) * north - np.sin(yaw) * east
+    gaps = hull.gaps(np.asfortranarray(np.stack([axis.ravel() for axis in local], axis=1)))
+    return gaps.reshape(len(moments), -1).min(axis=0, initial=np.inf)
 
 
 @given(kinds, twists, queues, twists, clouds)
