@@ -83,7 +83,7 @@ class Bridge:
         while not self._ended.is_set():
             now_s = time.monotonic()
             self._core.tick(now_s)
-            self._base.look(self._core.grants.current is not None or bool(self._watchers()))
+            self._base.look(self._core.grants.current is not None)
             self._show(now_s, count)
             count += 1
             due_s = max(due_s + TICK_S, now_s)  # after a stall: on from here, no catching up

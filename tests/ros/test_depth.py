@@ -117,7 +117,7 @@ def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(rosmaster, stage
     assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
 
 
-def test_the_camera_is_listened_to_while_somebody_has_control_or_looks(rosmaster, stage, tmp_path):
+def test_the_camera_is_listened_to_while_somebody_has_control_and_not_for_onlookers(rosmaster, stage, tmp_path):
     with bridge(rosmaster, tmp_path, IMAGES) as hand:
         assert not listeners(rosmaster, IMAGES.topic)
         hand.take_control(1)
@@ -127,7 +127,8 @@ def test_the_camera_is_listened_to_while_somebody_has_control_or_looks(rosmaster
         until(lambda: not listeners(rosmaster, IMAGES.topic), "nobody needs it")
         assert not listeners(rosmaster, "/tf")
         hand.send(wire.Watch(["Ann"]))
-        until(lambda: listeners(rosmaster, IMAGES.topic), "it listens while somebody looks")
+        hand.state_until(lambda state: state.watchers == ["Ann"], "somebody who looks")
+        assert not listeners(rosmaster, IMAGES.topic)
 
 
 def test_a_head_that_is_turned_away_is_said_and_over_when_it_is_back(ros, rosmaster, stage, tmp_path):

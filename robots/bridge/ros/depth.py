@@ -1,4 +1,4 @@
-"""A depth camera's topics: subscribed while somebody looks or drives, and pictures made ready for the gate.
+"""A depth camera's topics: subscribed while somebody has control, and pictures made ready for the gate.
 
 Pictures arrive on a thread of rospy's and are thinned out and placed there; what reaches the event loop is small. A
 megabyte of pixels is copied by nobody but rospy.
