@@ -85,7 +85,7 @@ def check_against(gaps_at, time, contact_s, tolerance_m):
 @given(twists, points)
 @example(Velocity(1.0, 0.0, 0.0), np.array([1.0, 0.299]))
 @example(Velocity(0.3, 0.0, 1.0), np.array([0.0, 0.5]))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_disc_contact_is_when_brute_force_says(twist, point):
     assume(math.hypot(*point) > RADIUS + 1e-6)
     time, path = path_in_base_frame(point, twist)
@@ -95,7 +95,7 @@ def test_disc_contact_is_when_brute_force_says(twist, point):
 
 
 @given(twists, points, outlines, st.sampled_from([0.0, 0.05]))
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth):
     hull = Polygon(outline)
     assume(hull.gaps(point[None])[0] > growth + 1e-6)
@@ -138,7 +138,7 @@ def test_nearly_straight_and_barely_turning_agree():
 
 
 @given(quick_turns, points, outlines)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_clearance_is_the_smallest_gap_of_a_whole_turn(twist, point, outline):
     _, path = path_in_base_frame(point, twist)  # 6 s at 1.2 rad/s is more than a whole turn
     disc = Disc(RADIUS)

@@ -346,7 +346,7 @@ def looker():
 
 
 def test_a_table_top_stops_the_robot_at_its_edge_though_the_edge_leaves_the_picture(looker):
-    for step in range(400):
+    for step in range(240):
         looker.now_s += 0.05
         looker.all()
         if step % 2:

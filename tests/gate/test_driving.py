@@ -10,7 +10,7 @@ from robots.bridge.gate.values import Pose, Velocity, Verdict
 from tests.gate.conftest import LASER, box_profile, tiago_profile
 from tests.gate.world import World, doorway, leg, wall
 
-SEEDS = [1, 2, 3]
+SEEDS = [1]  # script/bench gate-world has the many
 FULL = Velocity(1.0, 0.0, 0.0)
 HALF = Velocity(0.5, 0.0, 0.0)
 

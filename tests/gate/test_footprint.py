@@ -34,7 +34,7 @@ hulls = st.sampled_from(sorted(HULLS))
 
 
 @given(twists, points, st.sampled_from([0.0, 0.03]))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_contact_of_discs_is_when_brute_force_says(twist, point, growth):
     hull = HULLS["discs"]
     assume(hull.gaps(point[None])[0] > growth + 1e-6)
@@ -58,7 +58,7 @@ def test_one_disc_about_the_origin_is_a_disc(twist, cloud):
 
 
 @given(hulls, twists, points)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_a_point_beside_what_is_swept_stays_as_far_as_its_clearance_and_is_never_touched(kind, twist, point):
     hull = HULLS[kind]
     assume(arc.speed(twist) or not hull.turns_freely)

@@ -308,7 +308,7 @@ def test_a_laser_that_sees_all_round_sees_over_its_seam(beams_off, sign):
     st.floats(0.3, 1.0),
     st.integers(0, 2**20),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, share, seed):
     random = np.random.default_rng(seed)
     increment = sign * share * math.tau / beams
@@ -488,7 +488,7 @@ def test_a_scan_that_matches_no_odometry_teaches_nothing():
 
 # --- the robot as it drives -----------------------------------------------------------------------
 
-SEEDS = [1, 2, 3]
+SEEDS = [1]  # script/bench gate-world has the many
 
 
 def half_blind_tiago():

@@ -46,7 +46,7 @@ def braked_path(twist, profile, step_s=0.005):
 
 
 @given(kinds, twists, clouds)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_what_is_allowed_brakes_before_every_point(kind, twist, points):
     profile = PROFILES[kind]
     hull = footprint_of(profile)
@@ -60,7 +60,7 @@ def test_what_is_allowed_brakes_before_every_point(kind, twist, points):
 
 
 @given(kinds, twists, clouds)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_what_is_allowed_is_a_part_of_what_was_asked(kind, twist, points):
     allowed = decide(kind, twist, points).velocity
     for part, whole in zip(allowed, twist, strict=True):
@@ -93,7 +93,7 @@ def touching_a_box(draw):
 
 
 @given(touching_a_box())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_a_box_may_always_do_something_that_leads_away(point):
     """Wherever one point touches it, in the hull or out, some stick moves the box, and away from the point."""
     sticks = [Velocity(v, 0.0, w) for v in (0.3, 0.0, -0.3) for w in (0.8, 0.0, -0.8) if v or w]
