@@ -16,9 +16,10 @@ from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
-from robots.bridge.sink import DriveSummary, GateSummary, Holder
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant
 
@@ -142,12 +143,20 @@ class _Base:
     """Takes note of the newest twist."""
 
     listeners = 1
+    motions: list[str] = []
     newest = STILL
 
     def publish(self, velocity: Velocity) -> None:
         self.newest = velocity
 
     def cancel_all(self) -> None: ...
+
+    def play(self, goal_id: str, motion: str) -> None: ...
+
+    def cancel(self, goal_id: str) -> None: ...
+
+    def sweep(self, motion: str) -> tuple[Disc, ...]:
+        raise KeyError(motion)
 
     def aim_head(self, aim: Aim) -> None: ...
 
@@ -162,6 +171,11 @@ class _NoRecords:
 
     def look_ahead(self, holder: Holder) -> int:
         return 1
+
+    def begin_motion(self, holder: Holder, motion: str) -> int:
+        return 1
+
+    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None: ...
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return 1

@@ -224,6 +224,8 @@ def _arm_problems(arm: ArmSource) -> Iterator[str]:
         yield f"arm.tolerance: must be above 0 and at most 0.5 rad or m, not {arm.tolerance:g}"
     if not 0.02 <= arm.radius_m <= 0.5:
         yield f"arm.radius_m: must be between 0.02 and 0.5 m, not {arm.radius_m:g}"
+    if not 0.1 <= arm.reach_m <= 3.0:
+        yield f"arm.reach_m: must be between 0.1 and 3 m, not {arm.reach_m:g}"
     for motion, discs in arm.postures.items():
         for index, (_, _, radius_m) in enumerate(discs):
             if radius_m <= 0.0:

@@ -13,7 +13,7 @@ from django.db import DatabaseError, close_old_connections
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable, record
 from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -65,6 +65,17 @@ class AuditSink:
     def look_ahead(self, holder: Holder) -> int:
         """Commit that the head was asked to look ahead."""
         return record("head.look_ahead", **self._by(holder)).pk
+
+    @_or_record_error
+    def begin_motion(self, holder: Holder, motion: str) -> int:
+        """Commit that a recorded motion was asked for."""
+        return record("motion.start", parameters={"motion": motion}, **self._by(holder)).pk
+
+    @_or_record_error
+    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
+        """Commit how it ended."""
+        figures = {"motion": end.motion, "duration_s": end.duration_s, "text": end.text}
+        record("motion.end", of=motion, outcome=end.outcome, parameters=figures, **self._by(holder))
 
     @_or_record_error
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:

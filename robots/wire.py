@@ -137,6 +137,19 @@ class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
     fence: Fence
 
 
+class Play(Struct, frozen=True, tag_field="t", tag="play"):
+    """Perform a recorded motion. From the holder; forwarded to the bridge."""
+
+    fence: Fence
+    motion: Annotated[str, Meta(min_length=1, max_length=100)]
+
+
+class PlayCancel(Struct, frozen=True, tag_field="t", tag="play_cancel"):
+    """Cancel the motion that this console started. From the holder; forwarded to the bridge."""
+
+    fence: Fence
+
+
 BrowserMessage = (
     Hello
     | Take
@@ -148,6 +161,8 @@ BrowserMessage = (
     | HandOver
     | Drive
     | LookAhead
+    | Play
+    | PlayCancel
     | Stop
     | Clear
     | Ack
@@ -341,6 +356,27 @@ class StopState(Struct, frozen=True):
     number: int = 0
 
 
+class Motion(Struct, frozen=True):
+    """A recorded motion that this console started, from the moment it was asked for."""
+
+    name: str
+    who: str
+    since_s: float
+
+
+class MotionEnd(Struct, frozen=True):
+    """How such a motion ended. `number` tells one from the next.
+
+    `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, control_ended, link_lost,
+    unheard.
+    """
+
+    number: int
+    name: str
+    outcome: str
+    text: str
+
+
 class State(Struct, frozen=True):
     """The robot as its bridge knows it."""
 
@@ -362,8 +398,13 @@ class State(Struct, frozen=True):
     refused: dict[str, int]  # refused messages so far, by code
     latency_s: float = 0.0  # from a command to odometry that shows it, as the gate reckons with it
     latency_measured: bool = False  # else it is the profile's
-    arm: list[tuple[float, float, float]] = []  # what of it reaches out of the base: discs x, y, radius (base frame)
+    arm: list[
+        tuple[float, float, float]
+    ] = []  # what of it reaches out of the base: discs x, y, radius (base frame)
     watchers_more: int = 0
+    motion: Motion | None = None
+    motion_ended: MotionEnd | None = None  # the last one
+    motions: list[str] = []  # that the robot offers
 
 
 class Scan(Struct, frozen=True):
@@ -447,7 +488,9 @@ class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
     more: Annotated[int, Meta(ge=0)] = 0
 
 
-LinkRequest = LinkHello | Grant | Revoke | Hold | Drive | LookAhead | LinkStop | LinkClear | Watch
+LinkRequest = (
+    LinkHello | Grant | Revoke | Hold | Drive | LookAhead | Play | PlayCancel | LinkStop | LinkClear | Watch
+)
 
 
 # --- bridge -> web (the link, text frames) ----------------------------------------------------

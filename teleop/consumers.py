@@ -105,8 +105,8 @@ class RobotConsumer(MessageSocket):
             return
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
-        elif isinstance(message, wire.LookAhead):
-            await self._look_ahead(message)
+        elif isinstance(message, wire.LookAhead | wire.Play | wire.PlayCancel):
+            await self._pass_on(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:
                 await self.viewer.drawn()
@@ -126,12 +126,12 @@ class RobotConsumer(MessageSocket):
             return
         await self.refuse("drive", self._not_held(drive.fence), drive.seq, drive.fence)
 
-    async def _look_ahead(self, look: wire.LookAhead) -> None:
+    async def _pass_on(self, request: wire.LookAhead | wire.Play | wire.PlayCancel) -> None:
         """The bridge puts it on record before it is done."""
-        if self.grip is not None and self.grip.fence == look.fence:
-            self.room.link.send(look)
+        if self.grip is not None and self.grip.fence == request.fence:
+            self.room.link.send(request)
         else:
-            await self.refuse("look_ahead", self._not_held(look.fence), fence=look.fence)
+            await self.refuse(_tag(request), self._not_held(request.fence), fence=request.fence)
 
     def _not_held(self, fence: int) -> Refusal:
         if self.grip is None:

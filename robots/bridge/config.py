@@ -72,6 +72,7 @@ class ArmSource(Struct, frozen=True):
     links: list[str]  # of the robot's description, shoulder to tip: the arm lies along their origins
     tolerance: float = 0.15  # of home: radians, or metres
     radius_m: float = 0.07
+    reach_m: float = 0.9  # from the shoulder: what a motion sweeps whose points nobody knows
     postures: dict[
         str, list[tuple[float, float, float]]
     ] = {}  # by motion, where there is no description: its end

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future
 from typing import Protocol
 
@@ -21,12 +21,15 @@ from robots import wire
 from robots.bridge.commands import COMMAND_LIFE_S, Stick, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
 from robots.bridge.drives import WAITING, DriveLog
+from robots.bridge.gate import words
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.posture import Posture
+from robots.bridge.gate.posture import Disc, Posture
+from robots.bridge.gate.sweep import intruder
 from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.grants import Grants
 from robots.bridge.head import Aim, Head
+from robots.bridge.motions import Motions, Player
 from robots.bridge.sink import Holder
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
@@ -36,13 +39,15 @@ log = logging.getLogger(__name__)
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
 ODOMETRY_ONLINE_S = 1.0
 CLOCK_SKEW_S = 0.5  # below, nobody need know
+LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
+AT_ARM = ("scan", "sonar")  # what else is seen where the arm moves may be the arm
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
 
 
-class Base(Protocol):
+class Base(Player, Protocol):
     """What the core may do to the robot."""
 
     def publish(self, velocity: Velocity) -> None:
@@ -53,6 +58,13 @@ class Base(Protocol):
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there."""
+
+    def sweep(self, motion: str) -> tuple[Disc, ...]:
+        """The space that the arm would sweep from where it is; KeyError if the robot offers no such motion."""
+
+    @property
+    def motions(self) -> list[str]:
+        """What the robot offers."""
 
     @property
     def listeners(self) -> int:
@@ -93,7 +105,7 @@ class Core:
         self._drives = drives
         self._announce = announce
         self._stick = Stick(self.config.stick)
-        self._page_gone = False
+        self._page_gone_s: float | None = None
         self._neutral: str | None = None  # why the stick must return to neutral first
         self._asked = STILL  # by the stick
         self._passed = STILL  # what of it reached the gate
@@ -109,7 +121,7 @@ class Core:
         self._skew_s: float | None = None
         self._head = Head(config.topics.head) if config.topics.head else None
         self._look: Future[int] | None = None  # asked for, and being put on record
-        self._motion_runs = False
+        self._motions = Motions(base, drives)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -120,9 +132,9 @@ class Core:
             self._end_control("Control was given to somebody else.", now_s)
             self._stick = Stick(self.config.stick)
             self._neutral = "you have just taken control"
-        elif self._page_gone:
+        elif self._page_gone_s is not None:
             self._stick = Stick(self.config.stick)
-        self._page_gone = False
+        self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
         self.grants.take(grant, link, now_s)
 
@@ -135,7 +147,7 @@ class Core:
         """The holder's page is gone: zero now. A page that comes back counts its commands anew."""
         if self.grants.current is None or self.grants.current.fence != fence:
             return
-        self._page_gone = True
+        self._page_gone_s = now_s
         self._stick = Stick(self.config.stick)
         self._halt(reason, now_s)
 
@@ -161,6 +173,30 @@ class Core:
             self._look = self._drives.look_ahead(_holder(grant), now_s)
         return refusal
 
+    def play(self, play: wire.Play, link: int, now_s: float) -> Refusal | None:
+        """Perform a recorded motion, once that is on record. Returns why not, if a rule forbids it."""
+        grant = self.grants.current
+        refusal = self.grants.refuse_drive(play.fence, link) or self._motions.refuse(now_s)
+        refusal = refusal or self._why_no_motion(now_s)
+        if refusal is not None or grant is None:
+            return refusal
+        try:
+            space = self._base.sweep(play.motion)
+        except KeyError:
+            text = f"The robot has no motion “{play.motion}”."
+            return Refusal("unknown_motion", text, "robot", {"motion": play.motion})
+        refusal = self._in_the_way(space, now_s)
+        if refusal is None:
+            self._motions.begin(play.motion, _holder(grant), space, now_s)
+        return refusal
+
+    def play_cancel(self, fence: int, link: int) -> Refusal | None:
+        """Cancel the motion under way. Returns why not, if a rule forbids it."""
+        refusal = self.grants.refuse_drive(fence, link)
+        if refusal is None and not self._motions.cancel("cancelled", "Its holder cancelled it."):
+            return Refusal("no_motion", "No motion that was started here runs.", "robot")
+        return refusal
+
     def stop(self, by: str, reason: str, now_s: float) -> None:
         """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is a stop of its own."""
         stop = self.stop_state
@@ -170,6 +206,7 @@ class Core:
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self._halt("the robot was stopped", now_s)
         self._base.cancel_all()
+        self._motions.cancel("stopped", f"The robot was stopped by {by}.")
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
@@ -195,9 +232,14 @@ class Core:
         if unrecorded and self._passed != STILL:
             self._halt(unrecorded.text, now_s)
         self._decide(now_s)
+        self._watch_motion(now_s)
         self._move_head(now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
             self._see_standstill(self._odometry[0])
+
+    def close(self, now_s: float) -> None:
+        """The bridge ends."""
+        self._motions.close(now_s)
 
     # --- what the robot says ---------------------------------------------------------------------
 
@@ -260,9 +302,13 @@ class Core:
         """A picture of the depth camera that cannot be used, and why."""
         self._gate.observe_bad_depth(why)
 
-    def motions(self, running: bool) -> None:
-        """Whether the robot performs a motion, whoever asked for it."""
-        self._motion_runs = running
+    def motions(self, goal_ids: Collection[str], now_s: float) -> None:
+        """The motions that the robot performs, whoever asked for them, by the ids of their goals."""
+        self._motions.running(goal_ids, now_s)
+
+    def motion_ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
+        """A motion has ended: succeeded, cancelled, rejected or failed; `text` is the robot's own word on it."""
+        self._motions.ended(goal_id, outcome, text, now_s)
 
     def battery(self, percent: float) -> None:
         """Charge in percent."""
@@ -295,7 +341,8 @@ class Core:
             phase=phase,
             text=text,
             stop=self.stop_state,
-            verdict=_verdict_view(self._verdict),
+            # Limits are the driver's; some sensors are listened to only for one.
+            verdict=_verdict_view(self._verdict if grant else self._verdict._replace(limits=())),
             odometry=self._odometry_view(),
             sensors=[wire.Sensor(*health) for health in self._gate.sensor_health(now_s)],
             battery_percent=self._battery_percent,
@@ -312,6 +359,9 @@ class Core:
             latency_measured=self._gate.latency.measured_s is not None,
             arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in self._gate.arm_discs],
             watchers_more=watchers_more,
+            motion=self._motions.view(now_s),
+            motion_ended=self._motions.last,
+            motions=self._base.motions,
         )
 
     def scan(self, now_s: float) -> wire.Scan:
@@ -347,6 +397,8 @@ class Core:
             self._drives.decided(verdict, now_s)
             if verdict.neutral:
                 self._need_neutral(verdict.text)
+        if refusal and refusal.code == "motion_running":
+            self._need_neutral("the robot performed a motion")
         if refusal:
             verdict = verdict._replace(asked=asked, code=refusal.code, text=refusal.text)
         stopped = self.stop_state.state != "clear"
@@ -361,6 +413,8 @@ class Core:
         phase, text = self._phase(now_s)
         if phase != "online":
             return Refusal("robot_offline", text, "robot")
+        if running := self._motions.refuse(now_s):
+            return running
         if self._neutral is not None:
             return Refusal(
                 "neutral_needed", f"Let the stick return to the middle: {self._neutral}.", "dead-man"
@@ -376,9 +430,54 @@ class Core:
         phase, text = self._phase(now_s)
         if phase != "online":
             return Refusal("robot_offline", text, "robot")
-        if self._motion_runs:
+        if self._motions.refuse(now_s):
             return Refusal("motion_runs", "The robot performs a motion: its head belongs to that.", "robot")
         return None
+
+    def _why_no_motion(self, now_s: float) -> Refusal | None:
+        """The first rule that keeps the arm where it is; lease, other motions and the arm's space apart."""
+        if self.stop_state.state != "clear":
+            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
+        phase, text = self._phase(now_s)
+        if phase != "online":
+            return Refusal("robot_offline", text, "robot")
+        if self._passed != STILL or not self._gate.standstill(now_s):
+            return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
+        return None
+
+    def _in_the_way(self, space: Sequence[Disc], now_s: float, kinds: Collection[str] = ()) -> Refusal | None:
+        """What sensors of these kinds (none: all) know of in the space that the arm sweeps."""
+        obstacles = self._gate.obstacles(now_s)
+        if kinds:
+            heard = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
+            rows = np.isin(obstacles.source, heard)
+            obstacles = obstacles._replace(points=obstacles.points[rows], source=obstacles.source[rows])
+        found = intruder(space, obstacles, self._gate.footprint.gaps(obstacles.points), self._gate.arm_discs)
+        if found is None:
+            return None
+        sensor, side = obstacles.names[found.source], words.side(found.bearing)
+        distance = words.figure(max(found.gap_m, 0.0))
+        text = f"The arm would sweep where there is something: {sensor}, {distance} m {side}."
+        figures: dict[str, float | int | str | None] = {
+            "sensor": sensor,
+            "distance_m": round(found.gap_m, 2),
+            "side": side,
+        }
+        return Refusal("motion_blocked", text, "gate", figures)
+
+    def _watch_motion(self, now_s: float) -> None:
+        """Begin what is on record, if nothing has come in between; cancel what must not go on."""
+        due, space = self._motions.due, self._motions.space
+        refusal = self._why_no_motion(now_s) if due else None
+        if refusal is None and space:
+            refusal = self._in_the_way(space, now_s, () if due else AT_ARM)
+        if refusal is not None:
+            self._motions.cancel("intruder" if refusal.rule == "gate" else "cancelled", refusal.text)
+        if self._page_gone_s is not None and now_s - self._page_gone_s > LINK_PATIENCE_S:
+            self._motions.cancel("link_lost", "The console lost its link to the robot.")
+        if due:
+            self._motions.start(now_s)
+        self._motions.tick(now_s)
 
     def _move_head(self, now_s: float) -> None:
         """What was asked for and is on record now; else, by setting, into the turn."""
@@ -419,6 +518,7 @@ class Core:
         if ended is None:
             return
         self._look = None
+        self._motions.cancel("control_ended", reason)
         self._halt(reason, now_s)
         self._announce(Ended(ended.fence, reason))
 

@@ -68,8 +68,9 @@ class Bridge:
             await self._tick_until_ended()
         finally:
             self._links.shut()  # nobody drives a robot that is being let go of
-            self._base.stop()
             now_s = time.monotonic()
+            self._core.close(now_s)
+            self._base.stop()
             await asyncio.to_thread(self._drives.close, now_s)
             await self._links.close()
             self._leasing.close()

@@ -61,6 +61,14 @@ class Reception:
                 refusal = self._core.look_ahead(message.fence, link.number, now_s)
                 if refusal is not None:
                     self._refuse(link, wire.Refused("look_ahead", refusal, fence=message.fence), now_s)
+            case wire.Play():
+                refusal = self._core.play(message, link.number, now_s)
+                if refusal is not None:
+                    self._refuse(link, wire.Refused("play", refusal, fence=message.fence), now_s)
+            case wire.PlayCancel():
+                refusal = self._core.play_cancel(message.fence, link.number)
+                if refusal is not None:
+                    self._refuse(link, wire.Refused("play_cancel", refusal, fence=message.fence), now_s)
             case wire.Grant() | wire.Revoke() | wire.Hold():
                 self._leasing.hear(link, message)
             case wire.LinkStop():

@@ -44,6 +44,15 @@ class GateSummary(Struct, frozen=True):
     also: list[str]  # codes of other rules that held back meanwhile
 
 
+class MotionEnd(Struct, frozen=True):
+    """How a recorded motion ended."""
+
+    motion: str
+    outcome: str  # as in `wire.MotionEnd`
+    text: str  # why, or the robot's own words
+    duration_s: float
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge sees it. Tokens are opaque to the bridge."""
 
@@ -55,6 +64,12 @@ class RecordSink(Protocol):
 
     def look_ahead(self, holder: Holder) -> int:
         """Commit that the head was asked to look ahead: before it does."""
+
+    def begin_motion(self, holder: Holder, motion: str) -> int:
+        """Commit that a recorded motion was asked for: before its goal is sent."""
+
+    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
+        """Commit how it ended."""
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         """Commit that the gate began to hold back, and why."""

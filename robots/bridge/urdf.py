@@ -54,14 +54,18 @@ class Tree:
 
     def places(self, links: Sequence[str], positions: Mapping[str, float]) -> Matrix:
         """Where the links' origins are, (N, 3), in the frame of the root. KeyError names a joint without a position."""
-        return np.array([self._place(link, positions) for link in links])
+        frames: dict[str, Matrix] = {}
+        return np.array([self._frame(link, positions, frames)[:3, 3] for link in links])
 
-    def _place(self, link: str, positions: Mapping[str, float]) -> Matrix:
-        point = np.array([0.0, 0.0, 0.0, 1.0])
-        for joint in self._chain(link):
-            position = 0.0 if joint.kind == "fixed" else positions[joint.name]
-            point = joint.origin @ _motion(joint, position) @ point
-        return point[:3]
+    def _frame(self, link: str, positions: Mapping[str, float], frames: dict[str, Matrix]) -> Matrix:
+        """The link's frame; `frames` keeps those behind each joint, which its neighbours share."""
+        frame = np.eye(4)
+        for joint in reversed(self._chain(link)):
+            if joint.name not in frames:
+                position = 0.0 if joint.kind == "fixed" else positions[joint.name]
+                frames[joint.name] = frame @ joint.origin @ _motion(joint, position)
+            frame = frames[joint.name]
+        return frame
 
     def _chain(self, link: str) -> list[_Joint]:
         """From a link up to the root."""

@@ -16,7 +16,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError, RecordSink
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError, RecordSink
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
 
@@ -45,6 +45,8 @@ class OpenGate:
     def __init__(self, profile: GateProfile) -> None:
         real = Gate(profile)
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
+        self.footprint = real.footprint
+        self.seen: list[tuple[float, float]] = []  # by its one laser
         self.says: Callable[[Velocity], Verdict] | None = None
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
@@ -61,7 +63,8 @@ class OpenGate:
         return Verdict(asked, asked, "idle" if asked == STILL else "free", "")
 
     def obstacles(self, _now_s: float) -> Obstacles:
-        return Obstacles(np.zeros((0, 2)), np.zeros(0, int), (), ())
+        points = np.array(self.seen, float).reshape(-1, 2)
+        return Obstacles(points, np.zeros(len(points), int), ("laser",), ("scan",))
 
     def sensor_health(self, _now_s: float) -> list[tuple[str, str, bool, float | None, str]]:
         return []
@@ -73,6 +76,9 @@ class MemoryBase:
 
     sent: list[Velocity] = field(default_factory=list)
     aims: list[Aim] = field(default_factory=list)
+    sweeps: dict[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
+    played: list[tuple[str, str]] = field(default_factory=list)
+    cancelled_goals: list[str] = field(default_factory=list)
     cancelled: int = 0
     listeners: int = 1
 
@@ -84,6 +90,19 @@ class MemoryBase:
 
     def aim_head(self, aim: Aim) -> None:
         self.aims.append(aim)
+
+    def sweep(self, motion: str) -> tuple[tuple[float, float, float], ...]:
+        return self.sweeps[motion]
+
+    @property
+    def motions(self) -> list[str]:
+        return list(self.sweeps)
+
+    def play(self, goal_id: str, motion: str) -> None:
+        self.played.append((goal_id, motion))
+
+    def cancel(self, goal_id: str) -> None:
+        self.cancelled_goals.append(goal_id)
 
 
 class MemorySink:
@@ -110,6 +129,12 @@ class MemorySink:
 
     def look_ahead(self, holder: Holder) -> int:
         return self._record("head.look_ahead", holder)
+
+    def begin_motion(self, holder: Holder, motion: str) -> int:
+        return self._record("motion.start", motion)
+
+    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
+        self._record("motion.end", end)
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record("gate.begin", verdict)

@@ -73,7 +73,7 @@ def test_a_request_ends_with_the_control_under_which_it_was_made(bench):
     [
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.core.motions(True), "motion_runs"),
+        (lambda bench: bench.core.motions(["other"], bench.now_s), "motion_runs"),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )
@@ -120,10 +120,11 @@ def test_it_follows_by_setting_only():
 def test_while_a_motion_runs_the_head_is_left_to_it():
     bench = with_head(FOLLOWS)
     bench.driving(0.5)
-    bench.core.motions(True)
+    bench.core.motions(["other"], bench.now_s)
     turn(bench)
     assert bench.base.aims == []
-    bench.core.motions(False)
+    bench.core.motions([], bench.now_s)
+    bench.stick(0.0)
     turn(bench)
     assert bench.base.aims
 

@@ -11,7 +11,7 @@ from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots.bridge.gate.values import STILL, Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError
 from robots.models import Robot
 from robots.records import AuditSink
 from robots.wire import Grant
@@ -43,6 +43,16 @@ def sink(robot: Robot) -> AuditSink:
 @pytest.fixture
 def holder(operator: User) -> Holder:
     return Holder(holder_id=str(operator.pk), holder="Olga Operator", session=str(uuid.uuid4()), fence=5)
+
+
+def test_a_motion_is_a_start_and_an_end(sink: AuditSink, holder: Holder, robot: Robot) -> None:
+    motion = sink.begin_motion(holder, "wave")
+    sink.end_motion(motion, holder, MotionEnd("wave", "intruder", "The arm would sweep it.", 1.5))
+    start, end = Record.objects.filter(robot_id=robot.pk).order_by("id")
+    assert (start.kind, start.parameters) == ("motion.start", {"motion": "wave"})
+    assert (end.kind, end.of_id, end.outcome) == ("motion.end", start.pk, "intruder")
+    assert end.parameters == {"motion": "wave", "duration_s": 1.5, "text": "The arm would sweep it."}
+    assert start.fence == end.fence == 5
 
 
 def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Holder, robot: Robot) -> None:

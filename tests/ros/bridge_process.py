@@ -10,7 +10,7 @@ import msgspec
 from robots.bridge.config import BridgeConfig
 from robots.bridge.gate.values import Verdict
 from robots.bridge.process import run
-from robots.bridge.sink import DriveSummary, GateSummary, Holder
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd
 
 
 class FileSink:
@@ -33,6 +33,12 @@ class FileSink:
 
     def look_ahead(self, holder: Holder) -> int:
         return self._record("head.look_ahead")
+
+    def begin_motion(self, holder: Holder, motion: str) -> int:
+        return self._record(f"motion.start {motion}")
+
+    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
+        self._record(f"motion.end {end.outcome}")
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record(f"gate.begin {verdict.code}")

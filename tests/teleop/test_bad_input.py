@@ -135,6 +135,17 @@ async def test_what_the_bridge_refuses_reaches_the_page_that_sent_it(driving, br
     assert (await driving.refused("too_old"))["seq"] == 7
 
 
+async def test_the_holder_has_motions_performed_and_cancelled_and_nobody_else(open_page, driving, bridge):
+    await driving.say("play", fence=FENCE, motion="wave")
+    assert (await bridge.hears(wire.Play)).motion == "wave"
+    await driving.say("play_cancel", fence=FENCE)
+    assert (await bridge.hears(wire.PlayCancel)).fence == FENCE
+    watching = await open_page("observer")
+    await watching.say("play", fence=FENCE, motion="wave")
+    assert (await watching.refused("no_lease"))["of"] == "play"
+    assert len(bridge.all(wire.Play)) == 1
+
+
 async def test_the_holder_lets_the_head_look_ahead_and_nobody_else(open_page, driving, bridge):
     await driving.say("look_ahead", fence=FENCE)
     assert (await bridge.hears(wire.LookAhead)).fence == FENCE

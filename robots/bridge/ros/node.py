@@ -24,19 +24,20 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import rospy
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.depth_camera import Frame
-from robots.bridge.gate.posture import Posture
+from robots.bridge.gate.posture import Disc, Posture
 from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.head import Aim
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.types import message_class
 
@@ -47,7 +48,7 @@ RETRY_S = 0.5
 SURVEY_S = 2.0
 FLUSH_S = 0.1
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
-RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
+REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
 SEND_PATIENCE = struct.pack("@ll", 0, 20_000)  # 20 ms, as a timeval: by then a buffer is not full by chance
 
@@ -74,6 +75,7 @@ class RosBase:
         self._depth: DepthTopics | None = None
         self._head: rospy.Publisher | None = None
         self._arm: PostureTopics | None = None
+        self._motions: MotionTopics | None = None
         self._ending = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
@@ -103,13 +105,36 @@ class RosBase:
             joints = [head.pan_joint, head.tilt_joint]
             self._head.publish(JointTrajectory(joint_names=joints, points=[point]))
 
+    def play(self, goal_id: str, motion: str) -> None:
+        """Send a motion's goal, if the robot's master was there once."""
+        if self._motions is not None:
+            self._motions.play(goal_id, motion)
+
+    def cancel(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        if self._motions is not None:
+            self._motions.cancel(goal_id)
+
+    def sweep(self, motion: str) -> tuple[Disc, ...]:
+        """The space that the arm would sweep from where it is; KeyError if the robot offers no such motion."""
+        offered = self._motions.repertoire if self._motions is not None else {}
+        recorded = offered[motion]
+        if self._arm is None:
+            return ((0.0, 0.0, REACH_M),)
+        return self._arm.sweep(recorded, time.monotonic())
+
+    @property
+    def motions(self) -> list[str]:
+        """What the robot offers."""
+        return list(self._motions.repertoire) if self._motions is not None else []
+
     @property
     def listeners(self) -> int:
         """How many nodes listen to the drive topic."""
         return self._drive.get_num_connections() if self._drive is not None else 0
 
     def look(self, wanted: bool) -> None:
-        """Whether anybody drives or looks: what is costly to the robot is asked of it only then."""
+        """Whether anybody drives: what is costly to the robot is asked of it only then."""
         if self._depth is not None:
             self._depth.look(wanted)
 
@@ -176,6 +201,8 @@ class RosBase:
             while not self._ending.is_set():
                 self._require_name()
                 self._tell(self._survey(self._master.system_state()))
+                if self._motions and not self._motions.repertoire:  # the robot may have come after its master
+                    self._motions.read()
                 if watch.wait(SURVEY_S):
                     raise MasterError(f"The ROS master at {self._config.master_uri} is gone.")
         finally:
@@ -218,9 +245,10 @@ class RosBase:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
             self._publishers.append(self._head)
         if topics.motions:
-            self._subscribe(
-                Topic(f"{topics.motions.name}/status", "actionlib_msgs/GoalStatusArray"), self._on_motions
-            )
+            self._motions = MotionTopics(topics.motions, self._on_motions, self._on_motion_ended)
+            self._motions.read()
+            self._publishers += self._motions.publishers
+            self._subscribers += self._motions.subscribe()
         if topics.arm and topics.joint_states:
             self._arm = PostureTopics(topics.arm, self._on_posture)
             self._arm.describe(rospy.get_param("/robot_description", None))
@@ -232,6 +260,8 @@ class RosBase:
         """What `rospy.init_node` and its topics told the last master, told to its successor."""
         if self._arm:
             self._arm.describe(rospy.get_param("/robot_description", None))
+        if self._motions:
+            self._motions.read()
         for publisher in self._publishers:
             self._master.register("registerPublisher", publisher.resolved_name, publisher.type, own_uri)
         for subscriber in self._subscribers + (self._depth.subscribers if self._depth else []):
@@ -321,9 +351,11 @@ class RosBase:
         """A picture of the depth camera that cannot be used."""
         self._post(lambda: self._core.bad_depth(why))
 
-    def _on_motions(self, message: Any) -> None:
-        running = any(status.status in RUNNING for status in message.status_list)
-        self._post(lambda: self._core.motions(running))
+    def _on_motions(self, goal_ids: list[str]) -> None:
+        self._post(lambda: self._core.motions(goal_ids, time.monotonic()))
+
+    def _on_motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
+        self._post(lambda: self._core.motion_ended(goal_id, outcome, text, time.monotonic()))
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

@@ -9,7 +9,7 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rospy
@@ -17,7 +17,8 @@ from actionlib_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
 
 from robots.bridge.config import ArmSource, Topic
-from robots.bridge.gate.posture import AT_HOME, KNOWN_S, UNKNOWN, Posture, discs_along, is_home
+from robots.bridge.gate.posture import AT_HOME, KNOWN_S, UNKNOWN, Disc, Posture, discs_along, is_home
+from robots.bridge.gate.sweep import Motion, swept
 from robots.bridge.ros.types import message_class
 from robots.bridge.urdf import BadDescription, Tree
 
@@ -61,6 +62,31 @@ class PostureTopics:
                 subscribers.append(rospy.Subscriber(topic, message_class(type_), hear, queue_size=10))
         return subscribers
 
+    def sweep(self, motion: Motion | None, now_s: float) -> tuple[Disc, ...]:
+        """The space that the arm sweeps in a motion from where it is; all within its reach if that is not known."""
+        tree, positions = self._tree, self._positions(now_s)
+        moving = set(self._arm.home) | (tree.moving(self._arm.links) if tree else set())
+        if motion is not None and moving.isdisjoint(motion.joints):
+            return ()
+        shoulder = (0.0, 0.0)
+        if tree is not None:
+            try:
+                if motion is not None:
+                    return swept(motion, positions, lambda at: self._discs(tree, at))
+                x, y, _ = tree.places(self._arm.links[:1], positions)[0]
+                shoulder = (float(x), float(y))
+            except KeyError as joint:
+                log.warning("nobody tells where %s is: a motion is taken to sweep all within reach", joint)
+        return ((*shoulder, self._arm.reach_m),)
+
+    def _discs(self, tree: Tree, positions: Mapping[str, float]) -> tuple[Disc, ...]:
+        return discs_along(tree.places(self._arm.links, positions), self._arm.radius_m)
+
+    def _positions(self, now_s: float) -> dict[str, float]:
+        """Of all joints that were told of lately."""
+        told = dict(self._joints)  # another thread adds to it
+        return {name: at for name, (at, arrival_s) in told.items() if now_s - arrival_s <= KNOWN_S}
+
     # --- on rospy's threads ------------------------------------------------------------------------
 
     def _hear(self, raw: Any) -> None:
@@ -74,19 +100,16 @@ class PostureTopics:
         self._take(self._posture(arrival_s), arrival_s)
 
     def _posture(self, now_s: float) -> Posture:
-        positions = {
-            name: at for name, (at, arrival_s) in self._joints.items() if now_s - arrival_s <= KNOWN_S
-        }
+        positions = self._positions(now_s)
         home = is_home(positions, self._arm.home, self._arm.tolerance)
         if home:
             self._after = None
             return AT_HOME
         if self._tree is not None:
             try:
-                line = self._tree.places(self._arm.links, positions)
+                return Posture(False, self._discs(self._tree, positions))
             except KeyError:  # a joint that nobody tells of
                 return UNKNOWN
-            return Posture(False, discs_along(line, self._arm.radius_m))
         if self._after in self._arm.postures and not self._motions:
             return Posture(False, tuple(self._arm.postures[self._after]))
         return UNKNOWN

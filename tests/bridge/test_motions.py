@@ -1,0 +1,244 @@
+"""A recorded motion runs for its holder only, on record, where the arm has room, and ends when that ends."""
+
+import pytest
+
+from robots import wire
+from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.motions import recorded
+from tests.bridge.support import Bench
+
+AHEAD = ((0.6, 0.0, 0.2),)
+
+
+@pytest.fixture
+def bench():
+    bench = Bench().online()
+    bench.base.sweeps = {"wave": AHEAD, "nod": ()}
+    bench.granted().pass_time(0.3)
+    return bench
+
+
+def ask(bench, motion="wave", fence=1, link=1):
+    return bench.core.play(wire.Play(fence, motion), link, bench.now_s)
+
+
+def begun(bench, motion="wave"):
+    """The motion runs on the robot; the id of its goal."""
+    assert ask(bench, motion) is None
+    settled(bench)
+    goal_id, played = bench.base.played[-1]
+    assert played == motion
+    bench.core.motions([goal_id], bench.now_s)
+    return goal_id
+
+
+def settled(bench):
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+
+
+def passes(bench, goal_id, seconds):
+    """Time in which the robot speaks of the goal."""
+    for _ in range(round(seconds / 0.1)):
+        bench.core.motions([goal_id], bench.now_s)
+        bench.pass_time(0.1)
+
+
+def ends(bench, goal_id, outcome="cancelled", text=""):
+    bench.core.motion_ended(goal_id, outcome, text, bench.now_s)
+    bench.recorded()
+    kind, end = bench.sink.records[-1]
+    assert kind == "motion.end"
+    return end
+
+
+def test_the_goal_is_sent_once_the_start_is_on_record_and_its_end_is_recorded(bench):
+    bench.sink.open.clear()
+    assert ask(bench) is None
+    bench.core.tick(bench.now_s)
+    assert bench.base.played == []
+    bench.sink.open.set()
+    settled(bench)
+    [(goal_id, motion)] = bench.base.played
+    assert motion == "wave"
+    passes(bench, goal_id, 3.0)
+    end = ends(bench, goal_id, "succeeded")
+    assert (end.motion, end.outcome) == ("wave", "succeeded")
+    assert end.duration_s == pytest.approx(3.0, abs=0.1)
+    assert bench.sink.kinds == ["motion.start", "motion.end"]
+    assert bench.base.cancelled_goals == []
+
+
+def test_what_cannot_be_recorded_is_not_done(bench):
+    bench.sink.fails = "disk full"
+    ask(bench)
+    settled(bench)
+    assert bench.base.played == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.motions(["other"], bench.now_s), "motion_running"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
+        (lambda bench: bench.driving(), "base_moving"),
+        (lambda bench: bench.gate.seen.append((0.6, 0.1)), "motion_blocked"),
+        (lambda bench: bench.base.sweeps.clear(), "unknown_motion"),
+    ],
+)
+def test_a_motion_that_must_not_be_is_refused_and_not_recorded(bench, spoil, code):
+    spoil(bench)
+    assert ask(bench).code == code
+    settled(bench)
+    assert bench.base.played == []
+    assert "motion.start" not in bench.sink.kinds
+
+
+def test_a_base_that_still_rolls_is_moving(bench):
+    bench.odometry(Velocity(0.1, 0.0, 0.0))
+    assert ask(bench).code == "base_moving"
+
+
+def test_only_the_holder_is_obeyed(bench):
+    assert ask(bench, fence=2).code == "unknown_fence"
+    assert ask(bench, link=5).code == "other_link"
+
+
+def test_a_refusal_for_want_of_room_says_where(bench):
+    bench.gate.seen = [(0.5, 0.12), (0.6, 0.1), (2.0, 0.0)]
+    refusal = ask(bench)
+    assert refusal.rule == "gate"
+    assert refusal.figures == {"sensor": "laser", "distance_m": 0.24, "side": "ahead"}
+    assert refusal.text == "The arm would sweep where there is something: laser, 0.2 m ahead."
+
+
+def test_what_stands_elsewhere_is_no_matter_nor_is_anything_to_a_motion_of_the_head(bench):
+    bench.gate.seen = [(-0.6, 0.0), (1.5, 0.0)]
+    assert ask(bench) is None
+    bench = bench.__class__().online()
+    bench.base.sweeps = {"nod": ()}
+    bench.granted().pass_time(0.3)
+    bench.gate.seen = [(0.6, 0.0)]
+    assert ask(bench, "nod") is None
+
+
+def test_a_second_motion_is_refused_with_who_runs_which(bench):
+    begun(bench)
+    refusal = ask(bench, "nod")
+    assert refusal.code == "motion_running"
+    assert refusal.figures == {"motion": "wave", "who": "Ann"}
+
+
+def test_while_it_runs_the_base_stands_and_afterwards_the_stick_returns_to_neutral_first(bench):
+    goal_id = begun(bench)
+    assert bench.stick(0.5).code == "motion_running"
+    assert bench.last == STILL
+    ends(bench, goal_id, "succeeded")
+    assert bench.stick(0.5).code == "neutral_needed"
+    bench.stick(0.0)
+    bench.driving()
+
+
+def test_an_intruder_cancels_it_by_its_goals_id_and_nothing_resumes(bench):
+    goal_id = begun(bench)
+    bench.gate.seen = [(0.6, 0.0)]
+    bench.pass_time(0.05)
+    assert bench.base.cancelled_goals == [goal_id]
+    end = ends(bench, goal_id)
+    assert end.outcome == "intruder"
+    assert "laser, 0.3 m ahead" in end.text
+    bench.gate.seen = []
+    bench.pass_time(1.0)
+    assert len(bench.base.played) == 1
+    state = bench.core.state(bench.now_s, [])
+    assert state.motion is None
+    assert state.motion_ended.outcome == "intruder"
+
+
+def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench):
+    bench.sink.open.clear()
+    ask(bench)
+    bench.gate.seen = [(0.6, 0.0)]
+    bench.sink.open.set()
+    settled(bench)
+    bench.recorded()
+    assert bench.base.played == []
+    assert bench.sink.kinds == ["motion.start", "motion.end"]
+    assert bench.sink.records[-1][1].outcome == "intruder"
+
+
+@pytest.mark.parametrize(
+    ("happens", "outcome"),
+    [
+        (lambda bench: bench.core.play_cancel(1, 1), "cancelled"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
+    ],
+)
+def test_cancel_stop_and_the_end_of_control_cancel_it_at_once(bench, happens, outcome):
+    goal_id = begun(bench)
+    happens(bench)
+    assert bench.base.cancelled_goals == [goal_id]
+    assert ends(bench, goal_id).outcome == outcome
+
+
+def test_a_link_lost_for_two_seconds_cancels_it_and_a_shorter_loss_does_not(bench):
+    goal_id = begun(bench)
+    bench.core.link_lost(1, bench.now_s)
+    passes(bench, goal_id, 1.8)
+    bench.granted(1)
+    passes(bench, goal_id, 3.0)
+    assert bench.base.cancelled_goals == []
+    bench.core.link_lost(1, bench.now_s)
+    passes(bench, goal_id, 2.2)
+    assert bench.base.cancelled_goals == [goal_id]
+    assert ends(bench, goal_id).outcome == "link_lost"
+
+
+def test_a_goal_of_which_the_robot_never_speaks_is_given_up(bench):
+    begun(bench)
+    bench.pass_time(2.2)
+    bench.recorded()
+    assert bench.sink.records[-1][1].outcome == "unheard"
+    assert bench.core.state(bench.now_s, []).motion is None
+    assert bench.stick(0.0) is None
+    bench.driving()
+
+
+def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
+    goal_id = begun(bench)
+    bench.core.close(bench.now_s)
+    bench.recorded()
+    assert bench.base.cancelled_goals == [goal_id]
+    assert bench.sink.records[-1][1].text == "The bridge ended."
+
+
+def test_only_the_holder_cancels_and_only_what_runs(bench):
+    assert bench.core.play_cancel(1, 1).code == "no_motion"
+    begun(bench)
+    assert bench.core.play_cancel(2, 1).code == "unknown_fence"
+    assert bench.base.cancelled_goals == []
+
+
+def test_pages_see_what_runs_and_who_asked_for_it(bench):
+    begun(bench)
+    bench.pass_time(1.0)
+    state = bench.core.state(bench.now_s, [])
+    assert state.motion == wire.Motion("wave", "Ann", 1.0)
+    assert state.motions == ["wave", "nod"]
+
+
+def test_parameters_that_make_no_motion_leave_its_points_unknown():
+    point = {"positions": [0.1, 0.2], "time_from_start": 0.0}
+    told = {
+        "wave": {"joints": ["a", "b"], "points": [point], "meta": {"name": "Wave"}},
+        "odd": {"joints": ["a"], "points": [point]},
+        "nan": {"joints": ["a"], "points": [{"positions": [float("nan")]}]},
+        "bare": {"joints": ["a"]},
+    }
+    motions = recorded(told)
+    assert motions["wave"].points == ((0.1, 0.2),)
+    assert [name for name, motion in motions.items() if motion is None] == ["bare", "nan", "odd"]
+    assert recorded(None) == {}
