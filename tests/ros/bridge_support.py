@@ -123,7 +123,7 @@ class Hand:
         self._socket = self._closing.enter_context(unix_connect(path, compression=None))
         self._reports: list[Any] = []
         self._news = threading.Condition()
-        self._stick: tuple[float, float] | None = None
+        self._stick: tuple[float, float, float] | None = None
         self._seq = 0
         self.fence = 0
         self.state: wire.State | None = None
@@ -162,9 +162,9 @@ class Hand:
         self.fence = fence
         self.stick(0.0, 0.0)
 
-    def stick(self, x: float, w: float = 0.0) -> None:
+    def stick(self, x: float, w: float = 0.0, y: float = 0.0) -> None:
         """Hold the stick there from now on."""
-        self._stick = (x, w)
+        self._stick = (x, y, w)
         self._send_stick()
 
     def let_go(self) -> None:
@@ -182,7 +182,13 @@ class Hand:
             sent_ms = time.monotonic() * 1000
             self.send(
                 wire.Drive(
-                    fence=self.fence, seq=self._seq, sent_ms=sent_ms, x=stick[0], w=stick[1], share=1.0
+                    fence=self.fence,
+                    seq=self._seq,
+                    sent_ms=sent_ms,
+                    x=stick[0],
+                    y=stick[1],
+                    w=stick[2],
+                    share=1.0,
                 )
             )
 

@@ -1,0 +1,71 @@
+"""A base that moves sideways: the lateral stick, and the gate at its side."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import math
+
+import pytest
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from robots.bridge.config import ScanSource, Topic, Topics
+from robots.bridge.gate.values import GateProfile, Limits
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+
+HALF_WIDTH_M = 0.28
+TOPICS = Topics(
+    drive=Topic("/cmd_vel", "geometry_msgs/Twist"),
+    odometry=Topic("/odom", "nav_msgs/Odometry"),
+    scans=[ScanSource("/scan", (0.0, 0.0, 0.0))],
+)
+GATE = GateProfile(
+    limits=Limits(0.6, 0.3, 0.3, 1.2, 0.5, 1.2),
+    radius_m=None,
+    outline=((0.35, HALF_WIDTH_M), (-0.35, HALF_WIDTH_M), (-0.35, -HALF_WIDTH_M), (0.35, -HALF_WIDTH_M)),
+    scan_poses={"/scan": (0.0, 0.0, 0.0)},
+    sonar_poses={},
+    sonar_fov={},
+    has_depth=False,
+    blind_mps=0.2,
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    """On its right the wall, whose face is at y = 0."""
+    return simulator(pose="7.6,1.2,0", base="generic_omni", seed=1)
+
+
+def test_the_lateral_stick_slides_the_base_and_the_gate_holds_it_off_the_wall_at_its_side(
+    ros, rosmaster, tmp_path
+):
+    process = BridgeProcess(tiago_config(rosmaster, tmp_path, topics=TOPICS, gate=GATE), rosmaster, tmp_path)
+    hand = process.link()
+    try:
+        with (
+            ros.listen("/ground_truth/pose", Odometry) as truth,
+            ros.listen("/ground_truth/contacts", String) as contacts,
+        ):
+            hand.state_until(lambda state: state.phase == "online", "a robot that can be driven")
+            hand.take_control(1)
+            contacts.drain()
+            hand.stick(0.0, y=-1.0)
+            sliding = hand.state_until(lambda state: state.odometry.vy < -0.2, "a slide to the right")
+            stopped = hand.state_until(
+                lambda state: state.verdict.code == "obstacle" and abs(state.odometry.vy) < 0.01, "a stop"
+            )
+            [*_, last] = truth.drain()
+            hand.stick(0.0, y=1.0)
+            hand.state_until(lambda state: state.odometry.vy > 0.1, "the way back")
+    finally:
+        hand.close()
+        process.stop()
+    assert abs(sliding.odometry.vx) < 0.05
+    assert stopped.verdict.side == "right"
+    assert stopped.verdict.text.endswith("m right")
+    assert 0.0 < last.pose.pose.position.y - HALF_WIDTH_M < 0.2
+    assert math.isclose(last.pose.pose.position.x, 7.6, abs_tol=0.1)
+    assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
