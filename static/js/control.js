@@ -10,6 +10,7 @@ import { listenToGamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { listenToKeys } from "./keyboard.js";
 import { LookAhead } from "./look_ahead.js";
+import { Motions } from "./motions.js";
 import { Notices } from "./notices.js";
 import { Picture } from "./picture.js";
 import { Pulse } from "./pulse.js";
@@ -56,6 +57,7 @@ class ControlPage {
   #chart;
   #face;
   #lookAhead;
+  #motions;
   #notices;
   #screen = screenLock();
   #echoes = new Echoes();
@@ -87,6 +89,7 @@ class ControlPage {
     this.#lookAhead = new LookAhead(this.#parts["look-ahead"], (message) =>
       this.#socket.send(message),
     );
+    this.#motions = new Motions(this.#parts, (message) => this.#socket.send(message));
     this.#notices = new Notices(this.#parts.notices);
     this.#clear = question(this.#parts["clear-dialog"], () =>
       this.#socket.send({ t: "clear", number: this.#stopAsked }),
@@ -121,6 +124,7 @@ class ControlPage {
       this.#chart,
       this.#face,
       this.#lookAhead,
+      this.#motions,
       this.#notices,
     ];
     const others = [
@@ -248,7 +252,7 @@ class ControlPage {
   /** Drives while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
-    this.#lookAhead.fence = drives ? this.#control.fence : null;
+    this.#lookAhead.fence = this.#motions.fence = drives ? this.#control.fence : null;
     if (drives) {
       this.#sender.start(this.#control.fence);
     } else {
@@ -276,6 +280,7 @@ class ControlPage {
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     this.#chart.add(view.state);
+    this.#motions.state = view.state;
     this.#followGate(view.state, before);
     this.#look();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
