@@ -117,7 +117,9 @@ def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(rosmaster, stage
     assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
 
 
-def test_the_camera_is_listened_to_while_somebody_has_control_and_not_for_onlookers(rosmaster, stage, tmp_path):
+def test_the_camera_is_listened_to_while_somebody_has_control_and_not_for_onlookers(
+    rosmaster, stage, tmp_path
+):
     with bridge(rosmaster, tmp_path, IMAGES) as hand:
         assert not listeners(rosmaster, IMAGES.topic)
         hand.take_control(1)
