@@ -367,8 +367,8 @@ class Motion(Struct, frozen=True):
 class MotionEnd(Struct, frozen=True):
     """How such a motion ended. `number` tells one from the next.
 
-    `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, control_ended, link_lost,
-    unheard.
+    `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
+    link_lost, unheard.
     """
 
     number: int

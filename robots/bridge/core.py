@@ -40,6 +40,7 @@ QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then th
 ODOMETRY_ONLINE_S = 1.0
 CLOCK_SKEW_S = 0.5  # below, nobody need know
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
+OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
 AT_ARM = ("scan", "sonar")  # what else is seen where the arm moves may be the arm
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
@@ -185,7 +186,7 @@ class Core:
         except KeyError:
             text = f"The robot has no motion “{play.motion}”."
             return Refusal("unknown_motion", text, "robot", {"motion": play.motion})
-        refusal = self._in_the_way(space, now_s)
+        refusal = self._why_no_room(space, now_s)
         if refusal is None:
             self._motions.begin(play.motion, _holder(grant), space, now_s)
         return refusal
@@ -431,7 +432,9 @@ class Core:
         if phase != "online":
             return Refusal("robot_offline", text, "robot")
         if self._motions.refuse(now_s):
-            return Refusal("motion_runs", "The robot performs a motion: its head belongs to that.", "robot")
+            return Refusal(
+                "motion_running", "The robot performs a motion: its head belongs to that.", "robot"
+            )
         return None
 
     def _why_no_motion(self, now_s: float) -> Refusal | None:
@@ -443,6 +446,22 @@ class Core:
             return Refusal("robot_offline", text, "robot")
         if self._passed != STILL or not self._gate.standstill(now_s):
             return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
+        return None
+
+    def _why_no_room(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
+        """Why the arm may not sweep this space: something is in it, or nobody can tell."""
+        if not space:
+            return None
+        if running:
+            return self._why_unwatched(("scan",), now_s) or self._in_the_way(space, now_s, AT_ARM)
+        return self._why_unwatched(("scan", "depth"), now_s) or self._in_the_way(space, now_s)
+
+    def _why_unwatched(self, kinds: Collection[str], now_s: float) -> Refusal | None:
+        """The first sensor of these kinds that does not tell what stands around the arm."""
+        for name, kind, ok, _, text in self._gate.sensor_health(now_s):
+            if kind in kinds and not ok:
+                text = f"What stands around the arm is not known: {name}: {text}."
+                return Refusal("not_watched", text, "gate", {"sensor": name})
         return None
 
     def _in_the_way(self, space: Sequence[Disc], now_s: float, kinds: Collection[str] = ()) -> Refusal | None:
@@ -469,10 +488,9 @@ class Core:
         """Begin what is on record, if nothing has come in between; cancel what must not go on."""
         due, space = self._motions.due, self._motions.space
         refusal = self._why_no_motion(now_s) if due else None
-        if refusal is None and space:
-            refusal = self._in_the_way(space, now_s, () if due else AT_ARM)
+        refusal = refusal or self._why_no_room(space, now_s, running=not due)
         if refusal is not None:
-            self._motions.cancel("intruder" if refusal.rule == "gate" else "cancelled", refusal.text)
+            self._motions.cancel(OUTCOMES.get(refusal.code, "cancelled"), refusal.text)
         if self._page_gone_s is not None and now_s - self._page_gone_s > LINK_PATIENCE_S:
             self._motions.cancel("link_lost", "The console lost its link to the robot.")
         if due:

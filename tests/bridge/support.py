@@ -14,7 +14,16 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.latency import Latency
-from robots.bridge.gate.values import STILL, GateProfile, Limits, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.gate.values import (
+    STILL,
+    GateProfile,
+    Limits,
+    Obstacles,
+    Pose,
+    SensorHealth,
+    Velocity,
+    Verdict,
+)
 from robots.bridge.head import Aim
 from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError, RecordSink
 from robots.bridge.store import Persisted
@@ -47,6 +56,7 @@ class OpenGate:
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.footprint = real.footprint
         self.seen: list[tuple[float, float]] = []  # by its one laser
+        self.health: list[SensorHealth] = []
         self.says: Callable[[Velocity], Verdict] | None = None
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
@@ -66,8 +76,8 @@ class OpenGate:
         points = np.array(self.seen, float).reshape(-1, 2)
         return Obstacles(points, np.zeros(len(points), int), ("laser",), ("scan",))
 
-    def sensor_health(self, _now_s: float) -> list[tuple[str, str, bool, float | None, str]]:
-        return []
+    def sensor_health(self, _now_s: float) -> list[SensorHealth]:
+        return list(self.health)
 
 
 @dataclass

@@ -3,7 +3,7 @@
 import pytest
 
 from robots import wire
-from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.gate.values import STILL, SensorHealth, Velocity
 from robots.bridge.motions import recorded
 from tests.bridge.support import Bench
 
@@ -112,6 +112,26 @@ def test_a_refusal_for_want_of_room_says_where(bench):
     assert refusal.rule == "gate"
     assert refusal.figures == {"sensor": "laser", "distance_m": 0.24, "side": "ahead"}
     assert refusal.text == "The arm would sweep where there is something: laser, 0.2 m ahead."
+
+
+@pytest.mark.parametrize("kind", ["scan", "depth"])
+def test_an_arm_does_not_move_where_nobody_looks(bench, kind):
+    bench.gate.health = [SensorHealth("eye", kind, False, None, "nothing has come yet")]
+    refusal = ask(bench)
+    assert refusal.code == "not_watched"
+    assert refusal.text == "What stands around the arm is not known: eye: nothing has come yet."
+    assert ask(bench, "nod") is None  # which moves no arm
+
+
+def test_a_laser_that_falls_silent_cancels_it(bench):
+    goal_id = begun(bench)
+    bench.gate.health = [SensorHealth("depth", "depth", False, 0.6, "nothing new for 0.6 s")]
+    bench.pass_time(0.05)
+    assert bench.base.cancelled_goals == []  # it may look at the arm, or be carried by it
+    bench.gate.health = [SensorHealth("laser", "scan", False, 0.3, "nothing new for 0.3 s")]
+    bench.pass_time(0.05)
+    assert bench.base.cancelled_goals == [goal_id]
+    assert ends(bench, goal_id).outcome == "not_watched"
 
 
 def test_what_stands_elsewhere_is_no_matter_nor_is_anything_to_a_motion_of_the_head(bench):

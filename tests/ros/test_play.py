@@ -44,12 +44,17 @@ def bridge(master, folder):
     process = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
     hand = process.link()
     try:
-        hand.state_until(lambda state: state.phase == "online" and state.motions, "a robot with motions")
+        hand.state_until(lambda state: watched(state) and state.motions, "a robot with motions")
         hand.take_control(1)
         yield hand, lambda: process.records.read_text().splitlines()
     finally:
         hand.close()
         process.stop()
+
+
+def watched(state):
+    """Online, and every sensor tells what is there."""
+    return state.phase == "online" and all(sensor.ok for sensor in state.sensors)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,13 @@ def alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def command_line(pid: int) -> str:
+    """What it was started as."""
+    with suppress(FileNotFoundError):
+        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").strip()
+    return ""
 
 
 def free_port() -> int:
@@ -73,6 +81,7 @@ class Demo:
         )
         assert self.process.poll() is None, self.said
         self.family = family(self.process.pid)
+        self._commands = {pid: command_line(pid) for pid in self.family}
 
     @property
     def said(self) -> str:
@@ -86,7 +95,11 @@ class Demo:
 
     def assert_nothing_left(self) -> None:
         """No process, no port, no socket file."""
-        until(lambda: not any(map(alive, self.family)), "every process has ended", ENDED_S)
+        try:
+            until(lambda: not any(map(alive, self.family)), "every process has ended", ENDED_S)
+        except AssertionError as error:
+            left = {pid: self._commands[pid] for pid in self.family if alive(pid)}
+            raise AssertionError(f"{error}; left: {left}") from None
         assert not self.open
         assert not list((self.directory / "run").glob("*.sock"))
 

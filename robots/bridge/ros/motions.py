@@ -13,6 +13,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.motions import recorded
+from robots.bridge.ros.publishing import publish
 from robots.bridge.ros.types import message_class
 
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
@@ -57,11 +58,11 @@ class MotionTopics:
         goal = self._goal_class()
         goal.goal_id.id = goal_id
         goal.goal.motion_name = motion
-        self._goals.publish(goal)
+        publish(self._goals, goal)
 
     def cancel(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
-        self._cancels.publish(GoalID(id=goal_id))
+        publish(self._cancels, GoalID(id=goal_id))
 
     # --- on rospy's threads ------------------------------------------------------------------------
 

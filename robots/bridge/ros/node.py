@@ -39,6 +39,7 @@ from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
+from robots.bridge.ros.publishing import publish
 from robots.bridge.ros.types import message_class
 
 log = logging.getLogger(__name__)
@@ -88,12 +89,12 @@ class RosBase:
         """Send a twist, if the drive topic is up."""
         if self._drive is not None:
             twist = _twist(velocity)
-            self._drive.publish(_stamp(twist) if self._stamped else twist)
+            publish(self._drive, _stamp(twist) if self._stamped else twist)
 
     def cancel_all(self) -> None:
         """An empty goal id cancels everybody's goals: just what an emergency stop means."""
         for publisher in self._cancels:
-            publisher.publish(GoalID())
+            publish(publisher, GoalID())
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there, if its topic is up."""
@@ -103,7 +104,7 @@ class RosBase:
                 positions=[aim.pan, aim.tilt], time_from_start=rospy.Duration.from_sec(aim.seconds)
             )
             joints = [head.pan_joint, head.tilt_joint]
-            self._head.publish(JointTrajectory(joint_names=joints, points=[point]))
+            publish(self._head, JointTrajectory(joint_names=joints, points=[point]))
 
     def play(self, goal_id: str, motion: str) -> None:
         """Send a motion's goal, if the robot's master was there once."""
@@ -178,6 +179,9 @@ class RosBase:
                 return
             except OSError as error:
                 self._tell(RosStatus("waiting", f"The master's connection broke ({error})."))
+            except rospy.ROSInitException:
+                if not self._ending.is_set():  # else `stop` came in between
+                    raise
             self._ending.wait(RETRY_S)
 
     def _join(self) -> None:
