@@ -19,7 +19,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant
 
@@ -169,13 +169,12 @@ class _NoRecords:
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None: ...
 
-    def look_ahead(self, holder: Holder) -> int:
+    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
         return 1
 
-    def begin_motion(self, holder: Holder, motion: str) -> int:
-        return 1
-
-    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None: ...
+    def outcome(
+        self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters
+    ) -> None: ...
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return 1

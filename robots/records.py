@@ -13,7 +13,7 @@ from django.db import DatabaseError, close_old_connections
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable, record
 from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -62,20 +62,14 @@ class AuditSink:
         record("drive.end", of=drive, outcome=summary.ended_by, parameters=figures, **self._by(holder))
 
     @_or_record_error
-    def look_ahead(self, holder: Holder) -> int:
-        """Commit that the head was asked to look ahead."""
-        return record("head.look_ahead", **self._by(holder)).pk
+    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+        """Commit what was asked of the robot besides driving."""
+        return record(kind, parameters=dict(parameters), **self._by(holder)).pk
 
     @_or_record_error
-    def begin_motion(self, holder: Holder, motion: str) -> int:
-        """Commit that a recorded motion was asked for."""
-        return record("motion.start", parameters={"motion": motion}, **self._by(holder)).pk
-
-    @_or_record_error
-    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
-        """Commit how it ended."""
-        figures = {"motion": end.motion, "duration_s": end.duration_s, "text": end.text}
-        record("motion.end", of=motion, outcome=end.outcome, parameters=figures, **self._by(holder))
+    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+        """Commit what came of it."""
+        record(kind, of=request, outcome=outcome, parameters=dict(parameters), **self._by(holder))
 
     @_or_record_error
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:

@@ -11,12 +11,12 @@ is the only *binary* frame, so that the web process knows it without decoding it
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct
 
-PROTOCOL = 2
+PROTOCOL = 3
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
 
 Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
@@ -25,6 +25,11 @@ Fence = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Seq = Annotated[int, Meta(ge=0, le=2**53 - 1)]
 Milliseconds = Annotated[float, Meta(ge=0.0, le=1e12)]
 ShortText = Annotated[str, Meta(max_length=200)]
+TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$")]
+TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$")]
+Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*$")]  # BCP 47
+Use = Literal["drive", "speech", "motions"]
+Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz
 TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")]
 
 
@@ -131,23 +136,84 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
     sent_ms: Milliseconds
 
 
+# What follows asks something of the robot. `seq` grows with every message of one tab and comes back in the one
+# answer that each gets: `Accepted` or `Refused`. From the holder (`fence`), forwarded to the bridge.
+
+
 class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
-    """Turn the head to where the robot drives. From the holder; forwarded to the bridge."""
+    """Turn the head to where the robot drives."""
 
     fence: Fence
+    seq: Seq = 0
 
 
 class Play(Struct, frozen=True, tag_field="t", tag="play"):
-    """Perform a recorded motion. From the holder; forwarded to the bridge."""
+    """Perform a recorded motion."""
 
     fence: Fence
     motion: Annotated[str, Meta(min_length=1, max_length=100)]
+    seq: Seq = 0
 
 
 class PlayCancel(Struct, frozen=True, tag_field="t", tag="play_cancel"):
-    """Cancel the motion that this console started. From the holder; forwarded to the bridge."""
+    """Cancel the motion that this console started. Without `fence`: by a supervisor or staff, without control."""
+
+    fence: Fence | None = None
+    seq: Seq = 0
+
+
+class Say(Struct, frozen=True, tag_field="t", tag="say"):
+    """Say `text`, at most 500 characters; `topic` None: where speech goes now (`State.chosen`)."""
 
     fence: Fence
+    text: Annotated[str, Meta(max_length=4000)]
+    language: Language
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class SayCancel(Struct, frozen=True, tag_field="t", tag="say_cancel"):
+    """Cancel what this console has the robot say. Without `fence`: as in `PlayCancel`."""
+
+    fence: Fence | None = None
+    seq: Seq = 0
+
+
+class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
+    """Send input of this `use` to `topic` from now on (an action's name for actions); None: to the default."""
+
+    fence: Fence
+    use: Use
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
+    """Publish a message: once (`rate_hz` 0), or at a rate until `PublishStop`, a stop, or the end of control.
+
+    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); what is left out is zero, empty, or now.
+    """
+
+    fence: Fence
+    topic: TopicName
+    type: TypeName
+    fields: dict[str, Any] = {}
+    rate_hz: Rate = 0.0
+    seq: Seq = 0
+
+
+class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
+    """Publish no more on `topic`."""
+
+    fence: Fence
+    topic: TopicName
+    seq: Seq = 0
+
+
+class Refresh(Struct, frozen=True, tag_field="t", tag="refresh"):
+    """Read again what the robot offers. From anybody who may see it; `Offers` follows."""
+
+    seq: Seq = 0
 
 
 BrowserMessage = (
@@ -163,11 +229,18 @@ BrowserMessage = (
     | LookAhead
     | Play
     | PlayCancel
+    | Say
+    | SayCancel
+    | Choose
+    | Publish
+    | PublishStop
+    | Refresh
     | Stop
     | Clear
     | Ack
     | Ping
 )
+Order = LookAhead | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop
 
 
 class StopRobot(Struct, frozen=True, tag_field="t", tag="stop"):
@@ -279,6 +352,14 @@ class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=T
     fence: int | None = None
 
 
+class Accepted(Struct, frozen=True, tag_field="t", tag="accepted", omit_defaults=True):
+    """A message of kind `of` was taken: on its way, or done where there is nothing to wait for."""
+
+    of: str
+    seq: int = 0
+    fence: int | None = None
+
+
 class Pong(Struct, frozen=True, tag_field="t", tag="pong"):
     """Answer to `Ping`."""
 
@@ -377,6 +458,44 @@ class MotionEnd(Struct, frozen=True):
     text: str
 
 
+class Speech(Struct, frozen=True):
+    """What this console has the robot say, from the moment it was asked for.
+
+    `status`: sent, accepted, speaking, as the robot's action tells; a robot that takes plain messages tells nothing.
+    """
+
+    number: int  # of its record
+    text: str
+    language: str
+    topic: str
+    who: str
+    status: str
+    since_s: float
+    word: tuple[int, int] | None = (
+        None  # first and last + 1 character of the word that is spoken, where the robot says
+    )
+
+
+class SpeechEnd(Struct, frozen=True):
+    """How that ended.
+
+    `outcome`: done, failed or rejected (by the robot); sent (a plain message: nobody tells); cancelled, stopped,
+    unheard.
+    """
+
+    number: int
+    outcome: str
+    text: str  # why, or the robot's own words
+
+
+class Publishing(Struct, frozen=True):
+    """A message that is published at a rate."""
+
+    topic: str
+    type: str
+    rate_hz: float
+
+
 class State(Struct, frozen=True):
     """The robot as its bridge knows it."""
 
@@ -405,6 +524,38 @@ class State(Struct, frozen=True):
     motion: Motion | None = None
     motion_ended: MotionEnd | None = None  # the last one
     motions: list[str] = []  # that the robot offers
+    speech: Speech | None = None
+    speech_ended: SpeechEnd | None = None  # the last one
+    chosen: dict[str, str] = {}  # by use: the topic where input goes instead of the default
+    publishing: list[Publishing] = []
+
+
+class MotionOffer(Struct, frozen=True):
+    """A recorded motion of the robot, in its own words."""
+
+    name: str  # as it is played
+    title: str
+    usage: str = ""  # its group
+    description: str = ""
+    duration_s: float | None = None
+
+
+class UseOffer(Struct, frozen=True):
+    """Where input of one use goes if nobody chooses otherwise, and of which type a topic (an action) must be."""
+
+    topic: str
+    type: str
+    chooseable: dict[str, str] = {}  # topics that may be chosen instead, and from which role on
+
+
+class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
+    """What the robot offers besides driving: on connecting, and when it changed."""
+
+    motions: list[MotionOffer] = []
+    motions_text: str = ""  # why there is none
+    languages: list[str] = []  # in which it speaks, BCP 47, its own first
+    uses: dict[str, UseOffer] = {}  # by use; a robot that does not speak has no "speech"
+    publishable: dict[str, str] = {}  # topics, and of which type: the allow-list
 
 
 class Scan(Struct, frozen=True):
@@ -421,6 +572,174 @@ class View(Struct, frozen=True, tag_field="t", tag="view"):
 
     state: State
     scan: Scan | None
+
+
+# --- the robot's topics: page or application <-> web process <-> bridge <-> inspector ------------
+
+
+class ListTopics(Struct, frozen=True, tag_field="t", tag="topics"):
+    """Every topic, action and service of the robot. Answer: `Graph`."""
+
+    seq: Seq = 0
+
+
+class Describe(Struct, frozen=True, tag_field="t", tag="describe"):
+    """The definition of a message type, as this topic's publisher has it, or as known here. Answer: `Described`."""
+
+    type: TypeName
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class DescribeService(Struct, frozen=True, tag_field="t", tag="describe_service"):
+    """The request of a service. Answer: `Described`."""
+
+    service: TopicName
+    seq: Seq = 0
+
+
+class ListParameters(Struct, frozen=True, tag_field="t", tag="parameters"):
+    """Names of the robot's parameters. Answer: `Parameters`."""
+
+    seq: Seq = 0
+
+
+class GetParameter(Struct, frozen=True, tag_field="t", tag="parameter"):
+    """One parameter, or a tree of them. Answer: `Parameter`."""
+
+    name: TopicName
+    seq: Seq = 0
+
+
+class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
+    """Staff, and only what the allow-list has; on record first. Answer: `Parameter`."""
+
+    name: TopicName
+    value: Any
+    seq: Seq = 0
+
+
+class CallService(Struct, frozen=True, tag_field="t", tag="call"):
+    """Staff, and only what the allow-list has; on record first. Answer: `Called`."""
+
+    service: TopicName
+    fields: dict[str, Any] = {}
+    seq: Seq = 0
+
+
+Question = (
+    ListTopics | Describe | DescribeService | ListParameters | GetParameter | SetParameter | CallService
+)
+
+
+class Look(Struct, frozen=True, tag_field="t", tag="look"):
+    """Show the messages of a topic, newest wins, at most `rate_hz` of them; `Shown` follows, each after an `Ack`."""
+
+    topic: TopicName
+    rate_hz: Annotated[float, Meta(gt=0.0, le=10.0)] = 5.0
+
+
+class Unlook(Struct, frozen=True, tag_field="t", tag="unlook"):
+    """Show that topic no more."""
+
+    topic: TopicName
+
+
+TopicsMessage = Question | Look | Unlook | Ack | Ping
+
+
+class TopicRow(Struct, frozen=True):
+    """One topic of the robot."""
+
+    name: str
+    type: str
+    publishers: list[str] = []
+    subscribers: list[str] = []
+
+
+class ActionRow(Struct, frozen=True):
+    """One action: goal, cancel, status, feedback, result; `type` such as pal_interaction_msgs/TtsAction."""
+
+    name: str
+    type: str
+
+
+class ServiceRow(Struct, frozen=True):
+    """One service."""
+
+    name: str
+    node: str
+
+
+class Graph(Struct, frozen=True, tag_field="t", tag="graph"):
+    """The robot's topics, actions and services, by name."""
+
+    topics: list[TopicRow]
+    actions: list[ActionRow]
+    services: list[ServiceRow]
+    seq: int = 0
+
+
+class Field(Struct, frozen=True, omit_defaults=True):
+    """One field of a definition. `array`: None no array, -1 of any length, else its fixed length."""
+
+    name: str
+    type: str  # as in the definition, without the array: float64, geometry_msgs/Vector3, time
+    array: int | None = None
+    constants: dict[str, float | int | str | bool] = {}  # of its message, that fit this field by their type
+    fields: list[Field] = []  # of a nested message
+
+
+class Described(Struct, frozen=True, tag_field="t", tag="described"):
+    """A definition as a tree of fields. `known`: from a package here; else built from the publisher's own words."""
+
+    type: str
+    md5: str
+    fields: list[Field]
+    text: str  # the definition itself
+    known: bool = True
+    seq: int = 0
+
+
+class Parameters(Struct, frozen=True, tag_field="t", tag="parameter_names"):
+    """The names of the robot's parameters, sorted."""
+
+    names: list[str]
+    seq: int = 0
+
+
+class Parameter(Struct, frozen=True, tag_field="t", tag="parameter_value"):
+    """A parameter's value."""
+
+    name: str
+    value: Any
+    seq: int = 0
+
+
+class Called(Struct, frozen=True, tag_field="t", tag="called"):
+    """What a service answered."""
+
+    service: str
+    fields: dict[str, Any]
+    seq: int = 0
+
+
+Answer = Graph | Described | Parameters | Parameter | Called | Refused
+
+
+class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
+    """A message of a topic, big arrays shortened. `figures`: of the topic, over the last seconds."""
+
+    topic: str
+    type: str
+    number: int  # of this message among all that came
+    rate_hz: float | None
+    bytes: int
+    age_s: float | None  # of its header's stamp by the robot's clock, None if it has none
+    publishers: int
+    fields: dict[str, Any]
+    shortened: list[str] = []  # paths of arrays that are shown in part, with their whole length
+    refusal: Refusal | None = None  # why it cannot be shown
 
 
 # --- web -> bridge (the link) -----------------------------------------------------------------
@@ -481,6 +800,27 @@ class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
     seq: Seq = 0
 
 
+class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
+    """Cancel what this console started, by one who need not have control. The web process has checked the right."""
+
+    what: Literal["motion", "speech"]
+    by: ShortText
+    seq: Seq = 0
+
+
+class Inspect(Struct, frozen=True, tag_field="t", tag="inspect"):
+    """A `Question` about the robot's topics. `seq` comes back with the answer."""
+
+    seq: Seq
+    ask: Question
+
+
+class LookAt(Struct, frozen=True, tag_field="t", tag="look_at"):
+    """All topics whose messages are looked at through this web process, with the highest rate that is wanted."""
+
+    topics: dict[TopicName, Annotated[float, Meta(gt=0.0, le=10.0)]]
+
+
 class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
     """Who looks through this web process, and how many `more`; nobody means no views, only `Status`."""
 
@@ -489,7 +829,19 @@ class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
 
 
 LinkRequest = (
-    LinkHello | Grant | Revoke | Hold | Drive | LookAhead | Play | PlayCancel | LinkStop | LinkClear | Watch
+    LinkHello
+    | Grant
+    | Revoke
+    | Hold
+    | Drive
+    | Order
+    | Refresh
+    | LinkCancel
+    | LinkStop
+    | LinkClear
+    | Watch
+    | Inspect
+    | LookAt
 )
 
 
@@ -532,13 +884,28 @@ class Stopped(Struct, frozen=True, tag_field="t", tag="stopped"):
     seq: int = 0
 
 
-LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Refused
+class Inspected(Struct, frozen=True, tag_field="t", tag="inspected"):
+    """The answer to `Inspect`."""
+
+    seq: int
+    answer: msgspec.Raw  # an `Answer`, handed on untouched
+
+
+class Seen(Struct, frozen=True, tag_field="t", tag="seen"):
+    """The newest message of a topic that is looked at."""
+
+    topic: str
+    shown: msgspec.Raw  # a `Shown`, handed on untouched
+
+
+LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Accepted | Refused | Offers | Inspected | Seen
 
 
 # --- doors ------------------------------------------------------------------------------------
 
 _browser = msgspec.json.Decoder(BrowserMessage)
 _fleet = msgspec.json.Decoder(FleetMessage)
+_topics = msgspec.json.Decoder(TopicsMessage)
 _request = msgspec.json.Decoder(LinkRequest)
 _report = msgspec.json.Decoder(LinkReport)
 _view = msgspec.json.Decoder(View)
@@ -566,6 +933,12 @@ def _decode(decoder: msgspec.json.Decoder[Any], raw: str | bytes) -> Any:
 def browser_message(raw: str | bytes) -> BrowserMessage:
     """Decode what a browser sent, or raise `WireError`."""
     message: BrowserMessage = _decode(_browser, raw)
+    return message
+
+
+def topics_message(raw: str | bytes) -> TopicsMessage:
+    """Decode what somebody who looks at topics sent, or raise `WireError`."""
+    message: TopicsMessage = _decode(_topics, raw)
     return message
 
 

@@ -131,7 +131,7 @@ class RobotConsumer(MessageSocket):
         if self.grip is not None and self.grip.fence == request.fence:
             self.room.link.send(request)
         else:
-            await self.refuse(_tag(request), self._not_held(request.fence), fence=request.fence)
+            await self.refuse(_tag(request), self._not_held(request.fence or 0), fence=request.fence)
 
     def _not_held(self, fence: int) -> Refusal:
         if self.grip is None:

@@ -171,7 +171,7 @@ class Core:
         grant = self.grants.current
         refusal = self.grants.refuse_drive(fence, link) or self._why_no_look(now_s)
         if refusal is None and grant is not None and self._look is None:
-            self._look = self._drives.look_ahead(_holder(grant), now_s)
+            self._look = self._drives.request(_holder(grant), "head.look_ahead", {}, now_s)
         return refusal
 
     def play(self, play: wire.Play, link: int, now_s: float) -> Refusal | None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError, RecordSink
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError, RecordSink
 from robots.wire import Refusal
 
 log = logging.getLogger(__name__)
@@ -141,17 +141,15 @@ class DriveLog:
             return _unrecorded(f"no answer from the audit log for {RECORD_PATIENCE_S:.0f} s")
         return None
 
-    def look_ahead(self, holder: Holder, now_s: float) -> Future[int]:
-        """Put on record that the head is asked to look ahead; done once it is committed."""
-        return self._submit(now_s, lambda: self._sink.look_ahead(holder))
+    def request(self, holder: Holder, kind: str, parameters: Parameters, now_s: float) -> Future[int]:
+        """Put on record what is asked of the robot besides driving; its number, once it is committed."""
+        return self._submit(now_s, lambda: self._sink.request(holder, kind, parameters))
 
-    def begin_motion(self, holder: Holder, motion: str, now_s: float) -> Future[int]:
-        """Put on record that a recorded motion was asked for; done once it is committed."""
-        return self._submit(now_s, lambda: self._sink.begin_motion(holder, motion))
-
-    def end_motion(self, motion: int, holder: Holder, end: MotionEnd, now_s: float) -> None:
-        """Put on record how it ended."""
-        self._submit(now_s, lambda: self._sink.end_motion(motion, holder, end))
+    def outcome(
+        self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters, now_s: float
+    ) -> None:
+        """Put on record what came of it."""
+        self._submit(now_s, lambda: self._sink.outcome(request, holder, kind, outcome, parameters))
 
     def end(self, now_s: float, ended_by: str) -> None:
         """End the drive under way, if any."""

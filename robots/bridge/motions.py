@@ -19,7 +19,7 @@ from robots import wire
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
-from robots.bridge.sink import Holder, MotionEnd
+from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
 UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
@@ -102,7 +102,7 @@ class Motions:
 
     def begin(self, name: str, holder: Holder, space: Sequence[Disc], now_s: float) -> None:
         """Put it on record; `start` follows once that is done."""
-        number = self._log.begin_motion(holder, name, now_s)
+        number = self._log.request(holder, "motion.start", {"motion": name}, now_s)
         self._playing = _Playing(name, holder, space, now_s, number)
 
     @property
@@ -182,6 +182,11 @@ class Motions:
         if playing is not None:
             if outcome == "cancelled" and playing.cancelled is not None:
                 outcome, text = playing.cancelled
-            end = MotionEnd(playing.name, outcome, text, round(now_s - playing.since_s, 2))
-            self._last = wire.MotionEnd(playing.number.result(), playing.name, outcome, text)
-            self._log.end_motion(playing.number.result(), playing.holder, end, now_s)
+            number = playing.number.result()
+            self._last = wire.MotionEnd(number, playing.name, outcome, text)
+            figures: Parameters = {
+                "motion": playing.name,
+                "duration_s": round(now_s - playing.since_s, 2),
+                "text": text,
+            }
+            self._log.outcome(number, playing.holder, "motion.end", outcome, figures, now_s)

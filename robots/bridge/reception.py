@@ -66,7 +66,7 @@ class Reception:
                 if refusal is not None:
                     self._refuse(link, wire.Refused("play", refusal, fence=message.fence), now_s)
             case wire.PlayCancel():
-                refusal = self._core.play_cancel(message.fence, link.number)
+                refusal = self._core.play_cancel(message.fence or 0, link.number)
                 if refusal is not None:
                     self._refuse(link, wire.Refused("play_cancel", refusal, fence=message.fence), now_s)
             case wire.Grant() | wire.Revoke() | wire.Hold():

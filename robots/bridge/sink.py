@@ -6,11 +6,14 @@ its record is committed; `RecordError` means that it is not, and nothing that ne
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from msgspec import Struct
 
 from robots.bridge.gate.values import Verdict
+
+Parameters = Mapping[str, str | float | None]
 
 
 class RecordError(Exception):
@@ -44,15 +47,6 @@ class GateSummary(Struct, frozen=True):
     also: list[str]  # codes of other rules that held back meanwhile
 
 
-class MotionEnd(Struct, frozen=True):
-    """How a recorded motion ended."""
-
-    motion: str
-    outcome: str  # as in `wire.MotionEnd`
-    text: str  # why, or the robot's own words
-    duration_s: float
-
-
 class RecordSink(Protocol):
     """The audit log, as the bridge sees it. Tokens are opaque to the bridge."""
 
@@ -62,14 +56,11 @@ class RecordSink(Protocol):
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive."""
 
-    def look_ahead(self, holder: Holder) -> int:
-        """Commit that the head was asked to look ahead: before it does."""
+    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+        """Commit what was asked of the robot besides driving: before it is passed on."""
 
-    def begin_motion(self, holder: Holder, motion: str) -> int:
-        """Commit that a recorded motion was asked for: before its goal is sent."""
-
-    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
-        """Commit how it ended."""
+    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+        """Commit what came of it."""
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         """Commit that the gate began to hold back, and why."""

@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from robots.bridge.gate.values import (
     Verdict,
 )
 from robots.bridge.head import Aim
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError, RecordSink
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError, RecordSink
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
 
@@ -115,6 +116,13 @@ class MemoryBase:
         self.cancelled_goals.append(goal_id)
 
 
+class Outcome(SimpleNamespace):
+    """What came of a request: its outcome, and its parameters as attributes."""
+
+    def __init__(self, outcome: str, **parameters: object) -> None:
+        super().__init__(outcome=outcome, **parameters)
+
+
 class MemorySink:
     """Remembers records; `fails` makes it refuse, `gate` makes it wait."""
 
@@ -137,14 +145,11 @@ class MemorySink:
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         self._record("drive.end", summary)
 
-    def look_ahead(self, holder: Holder) -> int:
-        return self._record("head.look_ahead", holder)
+    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+        return self._record(kind, parameters)
 
-    def begin_motion(self, holder: Holder, motion: str) -> int:
-        return self._record("motion.start", motion)
-
-    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
-        self._record("motion.end", end)
+    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+        self._record(kind, Outcome(outcome, **parameters))
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record("gate.begin", verdict)

@@ -11,7 +11,7 @@ from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots.bridge.gate.values import STILL, Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd, RecordError
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError
 from robots.models import Robot
 from robots.records import AuditSink
 from robots.wire import Grant
@@ -45,13 +45,16 @@ def holder(operator: User) -> Holder:
     return Holder(holder_id=str(operator.pk), holder="Olga Operator", session=str(uuid.uuid4()), fence=5)
 
 
-def test_a_motion_is_a_start_and_an_end(sink: AuditSink, holder: Holder, robot: Robot) -> None:
-    motion = sink.begin_motion(holder, "wave")
-    sink.end_motion(motion, holder, MotionEnd("wave", "intruder", "The arm would sweep it.", 1.5))
+def test_what_is_asked_of_the_robot_is_a_request_and_its_outcome(
+    sink: AuditSink, holder: Holder, robot: Robot
+) -> None:
+    motion = sink.request(holder, "motion.start", {"motion": "wave"})
+    came_of_it = {"motion": "wave", "duration_s": 1.5, "text": "The arm would sweep it."}
+    sink.outcome(motion, holder, "motion.end", "intruder", came_of_it)
     start, end = Record.objects.filter(robot_id=robot.pk).order_by("id")
     assert (start.kind, start.parameters) == ("motion.start", {"motion": "wave"})
     assert (end.kind, end.of_id, end.outcome) == ("motion.end", start.pk, "intruder")
-    assert end.parameters == {"motion": "wave", "duration_s": 1.5, "text": "The arm would sweep it."}
+    assert end.parameters == came_of_it
     assert start.fence == end.fence == 5
 
 

@@ -10,7 +10,7 @@ import msgspec
 from robots.bridge.config import BridgeConfig
 from robots.bridge.gate.values import Verdict
 from robots.bridge.process import run
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, MotionEnd
+from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
 
 
 class FileSink:
@@ -31,14 +31,11 @@ class FileSink:
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         self._record("drive.end")
 
-    def look_ahead(self, holder: Holder) -> int:
-        return self._record("head.look_ahead")
+    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+        return self._record(" ".join([kind, *map(str, parameters.values())]))
 
-    def begin_motion(self, holder: Holder, motion: str) -> int:
-        return self._record(f"motion.start {motion}")
-
-    def end_motion(self, motion: int, holder: Holder, end: MotionEnd) -> None:
-        self._record(f"motion.end {end.outcome}")
+    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+        self._record(f"{kind} {outcome}")
 
     def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
         return self._record(f"gate.begin {verdict.code}")
