@@ -17,7 +17,6 @@ from django.utils.html import format_html
 
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
-from fleet.audit import record
 
 # Roles are given robot by robot, and staff may do everything: groups would be a second truth.
 admin.site.unregister(Group)
@@ -59,31 +58,27 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         query = urlencode({"user__id__exact": str(user.pk)})
         return format_html('<a href="{}?{}">Show</a>', reverse("admin:robots_robotrole_changelist"), query)
 
+    def get_object(self, request: HttpRequest, object_id: str, from_field: str | None = None) -> User | None:
+        """An account to look at or to change, and who would change it."""
+        person = super().get_object(request, object_id, from_field)
+        if person is not None:
+            person.changed_by = _actor(request)
+        return person
+
     def save_model(self, request: HttpRequest, obj: User, form: ModelForm[User], change: bool) -> None:
-        """Save, and put on record who changed what."""
+        """Save, as the person who is signed in; also a new account."""
+        obj.changed_by = _actor(request)
         super().save_model(request, obj, form, change)
-        changes = [
-            {"field": name, "from": form.initial.get(name), "to": form.cleaned_data[name]}
-            for name in form.changed_data
-            if "password" not in name
-        ]
-        _record("account.change" if change else "account.create", request, obj, changes)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
-        """Somebody's password; that it changed goes on record, not what it is. What cannot be recorded is not done."""
+        """Somebody's password. Who changes their own here stays signed in here, and nowhere else."""
         with transaction.atomic():
             before = self.get_object(request, unquote(id))
             response = super().user_change_password(request, id, form_url)
             after = self.get_object(request, unquote(id))
-            if before and after and before.password != after.password:
-                self._password_changed(request, after)
+            if before and after and before == request.user and before.password != after.password:
+                services.own_password_changed(request, after)
         return response
-
-    def _password_changed(self, request: HttpRequest, person: User) -> None:
-        if request.user == person:
-            services.own_password_changed(request, person)
-        else:
-            _record("account.change", request, person, [{"field": "password"}])
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Accounts are closed, not deleted."""
@@ -112,11 +107,7 @@ class SignInAdmin(ListedLookups):
         return False
 
 
-def _record(kind: str, request: HttpRequest, person: User, changes: list[dict[str, Any]]) -> None:
+def _actor(request: HttpRequest) -> User:
     if not isinstance(request.user, User):
         raise TypeError("the admin let somebody in who is not signed in")
-    record(
-        kind,
-        actor=request.user,
-        parameters={"user": str(person.pk), "name": person.display_name, "changes": changes},
-    )
+    return request.user

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import uuid
+from typing import Any
 
 from django.contrib.auth.models import AbstractUser
 from django.contrib.sessions.models import Session
-from django.db import models
+from django.db import models, transaction
 from django.utils import timezone
 
+from fleet.accounts import changes
 from fleet.accounts.devices import device_of
 
 
@@ -20,11 +22,26 @@ class User(AbstractUser):
     last_name = None  # type: ignore[assignment]
     full_name = models.CharField("name", max_length=150, blank=True, help_text="As others see it.")
 
+    changed_by: User | None = None  # who saves this next, for the record; None: the command line
+
     class Meta(AbstractUser.Meta):
         ordering = ["username"]
 
     def __str__(self) -> str:
         return self.display_name
+
+    def save(self, **options: Any) -> None:
+        """Save, and put on record what that changes; what cannot be recorded is not done."""
+        fields = options.get("update_fields") or changes.RECORDED
+        if set(fields).isdisjoint(changes.RECORDED):  # a sign-in notes its time
+            super().save(**options)
+            return
+        with transaction.atomic():
+            new = self._state.adding
+            before = User() if new else User.objects.select_for_update().get(pk=self.pk)
+            differences = changes.between(before, self, fields)
+            super().save(**options)
+            (changes.made if new else changes.changed)(self, differences)
 
     @property
     def display_name(self) -> str:

@@ -61,12 +61,7 @@ def sign_ins_end_others(*, user: User, session_key: str, why: str = FROM_THE_LIS
 
 
 def own_password_changed(request: HttpRequest, user: User) -> None:
-    """Put it on record; only the sign-in of this request goes on, under the new key that Django gave its session."""
-    record(
-        "account.change",
-        actor=user,
-        parameters={"user": str(user.pk), "name": user.display_name, "changes": [{"field": "password"}]},
-    )
+    """Only the sign-in of this request goes on, under the new key that Django gave its session."""
     sign_in = sign_in_begun(request, user)
     sign_ins_end_others(user=user, session_key=sign_in.session_id, why="password changed")
 

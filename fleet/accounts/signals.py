@@ -1,14 +1,15 @@
-"""Django's news of sign-ins, sign-outs and failures, put on record."""
+"""Django's news of sign-ins, sign-outs, failures and deleted accounts, put on record."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from django.contrib.auth.signals import user_logged_in, user_logged_out, user_login_failed
+from django.db.models.signals import pre_delete
 from django.dispatch import receiver
 from django.http import HttpRequest
 
-from fleet.accounts import services, throttle
+from fleet.accounts import changes, services, throttle
 from fleet.accounts.models import User
 from fleet.audit import record
 
@@ -34,3 +35,8 @@ def _sign_in_failed(*, credentials: dict[str, Any], request: HttpRequest | None,
     throttle.failure_recorded(
         username=str(credentials.get("username", "")), address=services.address_of(request) if request else ""
     )
+
+
+@receiver(pre_delete, sender=User)  # within the transaction of the deletion
+def _account_deleted(*, instance: User, **_: Any) -> None:
+    changes.deleted(instance)

@@ -50,6 +50,7 @@ class PasswordView(PasswordChangeView):
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
         """Change it; what cannot be recorded is not done."""
+        form.user.changed_by = _person(self.request)
         with transaction.atomic():
             response = super().form_valid(form)
             services.own_password_changed(self.request, _person(self.request))

@@ -60,7 +60,7 @@ def test_what_is_wrong_is_said_and_nothing_is_changed(change, said, stranger, si
 @pytest.mark.django_db(transaction=True)
 def test_ones_own_is_not_changed_without_a_record(stranger, signed_in):
     desk = signed_in(stranger)
-    with mock.patch("fleet.accounts.services.record", autospec=True, side_effect=FULL):
+    with mock.patch("fleet.accounts.changes.record", autospec=True, side_effect=FULL):
         assert desk.post(PAGE, FORM).status_code == 503
     assert _has(stranger, PASSWORD)
     assert session_alive(desk.session.session_key, stranger.pk)
@@ -69,7 +69,7 @@ def test_ones_own_is_not_changed_without_a_record(stranger, signed_in):
 @pytest.mark.django_db(transaction=True)
 def test_another_persons_is_not_changed_without_a_record(operator, staff, signed_in):
     admin = signed_in(staff)
-    with mock.patch("fleet.accounts.admin.record", autospec=True, side_effect=FULL):
+    with mock.patch("fleet.accounts.changes.record", autospec=True, side_effect=FULL):
         assert admin.post(f"/admin/accounts/user/{operator.pk}/password/", ADMIN_FORM).status_code == 503
     assert _has(operator, PASSWORD)
 

@@ -1,0 +1,67 @@
+"""What happens to an account, put on record: by the admin, by its owner's pages, from the command line."""
+
+from __future__ import annotations
+
+import os
+import pwd
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+from fleet.audit import record
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+SHOWN = ("username", "full_name", "email", "is_active", "is_staff", "is_superuser")
+RECORDED = (*SHOWN, "password")  # of a password only that it changed
+
+
+def between(before: User, person: User, fields: Collection[str]) -> list[dict[str, Any]]:
+    """Which of these fields have other values than before. To be asked before they are saved."""
+    changes: list[dict[str, Any]] = [
+        {"field": name, "from": getattr(before, name), "to": getattr(person, name)}
+        for name in SHOWN
+        if name in fields and getattr(person, name) != getattr(before, name)
+    ]
+    if "password" in fields and _password_changed(before, person):
+        changes.append({"field": "password"})
+    return changes
+
+
+def made(person: User, changes: list[dict[str, Any]]) -> None:
+    """Record a new account, by what differs from a blank one."""
+    _record("account.create", person, changes=changes)
+
+
+def changed(person: User, changes: list[dict[str, Any]]) -> None:
+    """Record a change, if it is one."""
+    if changes:
+        _record("account.change", person, changes=changes)
+
+
+def deleted(person: User) -> None:
+    """Record an account that goes. The admin deletes none; a program may."""
+    _record("account.delete", person)
+
+
+def _password_changed(before: User, person: User) -> bool:
+    """Whether it is another password, and not the same one under a newer hash, which Django writes at sign-in."""
+    if person.password == before.password:
+        return False
+    typed = person._password is not None  # type: ignore[attr-defined]  # from `set_password` until it is saved
+    return typed or not person.has_usable_password() or not before.has_usable_password()
+
+
+def _record(kind: str, person: User, **what: Any) -> None:
+    parameters = {"user": str(person.pk), "name": person.display_name, **what}
+    if person.changed_by is None:
+        parameters["system_account"] = _system_account()
+    record(kind, actor=person.changed_by, parameters=parameters)
+
+
+def _system_account() -> str:
+    """Who runs this process on this computer; a person at the command line has no other name."""
+    try:
+        return pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:  # a container's number without a name
+        return str(os.getuid())
