@@ -965,6 +965,11 @@ def view(raw: bytes) -> View:
     return _view.decode(raw)
 
 
+def kind_of(message: Struct) -> str:
+    """Its `t`."""
+    return str(type(message).__struct_config__.tag)
+
+
 def encode(message: Struct) -> bytes:
     """The message as JSON."""
     return _encoder.encode(message)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -21,16 +20,12 @@ from robots import wire
 from robots.bridge.commands import COMMAND_LIFE_S, Stick, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
 from robots.bridge.drives import WAITING, DriveLog
-from robots.bridge.gate import words
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.posture import Disc, Posture
-from robots.bridge.gate.sweep import intruder
+from robots.bridge.gate.posture import Posture
 from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.grants import Grants
-from robots.bridge.head import Aim, Head
-from robots.bridge.motions import Motions, Player
-from robots.bridge.sink import Holder
+from robots.bridge.orders import Orders, Performer, holder_of
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
@@ -39,16 +34,13 @@ log = logging.getLogger(__name__)
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
 ODOMETRY_ONLINE_S = 1.0
 CLOCK_SKEW_S = 0.5  # below, nobody need know
-LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
-OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
-AT_ARM = ("scan", "sonar")  # what else is seen where the arm moves may be the arm
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
 
 
-class Base(Player, Protocol):
+class Base(Performer, Protocol):
     """What the core may do to the robot."""
 
     def publish(self, velocity: Velocity) -> None:
@@ -56,16 +48,6 @@ class Base(Player, Protocol):
 
     def cancel_all(self) -> None:
         """Cancel every goal of every action in `Topics.cancel_on_stop`, whoever sent it."""
-
-    def aim_head(self, aim: Aim) -> None:
-        """Send the head there."""
-
-    def sweep(self, motion: str) -> tuple[Disc, ...]:
-        """The space that the arm would sweep from where it is; KeyError if the robot offers no such motion."""
-
-    @property
-    def motions(self) -> list[str]:
-        """What the robot offers."""
 
     @property
     def listeners(self) -> int:
@@ -120,9 +102,7 @@ class Core:
         self._battery_percent: float | None = None
         self._charging: bool | None = None
         self._skew_s: float | None = None
-        self._head = Head(config.topics.head) if config.topics.head else None
-        self._look: Future[int] | None = None  # asked for, and being put on record
-        self._motions = Motions(base, drives)
+        self.orders = Orders(config, base, gate, drives, self)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -166,38 +146,6 @@ class Core:
             self.refused[refusal.code] += 1
         return refusal
 
-    def look_ahead(self, fence: int, link: int, now_s: float) -> Refusal | None:
-        """Send the head ahead, once that is on record. Returns why not, if a rule forbids it."""
-        grant = self.grants.current
-        refusal = self.grants.refuse_drive(fence, link) or self._why_no_look(now_s)
-        if refusal is None and grant is not None and self._look is None:
-            self._look = self._drives.request(_holder(grant), "head.look_ahead", {}, now_s)
-        return refusal
-
-    def play(self, play: wire.Play, link: int, now_s: float) -> Refusal | None:
-        """Perform a recorded motion, once that is on record. Returns why not, if a rule forbids it."""
-        grant = self.grants.current
-        refusal = self.grants.refuse_drive(play.fence, link) or self._motions.refuse(now_s)
-        refusal = refusal or self._why_no_motion(now_s)
-        if refusal is not None or grant is None:
-            return refusal
-        try:
-            space = self._base.sweep(play.motion)
-        except KeyError:
-            text = f"The robot has no motion “{play.motion}”."
-            return Refusal("unknown_motion", text, "robot", {"motion": play.motion})
-        refusal = self._why_no_room(space, now_s)
-        if refusal is None:
-            self._motions.begin(play.motion, _holder(grant), space, now_s)
-        return refusal
-
-    def play_cancel(self, fence: int, link: int) -> Refusal | None:
-        """Cancel the motion under way. Returns why not, if a rule forbids it."""
-        refusal = self.grants.refuse_drive(fence, link)
-        if refusal is None and not self._motions.cancel("cancelled", "Its holder cancelled it."):
-            return Refusal("no_motion", "No motion that was started here runs.", "robot")
-        return refusal
-
     def stop(self, by: str, reason: str, now_s: float) -> None:
         """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is a stop of its own."""
         stop = self.stop_state
@@ -207,7 +155,7 @@ class Core:
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self._halt("the robot was stopped", now_s)
         self._base.cancel_all()
-        self._motions.cancel("stopped", f"The robot was stopped by {by}.")
+        self.orders.stopped(by)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
@@ -233,14 +181,13 @@ class Core:
         if unrecorded and self._passed != STILL:
             self._halt(unrecorded.text, now_s)
         self._decide(now_s)
-        self._watch_motion(now_s)
-        self._move_head(now_s)
+        self.orders.tick(self._sent, self._page_gone_s, now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
             self._see_standstill(self._odometry[0])
 
     def close(self, now_s: float) -> None:
         """The bridge ends."""
-        self._motions.close(now_s)
+        self.orders.close(now_s)
 
     # --- what the robot says ---------------------------------------------------------------------
 
@@ -303,14 +250,6 @@ class Core:
         """A picture of the depth camera that cannot be used, and why."""
         self._gate.observe_bad_depth(why)
 
-    def motions(self, goal_ids: Collection[str], now_s: float) -> None:
-        """The motions that the robot performs, whoever asked for them, by the ids of their goals."""
-        self._motions.running(goal_ids, now_s)
-
-    def motion_ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """A motion has ended: succeeded, cancelled, rejected or failed; `text` is the robot's own word on it."""
-        self._motions.ended(goal_id, outcome, text, now_s)
-
     def battery(self, percent: float) -> None:
         """Charge in percent."""
         if math.isfinite(percent):
@@ -360,8 +299,8 @@ class Core:
             latency_measured=self._gate.latency.measured_s is not None,
             arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in self._gate.arm_discs],
             watchers_more=watchers_more,
-            motion=self._motions.view(now_s),
-            motion_ended=self._motions.last,
+            motion=self.orders.motions.view(now_s),
+            motion_ended=self.orders.motions.last,
             motions=self._base.motions,
         )
 
@@ -374,6 +313,23 @@ class Core:
             depth_cm=_centimetres(obstacles, "depth", DRAWN_GRAIN_CM),
             remembered_cm=_centimetres(obstacles, "memory", DRAWN_GRAIN_CM),
         )
+
+    # --- what orders must know (orders.Rules) ------------------------------------------------------
+
+    def why_closed(self, now_s: float) -> Refusal | None:
+        """Why nothing is passed on to the robot, whoever asks: the stop is latched, or it is away."""
+        if self.stop_state.state != "clear":
+            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
+        phase, text = self._phase(now_s)
+        if phase != "online":
+            return Refusal("robot_offline", text, "robot")
+        return None
+
+    def why_not_still(self, now_s: float) -> Refusal | None:
+        """The base moves, or is told to."""
+        if self._passed != STILL or not self._gate.standstill(now_s):
+            return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
+        return None
 
     # --- inside ----------------------------------------------------------------------------------
 
@@ -409,106 +365,15 @@ class Core:
 
     def _why_not(self, grant: Grant, now_s: float) -> Refusal | None:
         """The first rule that forbids motion, lease and age apart."""
-        if self.stop_state.state != "clear":
-            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
-        phase, text = self._phase(now_s)
-        if phase != "online":
-            return Refusal("robot_offline", text, "robot")
-        if running := self._motions.refuse(now_s):
-            return running
+        if closed := self.why_closed(now_s):
+            return closed
+        if standing := self.orders.why_stand(now_s):
+            return standing
         if self._neutral is not None:
             return Refusal(
                 "neutral_needed", f"Let the stick return to the middle: {self._neutral}.", "dead-man"
             )
-        return self._drives.may_move(_holder(grant), now_s)
-
-    def _why_no_look(self, now_s: float) -> Refusal | None:
-        """The first rule that keeps the head where it is, the lease apart."""
-        if self._head is None:
-            return Refusal("no_head", "This robot has no head that can be turned.", "robot")
-        if self.stop_state.state != "clear":
-            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
-        phase, text = self._phase(now_s)
-        if phase != "online":
-            return Refusal("robot_offline", text, "robot")
-        if self._motions.refuse(now_s):
-            return Refusal(
-                "motion_running", "The robot performs a motion: its head belongs to that.", "robot"
-            )
-        return None
-
-    def _why_no_motion(self, now_s: float) -> Refusal | None:
-        """The first rule that keeps the arm where it is; lease, other motions and the arm's space apart."""
-        if self.stop_state.state != "clear":
-            return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
-        phase, text = self._phase(now_s)
-        if phase != "online":
-            return Refusal("robot_offline", text, "robot")
-        if self._passed != STILL or not self._gate.standstill(now_s):
-            return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
-        return None
-
-    def _why_no_room(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
-        """Why the arm may not sweep this space: something is in it, or nobody can tell."""
-        if not space:
-            return None
-        if running:
-            return self._why_unwatched(("scan",), now_s) or self._in_the_way(space, now_s, AT_ARM)
-        return self._why_unwatched(("scan", "depth"), now_s) or self._in_the_way(space, now_s)
-
-    def _why_unwatched(self, kinds: Collection[str], now_s: float) -> Refusal | None:
-        """The first sensor of these kinds that does not tell what stands around the arm."""
-        for name, kind, ok, _, text in self._gate.sensor_health(now_s):
-            if kind in kinds and not ok:
-                text = f"What stands around the arm is not known: {name}: {text}."
-                return Refusal("not_watched", text, "gate", {"sensor": name})
-        return None
-
-    def _in_the_way(self, space: Sequence[Disc], now_s: float, kinds: Collection[str] = ()) -> Refusal | None:
-        """What sensors of these kinds (none: all) know of in the space that the arm sweeps."""
-        obstacles = self._gate.obstacles(now_s)
-        if kinds:
-            heard = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
-            rows = np.isin(obstacles.source, heard)
-            obstacles = obstacles._replace(points=obstacles.points[rows], source=obstacles.source[rows])
-        found = intruder(space, obstacles, self._gate.footprint.gaps(obstacles.points), self._gate.arm_discs)
-        if found is None:
-            return None
-        sensor, side = obstacles.names[found.source], words.side(found.bearing)
-        distance = words.figure(max(found.gap_m, 0.0))
-        text = f"The arm would sweep where there is something: {sensor}, {distance} m {side}."
-        figures: dict[str, float | int | str | None] = {
-            "sensor": sensor,
-            "distance_m": round(found.gap_m, 2),
-            "side": side,
-        }
-        return Refusal("motion_blocked", text, "gate", figures)
-
-    def _watch_motion(self, now_s: float) -> None:
-        """Begin what is on record, if nothing has come in between; cancel what must not go on."""
-        due, space = self._motions.due, self._motions.space
-        refusal = self._why_no_motion(now_s) if due else None
-        refusal = refusal or self._why_no_room(space, now_s, running=not due)
-        if refusal is not None:
-            self._motions.cancel(OUTCOMES.get(refusal.code, "cancelled"), refusal.text)
-        if self._page_gone_s is not None and now_s - self._page_gone_s > LINK_PATIENCE_S:
-            self._motions.cancel("link_lost", "The console lost its link to the robot.")
-        if due:
-            self._motions.start(now_s)
-        self._motions.tick(now_s)
-
-    def _move_head(self, now_s: float) -> None:
-        """What was asked for and is on record now; else, by setting, into the turn."""
-        if self._head is None:
-            return
-        asked, aim = self._look, None
-        if asked is not None and asked.done():
-            self._look = None
-            aim = self._head.ahead(now_s) if asked.exception() is None else None
-        elif self.grants.current and self._passed != STILL:
-            aim = self._head.follow(self._sent, now_s)
-        if aim is not None and self.grants.current and self._why_no_look(now_s) is None:
-            self._base.aim_head(aim)
+        return self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to others."""
@@ -535,8 +400,7 @@ class Core:
         ended = self.grants.end()
         if ended is None:
             return
-        self._look = None
-        self._motions.cancel("control_ended", reason)
+        self.orders.control_ended(reason)
         self._halt(reason, now_s)
         self._announce(Ended(ended.fence, reason))
 
@@ -585,10 +449,6 @@ def _centimetres(obstacles: Obstacles, kind: str, grain: int = 1) -> list[int]:
         places = places[kept] * grain
     flat: list[int] = places.ravel().tolist()
     return flat
-
-
-def _holder(grant: Grant) -> Holder:
-    return Holder(grant.holder_id, grant.holder, grant.session, grant.fence)
 
 
 def _verdict_view(verdict: Verdict) -> wire.Verdict:

@@ -57,18 +57,6 @@ class Reception:
         match message:
             case wire.Drive():
                 await self._drive(link, message, now_s)
-            case wire.LookAhead():
-                refusal = self._core.look_ahead(message.fence, link.number, now_s)
-                if refusal is not None:
-                    self._refuse(link, wire.Refused("look_ahead", refusal, fence=message.fence), now_s)
-            case wire.Play():
-                refusal = self._core.play(message, link.number, now_s)
-                if refusal is not None:
-                    self._refuse(link, wire.Refused("play", refusal, fence=message.fence), now_s)
-            case wire.PlayCancel():
-                refusal = self._core.play_cancel(message.fence or 0, link.number)
-                if refusal is not None:
-                    self._refuse(link, wire.Refused("play_cancel", refusal, fence=message.fence), now_s)
             case wire.Grant() | wire.Revoke() | wire.Hold():
                 self._leasing.hear(link, message)
             case wire.LinkStop():
@@ -84,6 +72,10 @@ class Reception:
                 link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():
                 self._greet(link, message)
+            case wire.LinkCancel():
+                self._answer(link, message, self._core.orders.cancel(message.what, message.by))
+            case order if isinstance(order, wire.Order):
+                self._answer(link, order, self._core.orders.take(order, link.number, now_s))
 
     async def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> None:
         if self._drives[link].spend(now_s):
@@ -94,6 +86,15 @@ class Reception:
             await asyncio.sleep(0)
         if refusal is not None:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
+
+    def _answer(self, link: Link, order: wire.Order | wire.LinkCancel, refusal: wire.Refusal | None) -> None:
+        """The one answer that an order gets."""
+        kind, fence = wire.kind_of(order), getattr(order, "fence", None)
+        if refusal is None:
+            link.report(wire.Accepted(kind, order.seq, fence))
+        else:
+            self._core.refused[refusal.code] += 1
+            link.report(wire.Refused(kind, refusal, order.seq, fence))
 
     def _latch_changed(self, link: Link, seq: int) -> None:
         self._leasing.save_latch()

@@ -19,7 +19,7 @@ def bench():
 
 
 def ask(bench, motion="wave", fence=1, link=1):
-    return bench.core.play(wire.Play(fence, motion), link, bench.now_s)
+    return bench.core.orders.take(wire.Play(fence, motion), link, bench.now_s)
 
 
 def begun(bench, motion="wave"):
@@ -28,7 +28,7 @@ def begun(bench, motion="wave"):
     settled(bench)
     goal_id, played = bench.base.played[-1]
     assert played == motion
-    bench.core.motions([goal_id], bench.now_s)
+    bench.core.orders.motions.running([goal_id], bench.now_s)
     return goal_id
 
 
@@ -40,12 +40,12 @@ def settled(bench):
 def passes(bench, goal_id, seconds):
     """Time in which the robot speaks of the goal."""
     for _ in range(round(seconds / 0.1)):
-        bench.core.motions([goal_id], bench.now_s)
+        bench.core.orders.motions.running([goal_id], bench.now_s)
         bench.pass_time(0.1)
 
 
 def ends(bench, goal_id, outcome="cancelled", text=""):
-    bench.core.motion_ended(goal_id, outcome, text, bench.now_s)
+    bench.core.orders.motions.ended(goal_id, outcome, text, bench.now_s)
     bench.recorded()
     kind, end = bench.sink.records[-1]
     assert kind == "motion.end"
@@ -81,7 +81,7 @@ def test_what_cannot_be_recorded_is_not_done(bench):
     [
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.core.motions(["other"], bench.now_s), "motion_running"),
+        (lambda bench: bench.core.orders.motions.running(["other"], bench.now_s), "motion_running"),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
         (lambda bench: bench.driving(), "base_moving"),
         (lambda bench: bench.gate.seen.append((0.6, 0.1)), "motion_blocked"),
@@ -192,7 +192,7 @@ def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench):
 @pytest.mark.parametrize(
     ("happens", "outcome"),
     [
-        (lambda bench: bench.core.play_cancel(1, 1), "cancelled"),
+        (lambda bench: bench.core.orders.take(wire.PlayCancel(1), 1, bench.now_s), "cancelled"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
     ],
@@ -236,9 +236,9 @@ def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
 
 
 def test_only_the_holder_cancels_and_only_what_runs(bench):
-    assert bench.core.play_cancel(1, 1).code == "no_motion"
+    assert bench.core.orders.take(wire.PlayCancel(1), 1, bench.now_s).code == "no_motion"
     begun(bench)
-    assert bench.core.play_cancel(2, 1).code == "unknown_fence"
+    assert bench.core.orders.take(wire.PlayCancel(2), 1, bench.now_s).code == "unknown_fence"
     assert bench.base.cancelled_goals == []
 
 
@@ -262,3 +262,11 @@ def test_parameters_that_make_no_motion_leave_its_points_unknown():
     assert motions["wave"].points == ((0.1, 0.2),)
     assert [name for name, motion in motions.items() if motion is None] == ["bare", "nan", "odd"]
     assert recorded(None) == {}
+
+
+def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
+    goal_id = begun(bench)
+    assert bench.core.orders.cancel("motion", "Sue Supervisor") is None
+    assert bench.base.cancelled_goals == [goal_id]
+    assert ends(bench, goal_id).text == "Cancelled by Sue Supervisor."
+    assert bench.core.orders.cancel("motion", "Sue Supervisor").code == "no_motion"

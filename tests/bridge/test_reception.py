@@ -114,3 +114,15 @@ async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, 
     assert (refused.of, refused.refusal.code, refused.seq) == ("link_clear", "stopped_again", 6)
     await door.received(link, wire.encode(wire.LinkClear("Ann", number=1, seq=7)))
     assert (link.reports[-1].stop.state, link.reports[-1].seq) == ("clear", 7)
+
+
+async def test_every_order_gets_one_answer_with_its_number(door):
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, wire.encode(GRANT))
+    await link.hears(wire.Granted(GRANT.fence))
+    for seq in range(3):
+        await door.received(link, wire.encode(wire.Play(GRANT.fence, "nod", seq)))
+    answers = [report for report in link.reports if isinstance(report, wire.Accepted | wire.Refused)]
+    assert [(answer.of, answer.seq) for answer in answers] == [("play", 0), ("play", 1), ("play", 2)]
+    assert {answer.refusal.code for answer in answers} == {"robot_offline"}

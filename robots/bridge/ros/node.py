@@ -356,10 +356,10 @@ class RosBase:
         self._post(lambda: self._core.bad_depth(why))
 
     def _on_motions(self, goal_ids: list[str]) -> None:
-        self._post(lambda: self._core.motions(goal_ids, time.monotonic()))
+        self._post(lambda: self._core.orders.motions.running(goal_ids, time.monotonic()))
 
     def _on_motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
-        self._post(lambda: self._core.motion_ended(goal_id, outcome, text, time.monotonic()))
+        self._post(lambda: self._core.orders.motions.ended(goal_id, outcome, text, time.monotonic()))
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

@@ -1,0 +1,193 @@
+"""What the holder asks of the robot besides driving: where to look, which motion to perform.
+
+Each order passes the same chain as a stick (lease, stop, robot there), is put on record, and is passed on to the robot
+on the tick after that. Nothing here waits, and nothing that ended begins again by itself.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import Protocol
+
+from robots import wire
+from robots.bridge.config import BridgeConfig
+from robots.bridge.drives import DriveLog
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.posture import Disc
+from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.grants import Grants
+from robots.bridge.head import Aim, Head
+from robots.bridge.motions import Motions, Player
+from robots.bridge.room import why_no_room
+from robots.bridge.sink import Holder
+from robots.wire import Grant, Refusal
+
+LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
+OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
+
+
+class Rules(Protocol):
+    """What orders must know of the robot: `Core`."""
+
+    grants: Grants
+
+    def why_closed(self, now_s: float) -> Refusal | None:
+        """Why nothing is passed on to the robot, whoever asks: the stop is latched, or it is away."""
+
+    def why_not_still(self, now_s: float) -> Refusal | None:
+        """The base moves, or is told to."""
+
+
+class Performer(Player, Protocol):
+    """What orders do to the robot."""
+
+    def aim_head(self, aim: Aim) -> None:
+        """Send the head there."""
+
+    def sweep(self, motion: str) -> tuple[Disc, ...]:
+        """The space that the arm would sweep from where it is; KeyError if the robot offers no such motion."""
+
+    @property
+    def motions(self) -> list[str]:
+        """What the robot offers."""
+
+
+class Orders:
+    """The orders of one robot's holder."""
+
+    def __init__(
+        self, config: BridgeConfig, performer: Performer, gate: Gate, log: DriveLog, rules: Rules
+    ) -> None:
+        self.motions = Motions(performer, log)
+        self._performer = performer
+        self._gate = gate
+        self._log = log
+        self._rules = rules
+        self._head = Head(config.topics.head) if config.topics.head else None
+        self._look: Future[int] | None = None  # asked for, and being put on record
+
+    def take(self, order: wire.Order, link: int, now_s: float) -> Refusal | None:
+        """Begin what is asked for. Returns why not, if a rule forbids it."""
+        if order.fence is None:
+            return Refusal("no_lease", "This is asked of the console, which checks who may.", "lease")
+        refusal = self._rules.grants.refuse_drive(order.fence, link)
+        grant = self._rules.grants.current
+        if refusal is not None or grant is None:
+            return refusal
+        match order:
+            case wire.LookAhead():
+                return self._look_ahead(grant, now_s)
+            case wire.Play(motion=motion):
+                return self._play(motion, grant, now_s)
+            case wire.PlayCancel():
+                return self._cancel_motion("Its holder cancelled it.")
+            case _:
+                return Refusal("not_offered", "This robot does not do that.", "robot")
+
+    def cancel(self, what: str, by: str) -> Refusal | None:
+        """Cancel by one who need not have control; the web process has checked the right."""
+        if what == "motion":
+            return self._cancel_motion(f"Cancelled by {by}.")
+        return Refusal("not_offered", "This robot does not do that.", "robot")
+
+    def why_stand(self, now_s: float) -> Refusal | None:
+        """Why the base must stand: a motion runs."""
+        return self.motions.refuse(now_s)
+
+    # --- what happens meanwhile ---------------------------------------------------------------------
+
+    def tick(self, sent: Velocity, page_gone_s: float | None, now_s: float) -> None:
+        """Pass on what is on record now, cancel what must not go on.
+
+        `sent`: what the base was told last; `page_gone_s`: when the holder's page was lost, None while it is there.
+        """
+        if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
+            self.motions.cancel("link_lost", "The console lost its link to the robot.")
+        self._watch_motion(now_s)
+        self._move_head(sent, now_s)
+
+    def stopped(self, by: str) -> None:
+        """The emergency stop was pressed."""
+        self._look = None
+        self.motions.cancel("stopped", f"The robot was stopped by {by}.")
+
+    def control_ended(self, reason: str) -> None:
+        """Nobody answers for what is under way."""
+        self._look = None
+        self.motions.cancel("control_ended", reason)
+
+    def close(self, now_s: float) -> None:
+        """The bridge ends."""
+        self.motions.close(now_s)
+
+    # --- head -----------------------------------------------------------------------------------------
+
+    def _look_ahead(self, grant: Grant, now_s: float) -> Refusal | None:
+        refusal = self._why_no_look(now_s)
+        if refusal is None and self._look is None:
+            self._look = self._log.request(holder_of(grant), "head.look_ahead", {}, now_s)
+        return refusal
+
+    def _why_no_look(self, now_s: float) -> Refusal | None:
+        if self._head is None:
+            return Refusal("no_head", "This robot has no head that can be turned.", "robot")
+        if refusal := self._rules.why_closed(now_s):
+            return refusal
+        if self.motions.refuse(now_s):
+            text = "The robot performs a motion: its head belongs to that."
+            return Refusal("motion_running", text, "robot")
+        return None
+
+    def _move_head(self, sent: Velocity, now_s: float) -> None:
+        """What was asked for and is on record now; else, by setting, into the turn."""
+        if self._head is None:
+            return
+        asked, aim = self._look, None
+        if asked is not None and asked.done():
+            self._look = None
+            aim = self._head.ahead(now_s) if asked.exception() is None else None
+        elif self._rules.grants.current and sent != STILL:
+            aim = self._head.follow(sent, now_s)
+        if aim is not None and self._rules.grants.current and self._why_no_look(now_s) is None:
+            self._performer.aim_head(aim)
+
+    # --- motions --------------------------------------------------------------------------------------
+
+    def _play(self, motion: str, grant: Grant, now_s: float) -> Refusal | None:
+        refusal = self.motions.refuse(now_s) or self._why_no_motion(now_s)
+        if refusal is not None:
+            return refusal
+        try:
+            space = self._performer.sweep(motion)
+        except KeyError:
+            text = f"The robot has no motion “{motion}”."
+            return Refusal("unknown_motion", text, "robot", {"motion": motion})
+        refusal = why_no_room(self._gate, space, now_s)
+        if refusal is None:
+            self.motions.begin(motion, holder_of(grant), space, now_s)
+        return refusal
+
+    def _cancel_motion(self, why: str) -> Refusal | None:
+        if self.motions.cancel("cancelled", why):
+            return None
+        return Refusal("no_motion", "No motion that was started here runs.", "robot")
+
+    def _why_no_motion(self, now_s: float) -> Refusal | None:
+        """The first rule that keeps the arm where it is; lease, other motions and the arm's space apart."""
+        return self._rules.why_closed(now_s) or self._rules.why_not_still(now_s)
+
+    def _watch_motion(self, now_s: float) -> None:
+        """Begin what is on record, if nothing has come in between; cancel what must not go on."""
+        due, space = self.motions.due, self.motions.space
+        refusal = self._why_no_motion(now_s) if due else None
+        refusal = refusal or why_no_room(self._gate, space, now_s, running=not due)
+        if refusal is not None:
+            self.motions.cancel(OUTCOMES.get(refusal.code, "cancelled"), refusal.text)
+        if due:
+            self.motions.start(now_s)
+        self.motions.tick(now_s)
+
+
+def holder_of(grant: Grant) -> Holder:
+    """Who answers for what happens under a grant."""
+    return Holder(grant.holder_id, grant.holder, grant.session, grant.fence)
