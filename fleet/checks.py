@@ -34,3 +34,18 @@ def static_files_collected(**_: Any) -> list[CheckMessage]:
             id="fleet.W002",
         )
     ]
+
+
+@register(Tags.security, deploy=True)
+def tls_is_on(**_: Any) -> list[CheckMessage]:
+    """Without it passwords can be read on their way."""
+    if settings.DEBUG or settings.FLEET_TLS:
+        return []
+    return [
+        Warning(
+            "FLEET_TLS is off: passwords and cookies travel readable for everybody on the network, and browsers on "
+            "other computers withhold gamepads and wake lock.",
+            hint="Serve TLS (docs/deployment.md), and set FLEET_TLS=1.",
+            id="fleet.W003",
+        )
+    ]

@@ -150,6 +150,16 @@ def link_secret(env: Environment) -> str | None:
     return secret
 
 
+def redis_url(env: Environment) -> str | None:
+    """`FLEET_REDIS_URL`: the channel layer of several web processes."""
+    url = env.text("FLEET_REDIS_URL")
+    if url is not None and urlsplit(url).scheme not in ("redis", "rediss", "unix"):
+        raise ImproperlyConfigured(
+            f"FLEET_REDIS_URL is {url!r}; it looks like redis://host:6379/0, or rediss:// for TLS."
+        )
+    return url
+
+
 def database(url: str) -> dict[str, Any]:
     """A `DATABASES` entry from `FLEET_DATABASE_URL`.
 

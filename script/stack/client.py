@@ -10,17 +10,17 @@ import ssl
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from types import TracebackType
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 from robots import wire
-from script.stack.stack import Stack
+from script.stack.stack import Account, Certificate
 
 RENEW_BEFORE_S = 3.0  # of the term's end
 DRIVE_PERIOD_S = 0.05
@@ -39,19 +39,34 @@ FromConsole = (
 _from_console = msgspec.json.Decoder(FromConsole)
 
 
+class Console(Protocol):
+    """A running console, as its clients need to know it; a `Stack` is one."""
+
+    @property
+    def url(self) -> str: ...
+    @property
+    def port(self) -> int: ...
+    @property
+    def hosts(self) -> Sequence[str]: ...
+    @property
+    def certificate(self) -> Certificate | None: ...
+    @property
+    def accounts(self) -> Mapping[str, Account]: ...
+
+
 class SignInError(RuntimeError):
     """The console did not let us in."""
 
 
-def sign_in(stack: Stack, role: str) -> str:
+def sign_in(console: Console, role: str) -> str:
     """Sign in with the account of `role`; returns the value of a Cookie header."""
-    account = stack.accounts[role]
+    account = console.accounts[role]
     cookies = http.cookiejar.CookieJar()
     handlers: list[urllib.request.BaseHandler] = [urllib.request.HTTPCookieProcessor(cookies)]
-    if stack.certificate:
-        handlers.append(urllib.request.HTTPSHandler(context=trust(stack)))
+    if console.certificate:
+        handlers.append(urllib.request.HTTPSHandler(context=trust(console)))
     browser = urllib.request.build_opener(*handlers)
-    address = f"{stack.url}/accounts/sign-in/"
+    address = f"{console.url}/accounts/sign-in/"
     with browser.open(address, timeout=10.0) as page:
         found = _CSRF.search(page.read().decode())
     if found is None:
@@ -64,11 +79,11 @@ def sign_in(stack: Stack, role: str) -> str:
     return "; ".join(f"{cookie.name}={cookie.value}" for cookie in cookies)
 
 
-def trust(stack: Stack) -> ssl.SSLContext | None:
-    """TLS that trusts the stack's own authority, None for plain http."""
-    if stack.certificate is None:
+def trust(console: Console) -> ssl.SSLContext | None:
+    """TLS that trusts the console's own authority, None for plain http."""
+    if console.certificate is None:
         return None
-    return ssl.create_default_context(cafile=str(stack.certificate.authority))
+    return ssl.create_default_context(cafile=str(console.certificate.authority))
 
 
 class Driver:
@@ -80,7 +95,7 @@ class Driver:
     `port` leads there through somebody between, on this machine.
     """
 
-    def __init__(self, stack: Stack, slug: str, cookie: str, *, port: int | None = None) -> None:
+    def __init__(self, console: Console, slug: str, cookie: str, *, port: int | None = None) -> None:
         self.robot: wire.RobotFacts | None = None
         self.control: wire.Control | None = None
         self.view: wire.View | None = None
@@ -89,23 +104,23 @@ class Driver:
         self.notices: list[wire.Notice] = []
         self.on_frame: Callable[[bytes], Any] | None = None  # every message as it comes
         self.seq = 0
-        self._stack = stack
+        self._console = console
         self._slug = slug
         self._cookie = cookie
-        self._port = port or stack.port
+        self._port = port or console.port
         self._news = asyncio.Condition()
 
     async def __aenter__(self) -> Driver:
-        address = f"{self._stack.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
+        address = f"{self._console.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
         headers = {"Cookie": self._cookie}
         self.socket: ClientConnection = await connect(
             address,
-            origin=self._stack.url,  # type: ignore[arg-type]
+            origin=self._console.url,  # type: ignore[arg-type]
             additional_headers=headers,
             compression=None,
             ping_interval=None,
-            ssl=trust(self._stack),
-            host=self._stack.hosts[0],
+            ssl=trust(self._console),
+            host=self._console.hosts[0],
             port=self._port,
         )
         self._reader = asyncio.create_task(self._read())

@@ -5,15 +5,23 @@ from __future__ import annotations
 import argparse
 import ipaddress
 import os
+import socket
+import ssl
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from django.core.exceptions import ImproperlyConfigured
+
+from fleet.environment import Environment
 from script.stack.demo import Ended, ended_by_signals, say
 from script.stack.places import REPOSITORY
 from script.stack.processes import Child, ChildDied, end_all, wait_for_any_end
-from script.stack.stack import Certificate, daphne, tls_endpoint
+from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
+
+# collectstatic first: the check asks whether it was done.
+PREPARATION = (["collectstatic", "--no-input", "-v", "0"], ["check", "--deploy"], ["migrate", "--no-input"])
 
 
 def main() -> int:
@@ -26,7 +34,7 @@ def main() -> int:
     except Ended:
         say("Ended.")
         return 0
-    except ChildDied as error:
+    except (ImproperlyConfigured, StartError, ChildDied) as error:
         print(error, file=sys.stderr)
         return 1
 
@@ -66,11 +74,10 @@ def is_loopback(address: str) -> bool:
 
 def serve(asked: argparse.Namespace) -> int:
     """Run until a signal comes or something dies. What is wrong with the settings ends it before anything starts."""
-    for command in (
-        ["check", "--deploy"],
-        ["migrate", "--no-input"],
-        ["collectstatic", "--no-input", "-v", "0"],
-    ):
+    require_one_mind_about_tls(asked, Environment(os.environ))
+    require_certificate(asked)
+    require_free_port(asked)
+    for command in PREPARATION:
         done = subprocess.run([sys.executable, "manage.py", *command], check=False)  # noqa: S603
         if done.returncode:
             return done.returncode
@@ -85,6 +92,42 @@ def serve(asked: argparse.Namespace) -> int:
         raise ChildDied(wait_for_any_end(children))
     finally:
         end_all(children)
+
+
+def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> None:
+    """Cookies that are for TLS only let nobody in over plain http; and over TLS they should be."""
+    ends_tls = bool(asked.certificate or asked.behind_proxy)
+    if env.flag("FLEET_TLS") and not ends_tls:
+        raise StartError(
+            "FLEET_TLS is on, but nothing ends TLS, so nobody could sign in: give --certificate and --private-key, "
+            "or --behind-proxy if a proxy on this machine ends it."
+        )
+    if asked.certificate and not env.flag("FLEET_TLS"):
+        raise StartError("--certificate serves TLS: set FLEET_TLS=1, so that cookies never leave it.")
+
+
+def require_certificate(asked: argparse.Namespace) -> None:
+    """Certificate and key can be read and belong together."""
+    if not asked.certificate:
+        return
+    try:
+        # The password is asked of us, so that nobody waits at a prompt that a service has not.
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(
+            asked.certificate, asked.private_key, password=lambda: b""
+        )
+        if asked.authority:
+            ssl.create_default_context(cafile=asked.authority)
+    except OSError as error:
+        raise StartError(f"The certificate or its key cannot be used: {error}.") from error
+
+
+def require_free_port(asked: argparse.Namespace) -> None:
+    """Daphne would say so as well, but only after the bridges have begun."""
+    family = socket.AF_INET6 if ":" in asked.bind else socket.AF_INET
+    try:
+        socket.create_server((asked.bind, asked.port), family=family).close()
+    except OSError as error:
+        raise StartError(f"Cannot listen on {asked.bind}, port {asked.port}: {error.strerror}.") from error
 
 
 def web_command(asked: argparse.Namespace) -> list[str]:

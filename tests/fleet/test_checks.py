@@ -24,3 +24,12 @@ def test_collected_static_files_are_enough(settings, tmp_path):
     settings.STATIC_ROOT = tmp_path
     (tmp_path / "staticfiles.json").write_text("{}")
     assert checks.static_files_collected() == []
+
+
+def test_plain_http_is_warned_of_in_production_only(settings):
+    (warning,) = checks.tls_is_on()
+    assert "FLEET_TLS is off" in warning.msg
+    settings.FLEET_TLS = True
+    assert checks.tls_is_on() == []
+    settings.FLEET_TLS, settings.DEBUG = False, True
+    assert checks.tls_is_on() == []

@@ -89,6 +89,7 @@ def test_production_does_not_start_without(missing, tmp_path):
         ("FLEET_DATABASE_URL", "mysql://root@localhost/fleet"),
         ("FLEET_DATABASE_URL", "postgresql://localhost"),
         ("FLEET_DATABASE_URL", "postgresql://localhost:many/fleet"),
+        ("FLEET_REDIS_URL", "cache.lab.example"),
         ("FLEET_LINK_SECRET", "short"),
         ("FLEET_LINK_CA", "/nowhere/ca.pem"),
         ("FLEET_CONTROL_TERM_S", "long"),

@@ -1,0 +1,82 @@
+"""Programs started as a person starts them, and what must not be left of them."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from benchmarks.parts.proc import children
+
+ENDED_S = 10.0
+
+
+def until(condition: Callable[[], object], what: str, timeout_s: float) -> None:
+    """Poll: what we wait for happens in processes that are not ours."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
+        time.sleep(0.05)
+
+
+def outside() -> dict[str, str]:
+    """The environment of a person's shell, which knows nothing of tests."""
+    foreign = ("FLEET_", "DJANGO_", "ROS_")
+    return {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
+
+
+def listens(port: int) -> bool:
+    """Whether somebody listens there."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def command_line(pid: int) -> str:
+    """What it was started as."""
+    with suppress(FileNotFoundError):
+        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").strip()
+    return ""
+
+
+class Family:
+    """A process and all that come from it, as they are now."""
+
+    def __init__(self, pid: int) -> None:
+        self.commands = {member: command_line(member) for member in _descent(pid)}
+
+    def __len__(self) -> int:
+        return len(self.commands)
+
+    def named(self, words: str) -> int:
+        """The one whose command line has these words."""
+        [pid] = [pid for pid, command in self.commands.items() if words in command]
+        return pid
+
+    def assert_gone(self) -> None:
+        """None of them is left, shortly."""
+        try:
+            until(lambda: not any(map(_alive, self.commands)), "every process has ended", ENDED_S)
+        except AssertionError as error:
+            left = {pid: command for pid, command in self.commands.items() if _alive(pid)}
+            raise AssertionError(f"{error}; left: {left}") from None
+
+
+def _descent(pid: int) -> list[int]:
+    return [pid, *(relative for child in children(pid) for relative in _descent(child))]
+
+
+def _alive(pid: int) -> bool:
+    """Neither gone nor waiting to be."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,313 @@
+"""script/serve as an administrator starts it: for real robots, here a rosmaster and a simulator of the test's own."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.parse
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from script.stack.certificates import certificate_for
+from script.stack.client import Driver, sign_in
+from script.stack.places import REPOSITORY
+from script.stack.processes import Child, ReservedPort, end_all
+from script.stack.stack import Account, Certificate
+from tests.script.support import ENDED_S, Family, free_port, listens, outside, until
+
+READY_S = 30.0
+EDIT_S = 3.0  # what docs/admins.md promises
+ROBOT = "tiago-42"
+STAFF = Account("first", "staff", "a long walk on the beach")
+ADD = "/admin/robots/robot/add/"
+
+
+@pytest.fixture
+def settings_of_a_lab(tmp_path: Path) -> dict[str, str]:
+    """The least that docs/deployment.md asks for."""
+    return {
+        **outside(),
+        "FLEET_SECRET_KEY": "a key for one test, which protects nothing at all",
+        "FLEET_HOSTS": "127.0.0.1",
+        "FLEET_VAR": str(tmp_path / "var"),
+    }
+
+
+# --- what is wrong --------------------------------------------------------------------------------
+
+
+def refused(environment: dict[str, str], *words: str) -> str:
+    """What `script/serve` says as it does not start."""
+    done = subprocess.run(
+        ["script/serve", *words],
+        cwd=REPOSITORY,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=ENDED_S,
+    )
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    assert "Serving" not in done.stdout
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "said"),
+    [
+        ("FLEET_SECRET_KEY", "", "FLEET_SECRET_KEY is not set. Make one with: python3 -c"),
+        ("FLEET_HOSTS", "", "FLEET_HOSTS is not set. List the names"),
+        (
+            "FLEET_REDIS_URL",
+            "cache.lab.example",
+            "FLEET_REDIS_URL is 'cache.lab.example'; it looks like redis://",
+        ),
+        ("FLEET_TLS", "1", "FLEET_TLS is on, but nothing ends TLS"),
+        (
+            "FLEET_DATABASE_URL",
+            "postgresql://fleet@127.0.0.1:1/fleet",
+            "The database cannot be used: connection failed",
+        ),
+    ],
+)
+def test_settings_that_are_wrong_are_said_in_words_before_anything_starts(
+    variable: str, value: str, said: str, settings_of_a_lab: dict[str, str]
+) -> None:
+    text = refused({**settings_of_a_lab, variable: value}, "--port", str(free_port()))
+    assert said in text
+    assert not (Path(settings_of_a_lab["FLEET_VAR"]) / "run/fleet.lock").exists()
+
+
+def test_a_certificate_that_cannot_be_used_is_said_before_anything_starts(
+    tmp_path: Path, settings_of_a_lab: dict[str, str]
+) -> None:
+    one, other = (certificate_for(["127.0.0.1"], tmp_path / name) for name in ("one", "other"))
+    pair = ["--certificate", str(one.certificate), "--private-key", str(other.private_key)]
+    assert "set FLEET_TLS=1" in refused(settings_of_a_lab, *pair)
+    assert "certificate or its key cannot be used" in refused({**settings_of_a_lab, "FLEET_TLS": "1"}, *pair)
+
+
+def test_a_port_that_is_taken_is_said_before_anything_starts(settings_of_a_lab: dict[str, str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert f"Cannot listen on 127.0.0.1, port {port}" in refused(settings_of_a_lab, "--port", str(port))
+
+
+# --- the main job ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Served:
+    """A console that `script/serve` runs, as an administrator and their browser know it."""
+
+    environment: dict[str, str]
+    log: Path
+    port: int = field(default_factory=free_port)
+    hosts: tuple[str, ...] = ("127.0.0.1",)
+    certificate: Certificate | None = None
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def accounts(self) -> dict[str, Account]:
+        return {STAFF.role: STAFF}
+
+    def start(self) -> subprocess.Popen[bytes]:
+        with self.log.open("ab") as log:
+            process = subprocess.Popen(
+                ["script/serve", "--port", str(self.port)],
+                cwd=REPOSITORY,
+                env=self.environment,
+                stdout=log,
+                stderr=log,
+            )
+        until(lambda: listens(self.port) or process.poll() is not None, "somebody listens", READY_S)
+        assert process.poll() is None, self.log.read_text()
+        return process
+
+    def manage(self, *words: str, **more: str) -> None:
+        command = [sys.executable, "manage.py", *words]
+        subprocess.run(command, cwd=REPOSITORY, env={**self.environment, **more}, check=True, timeout=READY_S)
+
+    def submit(self, cookie: str, path: str, **filled: str) -> str:
+        """Open a page with a form, fill these fields, save; where that leads, without the form's complaints."""
+        fields = Form.of(self.browse(cookie, path)[1]).fields | filled
+        leads_to, page = self.browse(cookie, path, urllib.parse.urlencode(fields).encode())
+        assert re.findall(r'class="errorlist[^>]*>(.*?)</ul>', page, re.DOTALL) == []
+        return leads_to
+
+    def browse(self, cookie: str, path: str, form: bytes | None = None) -> tuple[str, str]:
+        headers = {"Cookie": cookie, "Referer": self.url + path}
+        request = urllib.request.Request(self.url + path, form, headers)  # noqa: S310
+        with urllib.request.urlopen(request, timeout=10.0) as page:  # noqa: S310 - our own
+            return page.url.removeprefix(self.url), page.read().decode()
+
+
+class Form(HTMLParser):
+    """The fields of a page's forms with what stands in them, as a browser would send them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fields: dict[str, str] = {}
+        self.options: dict[str, str] = {}  # what people read -> what is sent
+        self._text_of = self._option = ""
+
+    @classmethod
+    def of(cls, page: str) -> Form:
+        form = cls()
+        form.feed(page)
+        return form
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        name = given.get("name", "")
+        if tag == "input" and name and given.get("type") not in ("submit", "checkbox"):
+            self.fields[name] = given.get("value", "")
+        elif tag == "input" and given.get("type") == "checkbox" and "checked" in given:
+            self.fields[name] = "on"
+        elif tag == "textarea":
+            self._text_of = name
+            self.fields[name] = ""
+        elif tag == "select":
+            self._select = name
+        elif tag == "option":
+            self._option = given.get("value", "")
+            if "selected" in given:
+                self.fields[self._select] = self._option
+
+    def handle_data(self, data: str) -> None:
+        if self._text_of:
+            self.fields[self._text_of] += data
+        elif self._option:
+            self.options[data.strip()] = self._option
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "textarea":
+            self._text_of = ""
+        elif tag == "option":
+            self._option = ""
+
+
+@pytest.fixture
+def master_uri(tmp_path: Path) -> Iterator[str]:
+    """The master of the robot, which stands in the middle of the office."""
+    port = ReservedPort()
+    uri = f"http://127.0.0.1:{port.number}"
+    ros = {**outside(), "ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_LOG_DIR": str(tmp_path / "ros")}
+    simulator = [sys.executable, "-m", "robots.simulator", "--name", ROBOT, "--pose=2.0,1.8,0"]
+    children = [
+        Child(
+            "master",
+            ["/usr/bin/rosmaster", "--core", "-p", str(port.number)],
+            env=ros,
+            log=tmp_path / "master.log",
+        ),
+        Child("simulator", simulator, env=ros, log=tmp_path / "simulator.log"),
+    ]
+    yield uri
+    end_all(reversed(children))
+    port.close()
+
+
+@pytest.fixture
+def served(tmp_path: Path, settings_of_a_lab: dict[str, str]) -> Iterator[Served]:
+    """Not started yet; what a test leaves running is ended."""
+    served = Served(settings_of_a_lab, tmp_path / "serve.log")
+    yield served
+    print(served.log.read_text())
+
+
+def test_a_robot_is_added_driven_stopped_and_edited_and_no_end_leaves_anything(
+    served: Served, master_uri: str
+) -> None:
+    first = served.start()
+    try:
+        served.manage(
+            *("createsuperuser", "--no-input", "--username", STAFF.username, "--email", "first@lab.example"),
+            DJANGO_SUPERUSER_PASSWORD=STAFF.password,
+        )
+        cookie = sign_in(served, STAFF.role)
+        tiago = Form.of(served.browse(cookie, ADD)[1]).options["PAL TIAGo"]
+        entry = {"name": "TIAGo 42", "slug": ROBOT, "profile": tiago, "master_uri": master_uri}
+        assert served.submit(cookie, ADD, **entry, advertised_address="127.0.0.1") == "/admin/robots/robot/"
+        asyncio.run(drive_stop_edit(served, cookie))
+
+        family = Family(first.pid)
+        assert len(family) >= 5  # serve, supervisor, bridge, housekeeping, web process
+        os.kill(family.named("daphne"), signal.SIGKILL)
+        assert first.wait(ENDED_S) == 1
+        assert "web was ended by SIGKILL" in served.log.read_text()
+        assert_nothing_left(served, family)
+    finally:
+        first.kill()
+
+    second = served.start()
+    try:
+        asyncio.run(drive_on(served, cookie))
+        family = Family(second.pid)
+        second.send_signal(signal.SIGTERM)
+        assert second.wait(ENDED_S) == 0
+        assert_nothing_left(served, family)
+    finally:
+        second.kill()
+
+
+def assert_nothing_left(served: Served, family: Family) -> None:
+    family.assert_gone()
+    assert not listens(served.port)
+    assert not list((Path(served.environment["FLEET_VAR"]) / "run").glob("*.sock"))
+
+
+async def drive_stop_edit(served: Served, cookie: str) -> None:
+    async with Driver(served, ROBOT, cookie) as driver:
+        await drive_a_little(driver)
+        await driver.stop()
+        await driver.until(lambda: driver.state and driver.state.stop.state == "stopped")
+
+        began_s = time.monotonic()
+        [change] = re.findall(
+            r"/admin/robots/robot/[^/]+/change/", served.browse(cookie, "/admin/robots/robot/")[1]
+        )
+        await asyncio.to_thread(served.submit, cookie, change, max_share="0.5")
+        await driver.until(lambda: driver.robot and driver.robot.max_share == 0.5)
+        assert time.monotonic() - began_s < EDIT_S
+        await driver.until(lambda: driver.state and driver.state.phase == "online")
+        assert driver.state and driver.state.stop.state == "stopped"  # the latch outlives the bridge
+
+
+async def drive_on(served: Served, cookie: str) -> None:
+    """After the restart: still signed in, still stopped, until it is cleared."""
+    async with Driver(served, ROBOT, cookie) as driver:
+        await driver.until(lambda: driver.state and driver.state.phase == "online")
+        assert driver.state and driver.state.stop.state == "stopped"
+        await driver.take()
+        await driver.clear()
+        await drive_a_little(driver)
+
+
+async def drive_a_little(driver: Driver) -> None:
+    await driver.until(lambda: driver.state and driver.state.phase == "online" and driver.odometry)
+    if driver.fence is None:
+        await driver.take()
+    start = driver.odometry
+    assert start
+
+    def driven_m() -> float:
+        now = driver.odometry
+        return math.hypot(now.x - start.x, now.y - start.y) if now else 0.0
+
+    await driver.hold_stick(1.0, 0.0, lambda: driven_m() > 0.1)
