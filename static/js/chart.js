@@ -1,6 +1,7 @@
 /** Speed over the last seconds: what was asked, what the gate allowed, what the odometry says. */
 
 import UPlot from "../vendor/uplot/uPlot.esm.js";
+import { coloursOf } from "./colours.js";
 
 const WINDOW_S = 20;
 const AGES_S = [15, 10, 5, 0];
@@ -58,15 +59,11 @@ export class SpeedChart {
     this.#plot = null;
     const { clientWidth: width, clientHeight: height } = this.#element;
     if (width < 100 || height < 80) return;
-    const tried = document.createElement("span");
-    this.#element.append(tried);
-    const colour = (name) => {
-      tried.style.color = `var(${name})`;
-      return getComputedStyle(tried).color;
-    };
+    const names = ["--ink-quiet", "--line", ...SERIES.map(({ colour }) => colour)];
+    const [ink, line, ...lines] = coloursOf(this.#element, names);
     const axis = {
-      stroke: colour("--ink-quiet"),
-      grid: { stroke: colour("--line"), width: 1 },
+      stroke: ink,
+      grid: { stroke: line, width: 1 },
       ticks: { show: false },
     };
     const options = {
@@ -88,9 +85,9 @@ export class SpeedChart {
       ],
       series: [
         {},
-        ...SERIES.map(({ label, colour: name, dash }) => ({
+        ...SERIES.map(({ label, dash }, i) => ({
           label,
-          stroke: colour(name),
+          stroke: lines[i],
           width: 2,
           dash,
           points: { show: false },
@@ -99,6 +96,5 @@ export class SpeedChart {
       legend: { live: false },
     };
     this.#plot = new UPlot(options, this.#trace.columns, this.#element);
-    tried.remove();
   }
 }

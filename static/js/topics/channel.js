@@ -1,0 +1,103 @@
+/** The connection for the robot's topics: questions with one answer each, and live views. */
+
+import { LiveSocket } from "../socket.js";
+
+const PATIENCE_MS = 4000; // the robot's own services may take a moment
+
+/** What was refused, as an error. */
+export class RefusedError extends Error {
+  /** @param {{code: string, text: string, figures?: object}} refusal */
+  constructor(refusal) {
+    super(refusal.text);
+    this.refusal = refusal;
+  }
+}
+
+/** Events: "open", "down". Open only while somebody looks. */
+export class TopicsChannel extends EventTarget {
+  #url;
+  #socket = null;
+  #seq = 0;
+  #asked = new Map();
+  #looks = new Map();
+
+  /** @param {string} url of the WebSocket */
+  constructor(url) {
+    super();
+    this.#url = url;
+  }
+
+  open() {
+    if (this.#socket) return;
+    this.#socket = new LiveSocket(this.#url);
+    this.#socket.addEventListener("open", () => this.#opened());
+    this.#socket.addEventListener("down", () => this.#lost());
+    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.connect();
+  }
+
+  close() {
+    this.#socket?.close();
+    this.#socket = null;
+    this.#lost();
+  }
+
+  /** @param {object} question without its number. @returns {Promise<object>} the answer; rejects with a RefusedError. */
+  ask(question) {
+    this.#seq += 1;
+    const seq = this.#seq;
+    return new Promise((resolve, reject) => {
+      const fail = (code, text) => {
+        clearTimeout(timer);
+        this.#asked.delete(seq);
+        reject(new RefusedError({ code, text }));
+      };
+      const timer = setTimeout(
+        () => fail("no_answer", gettext("No answer came. Try again.")),
+        PATIENCE_MS,
+      );
+      this.#asked.set(seq, { resolve, reject, timer, fail });
+      if (!this.#socket?.send({ ...question, seq })) {
+        fail("not_connected", gettext("There is no connection to the console."));
+      }
+    });
+  }
+
+  /** Shows the messages of a topic until it is told to look away. One look for each topic. */
+  look(topic, rateHz, shown) {
+    this.#looks.set(topic, { rateHz, shown });
+    this.#socket?.send({ t: "look", topic, rate_hz: rateHz });
+  }
+
+  lookAway(topic) {
+    if (this.#looks.delete(topic)) this.#socket?.send({ t: "unlook", topic });
+  }
+
+  #opened() {
+    for (const [topic, { rateHz }] of this.#looks) {
+      this.#socket.send({ t: "look", topic, rate_hz: rateHz });
+    }
+    this.dispatchEvent(new CustomEvent("open"));
+  }
+
+  #lost() {
+    const text = gettext("The connection was lost.");
+    for (const { fail } of [...this.#asked.values()]) fail("not_connected", text);
+    this.dispatchEvent(new CustomEvent("down"));
+  }
+
+  #heard(message) {
+    if (message.t === "shown") {
+      this.#looks.get(message.topic)?.shown(message);
+      requestAnimationFrame(() => this.#socket?.send({ t: "ack" }));
+    } else if (this.#asked.has(message.seq)) {
+      const { resolve, reject, timer } = this.#asked.get(message.seq);
+      clearTimeout(timer);
+      this.#asked.delete(message.seq);
+      if (message.t === "refused") reject(new RefusedError(message.refusal));
+      else resolve(message);
+    } else if (message.t === "refused") {
+      this.dispatchEvent(new CustomEvent("refused", { detail: message.refusal }));
+    }
+  }
+}

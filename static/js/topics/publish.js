@@ -1,0 +1,147 @@
+/** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
+
+import { make, say, show } from "../dom.js";
+import { MessageForm } from "./form.js";
+
+/** A dictionary as somebody wrote it. Throws an Error with words for a person. */
+export function dictionary(text) {
+  let found;
+  try {
+    found = JSON.parse(text.trim() || "{}");
+  } catch {
+    throw new Error(gettext('Write a dictionary, such as {"linear.x": 0.2}.'));
+  }
+  if (found === null || typeof found !== "object" || Array.isArray(found)) {
+    throw new Error(gettext('Write a dictionary, such as {"linear.x": 0.2}.'));
+  }
+  return found;
+}
+
+/** Events: "publish" {topic, type, fields, rate_hz}, "stop" {topic}. */
+export class PublishPanel extends EventTarget {
+  #parts;
+  #describe;
+  #publishable = {};
+  #running = [];
+  #mayAct = false;
+  #form = null;
+  #listening = new AbortController();
+
+  /**
+   * @param {Object<string, HTMLElement>} parts those of the panel, by data-part
+   * @param {(topic: string, type: string) => Promise<object>} describe asks for a definition
+   */
+  constructor(parts, describe) {
+    super();
+    this.#parts = parts;
+    this.#describe = describe;
+    const { signal } = this.#listening;
+    parts["publish-topic"].addEventListener("change", () => this.#choose(), { signal });
+    parts["publish-as"].addEventListener("change", () => this.#showForm(), { signal });
+    parts["publish-form"].addEventListener("submit", (event) => this.#submit(event), { signal });
+  }
+
+  /** @param {Object<string, string>} publishable types by topic */
+  set publishable(publishable) {
+    const before = this.#parts["publish-topic"].value;
+    this.#publishable = publishable;
+    const options = Object.entries(publishable).map(([topic, type]) => {
+      const option = make("option", { text: `${topic} · ${type}` });
+      option.value = topic;
+      return option;
+    });
+    this.#parts["publish-topic"].replaceChildren(...options);
+    show(this.#parts["publish-none"], options.length === 0);
+    show(this.#parts["publish-form"], options.length > 0);
+    if (before in publishable) this.#parts["publish-topic"].value = before;
+    else this.#choose();
+  }
+
+  /** @param {{topic, type, rate_hz}[]} running what is published at a rate */
+  set running(running) {
+    if (JSON.stringify(running) === JSON.stringify(this.#running)) return;
+    this.#running = running;
+    const items = running.map(({ topic, rate_hz: rateHz }) => {
+      const stop = make("button", { className: "button", text: gettext("Stop") });
+      stop.type = "button";
+      stop.disabled = !this.#mayAct;
+      stop.addEventListener("click", () => this.#tell("stop", { topic }));
+      const words = make("span", { children: [make("code", { text: topic }), ` ${rateHz} Hz`] });
+      return make("li", { children: [words, stop] });
+    });
+    this.#parts["publish-running"].replaceChildren(...items);
+  }
+
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#parts["publish-send"].disabled = !may;
+    for (const stop of this.#parts["publish-running"].querySelectorAll("button"))
+      stop.disabled = !may;
+    show(this.#parts["publish-control"], !may);
+  }
+
+  /** What the robot's side refused of the last message. */
+  fault({ text, figures = {} }) {
+    const inForm = this.#usesForm && this.#form?.fault(figures.path ?? "", text);
+    this.#say(inForm ? "" : text);
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  get #usesForm() {
+    return this.#parts["publish-as"].value === "form";
+  }
+
+  async #choose() {
+    const topic = this.#parts["publish-topic"].value;
+    const type = this.#publishable[topic];
+    this.#form = null;
+    this.#parts["publish-fields"].replaceChildren();
+    if (!type) return;
+    this.#say("");
+    try {
+      const { fields } = await this.#describe(topic, type);
+      if (this.#parts["publish-topic"].value !== topic) return; // another was chosen meanwhile
+      this.#form = new MessageForm(this.#parts["publish-fields"], fields);
+    } catch (error) {
+      this.#say(error.message);
+    }
+  }
+
+  #showForm() {
+    show(this.#parts["publish-fields"], this.#usesForm);
+    show(this.#parts["publish-text-row"], !this.#usesForm);
+  }
+
+  #submit(event) {
+    event.preventDefault();
+    const topic = this.#parts["publish-topic"].value;
+    const fields = this.#read();
+    if (fields === null) return;
+    const rateHz = Number(this.#parts["publish-rate"].value) || 0;
+    this.#tell("publish", { topic, type: this.#publishable[topic], fields, rate_hz: rateHz });
+  }
+
+  #read() {
+    this.#say("");
+    if (this.#usesForm) return this.#form?.values ?? null;
+    try {
+      return dictionary(this.#parts["publish-text"].value);
+    } catch (error) {
+      this.#say(error.message);
+      return null;
+    }
+  }
+
+  #say(text) {
+    say(this.#parts["publish-fault"], text);
+    show(this.#parts["publish-fault"], text !== "");
+  }
+
+  #tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

@@ -1,0 +1,97 @@
+/** Where input goes: for each use its topic now, the way back to the default, and what else could be chosen. */
+
+import { make, say, show } from "../dom.js";
+
+export const USES = ["drive", "speech", "motions"];
+
+export function useLabel(use) {
+  return { drive: gettext("Drive"), speech: gettext("Speech"), motions: gettext("Motions") }[use];
+}
+
+/**
+ * Everything that this use could be sent to, what fits and is allowed first. Pure.
+ * @param {object} graph of the robot @param {{topic, type, chooseable}} offer
+ * @returns {{name: string, type: string, why: string}[]} `why` it cannot be chosen, empty if it can
+ */
+export function candidates(graph, offer) {
+  const isAction = offer.type.endsWith("Action");
+  const found = (isAction ? graph.actions : graph.topics).map(({ name, type }) => ({
+    name,
+    type,
+    why: why(name, type, offer),
+  }));
+  const rank = ({ name, type, why: not }) =>
+    name === offer.topic ? 0 : not === "" ? 1 : type === offer.type ? 2 : 3;
+  return found.sort((a, b) => rank(a) - rank(b) || a.name.localeCompare(b.name));
+}
+
+function why(name, type, offer) {
+  if (type !== offer.type) return interpolate(gettext("takes %s"), [type]);
+  if (name === offer.topic || name in offer.chooseable) return "";
+  return gettext("not on the allow-list");
+}
+
+/** One row for each use that the robot has. Event "choose": {use, topic}, topic null for the default; "list": {use}. */
+export class Choices extends EventTarget {
+  #list;
+  #rows = new Map();
+  #offers = {};
+  #chosen = {};
+  #mayAct = false;
+
+  /** @param {HTMLElement} list */
+  constructor(list) {
+    super();
+    this.#list = list;
+  }
+
+  /** @param {Object<string, {topic, type}>} uses */
+  set uses(uses) {
+    this.#offers = uses;
+    this.#rows = new Map(USES.filter((use) => use in uses).map((use) => [use, this.#row(use)]));
+    this.#list.replaceChildren(...[...this.#rows.values()].map(({ item }) => item));
+    this.#show();
+  }
+
+  /** @param {Object<string, string>} chosen by use, where it is not the default */
+  set chosen(chosen) {
+    this.#chosen = chosen;
+    this.#show();
+  }
+
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#show();
+  }
+
+  #row(use) {
+    const topic = make("code");
+    const note = make("span", { className: "badge" });
+    const back = this.#button(gettext("Back to the default"), "choose", { use, topic: null });
+    const change = this.#button(gettext("Change…"), "list", { use });
+    const words = make("div", {
+      children: [make("h3", { text: useLabel(use) }), make("p", { children: [topic, " ", note] })],
+    });
+    const item = make("li", { className: "use", children: [words, back, change] });
+    return { item, topic, note, back, change };
+  }
+
+  #button(text, event, detail) {
+    const button = make("button", { className: "button", text });
+    button.type = "button";
+    button.addEventListener("click", () => this.dispatchEvent(new CustomEvent(event, { detail })));
+    return button;
+  }
+
+  #show() {
+    for (const [use, { item, topic, note, back, change }] of this.#rows) {
+      const chosen = this.#chosen[use];
+      say(topic, chosen ?? this.#offers[use].topic);
+      say(note, chosen ? gettext("chosen") : gettext("default"));
+      item.dataset.chosen = Boolean(chosen);
+      show(back, Boolean(chosen));
+      back.disabled = change.disabled = !this.#mayAct;
+    }
+  }
+}
