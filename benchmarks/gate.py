@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world import clutter
 from benchmarks.world.play import loop_of, recorded
+from robots import wire
 from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
@@ -21,7 +23,7 @@ from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity
 from robots.bridge.head import Aim
 from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
 from robots.bridge.store import Persisted
-from robots.wire import Drive, Grant
+from robots.wire import Drive, Grant, Refusal
 
 SEED = 1  # of the recorded minute
 DECISIONS = 3000
@@ -161,6 +163,16 @@ class _Base:
     def aim_head(self, aim: Aim) -> None: ...
 
 
+class _NoTopics:
+    """Nothing is published but velocities."""
+
+    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None: ...
+
+    def publish(self, order: wire.Publish) -> None: ...
+
+    def publish_stop(self, topic: str) -> None: ...
+
+
 class _NoRecords:
     """Everything is on record at once."""
 
@@ -206,7 +218,9 @@ class _Path:
         profile = clutter.gate.profile
         config = BridgeConfig("0", "bench", "Bench", "", None, {}, topics, profile, "turn", LinkAddress(), "")
         left = Persisted(False, "", "", 0)
-        self._core = Core(config, self._base, clutter.gate, DriveLog(_NoRecords()), left, lambda _ended: None)
+        self._core = Core(
+            config, self._base, clutter.gate, DriveLog(_NoRecords()), left, lambda _ended: None, _NoTopics()
+        )
         self._core.ros_status(RosStatus("connecting", ""), 0.0)
         self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
 

@@ -191,7 +191,8 @@ class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
 class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
     """Publish a message: once (`rate_hz` 0), or at a rate until `PublishStop`, a stop, or the end of control.
 
-    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); what is left out is zero, empty, or now.
+    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); what is left out is zero, empty, or now. A twist goes to
+    the robot's drive topic and nowhere else: through the gate, valid for 0.3 s, never at a rate; it needs `sent_ms`.
     """
 
     fence: Fence
@@ -199,6 +200,7 @@ class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
     type: TypeName
     fields: dict[str, Any] = {}
     rate_hz: Rate = 0.0
+    sent_ms: Milliseconds | None = None  # the sender's monotonic clock
     seq: Seq = 0
 
 

@@ -102,3 +102,16 @@ def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering
         w = -w
     velocity = Velocity(vx, drive.y * limits.lateral_mps * share, w)
     return STILL if velocity == STILL else velocity
+
+
+def stick_of(velocity: Velocity, limits: Limits, max_share: float, reverse_steering: str) -> Position:
+    """The stick position that asks for `velocity` at share 1, or for as much of it as is allowed."""
+    forward = limits.forward_mps * max_share
+    x = _axis(velocity.vx, forward if velocity.vx >= 0 else min(forward, limits.reverse_mps))
+    y = _axis(velocity.vy, limits.lateral_mps * max_share)
+    w = _axis(velocity.w, limits.turn_radps * max_share)
+    return Position(x, y, -w if x < 0 and reverse_steering == "car" else w)
+
+
+def _axis(speed: float, full: float) -> float:
+    return min(max(speed / full, -1.0), 1.0) if full > 0.0 else 0.0

@@ -92,9 +92,20 @@ class Topics(Struct, frozen=True):
     battery: Topic | None = None  # std_msgs/Float32 percent, or sensor_msgs/BatteryState
     charging: Topic | None = None  # std_msgs/Bool
     speech: Topic | None = None
+    languages: list[str] = []  # in which it speaks, BCP 47, its own first
     motions: Topic | None = None
     camera: Topic | None = None
     cancel_on_stop: list[str] = []  # action names whose every goal an emergency stop cancels
+
+
+class Allowed(Struct, frozen=True):
+    """One entry of the admin's allow-list: what is not there, nobody may. `robots.bridge.never` knows what never is."""
+
+    what: str  # choose, publish, call, set
+    name: str  # of the topic, action, service or parameter
+    type: str = ""
+    use: str = ""  # of what is chosen: drive, speech, motions
+    role: str = "operator"  # the lowest that may; the web process judges it
 
 
 class LinkAddress(Struct, frozen=True):
@@ -123,6 +134,7 @@ class BridgeConfig(Struct, frozen=True):
     reverse_steering: str  # "turn" or "car"
     link: LinkAddress
     state_dir: str  # lock, latch and fencing number
+    allowed: tuple[Allowed, ...] = ()
     stick: tuple[StickStep, ...] = ()  # what stick positions pass on their way to the gate, in order
     last_fence: int = 0  # highest number the database knows: with it a lost latch file shows
 

@@ -17,7 +17,7 @@ from msgspec import Struct, structs
 from numpy.typing import NDArray
 
 from robots import wire
-from robots.bridge.commands import COMMAND_LIFE_S, Stick, velocity_of
+from robots.bridge.commands import COMMAND_LIFE_S, Stick, stick_of, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
 from robots.bridge.drives import WAITING, DriveLog
 from robots.bridge.gate.depth_camera import Frame
@@ -26,6 +26,7 @@ from robots.bridge.gate.posture import Posture
 from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
+from robots.bridge.publishings import Publisher
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
@@ -74,6 +75,7 @@ class Core:
         drives: DriveLog,
         left: Persisted,
         announce: Callable[[Ended], None],
+        publisher: Publisher,
         stops_before: int = 0,
     ) -> None:
         self.config = config
@@ -88,6 +90,7 @@ class Core:
         self._drives = drives
         self._announce = announce
         self._stick = Stick(self.config.stick)
+        self._twists = Stick()  # velocities that the holder's tools ask for, where the stick asks for none
         self._page_gone_s: float | None = None
         self._neutral: str | None = None  # why the stick must return to neutral first
         self._asked = STILL  # by the stick
@@ -102,7 +105,7 @@ class Core:
         self._battery_percent: float | None = None
         self._charging: bool | None = None
         self._skew_s: float | None = None
-        self.orders = Orders(config, base, gate, drives, self)
+        self.orders = Orders(config, base, gate, drives, self, publisher)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -111,10 +114,10 @@ class Core:
         current = self.grants.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
-            self._stick = Stick(self.config.stick)
+            self._count_anew()
             self._neutral = "you have just taken control"
         elif self._page_gone_s is not None:
-            self._stick = Stick(self.config.stick)
+            self._count_anew()
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
         self.grants.take(grant, link, now_s)
@@ -129,7 +132,7 @@ class Core:
         if self.grants.current is None or self.grants.current.fence != fence:
             return
         self._page_gone_s = now_s
-        self._stick = Stick(self.config.stick)
+        self._count_anew()
         self._halt(reason, now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:
@@ -146,6 +149,16 @@ class Core:
             self.refused[refusal.code] += 1
         return refusal
 
+    def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
+        """A velocity from the holder's tools: as if the stick had asked for it."""
+        if order.sent_ms is None:
+            text = "A velocity needs sent_ms, the sender's monotonic clock: old ones are not carried out."
+            return Refusal("invalid", text, "wire")
+        limits = self.config.gate.limits
+        stick = stick_of(velocity, limits, grant.max_share, self.config.reverse_steering)
+        drive = Drive(order.fence, order.seq, order.sent_ms, stick.x, stick.w, stick.y, share=1.0)
+        return self._twists.take(drive, now_s) or self._decide(now_s)
+
     def stop(self, by: str, reason: str, now_s: float) -> None:
         """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is a stop of its own."""
         stop = self.stop_state
@@ -155,7 +168,7 @@ class Core:
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self._halt("the robot was stopped", now_s)
         self._base.cancel_all()
-        self.orders.stopped(by)
+        self.orders.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
@@ -302,6 +315,7 @@ class Core:
             motion=self.orders.motions.view(now_s),
             motion_ended=self.orders.motions.last,
             motions=self._base.motions,
+            publishing=self.orders.publishings.view,
         )
 
     def scan(self, now_s: float) -> wire.Scan:
@@ -336,10 +350,9 @@ class Core:
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
         grant = self.grants.current
-        drive = self._stick.current(now_s) if grant else None
-        if grant and drive:
-            limits = self.config.gate.limits
-            asked = velocity_of(drive, limits, grant.max_share, self.config.reverse_steering)
+        wanted = self._wanted(grant, now_s) if grant else None
+        if wanted is not None:
+            asked = wanted
             if asked == STILL:
                 self._neutral = None
         else:
@@ -362,6 +375,23 @@ class Core:
         self._verdict = self._verdict._replace(limits=verdict.limits) if stopped else verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
+
+    def _wanted(self, grant: Grant, now_s: float) -> Velocity | None:
+        """What the holder asks for: with the stick, or, where that rests, as a twist. None: no command holds."""
+        wanted = None
+        for commands in (self._stick, self._twists):
+            if drive := commands.current(now_s):
+                wanted = velocity_of(
+                    drive, self.config.gate.limits, grant.max_share, self.config.reverse_steering
+                )
+                if wanted != STILL:
+                    break
+        return wanted
+
+    def _count_anew(self) -> None:
+        """Commands come from another page, or from one that was loaded again."""
+        self._stick = Stick(self.config.stick)
+        self._twists = Stick()
 
     def _why_not(self, grant: Grant, now_s: float) -> Refusal | None:
         """The first rule that forbids motion, lease and age apart."""
@@ -400,7 +430,7 @@ class Core:
         ended = self.grants.end()
         if ended is None:
             return
-        self.orders.control_ended(reason)
+        self.orders.control_ended(reason, now_s)
         self._halt(reason, now_s)
         self._announce(Ended(ended.fence, reason))
 

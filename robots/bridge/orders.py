@@ -1,4 +1,4 @@
-"""What the holder asks of the robot besides driving: where to look, which motion to perform.
+"""What the holder asks of the robot besides driving: where to look, which motion to perform, what to publish.
 
 Each order passes the same chain as a stick (lease, stop, robot there), is put on record, and is passed on to the robot
 on the tick after that. Nothing here waits, and nothing that ended begins again by itself.
@@ -6,10 +6,12 @@ on the tick after that. Nothing here waits, and nothing that ended begins again 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol
 
 from robots import wire
+from robots.bridge import twists
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
@@ -18,9 +20,12 @@ from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.grants import Grants
 from robots.bridge.head import Aim, Head
 from robots.bridge.motions import Motions, Player
+from robots.bridge.publishings import Publisher, Publishings
 from robots.bridge.room import why_no_room
 from robots.bridge.sink import Holder
 from robots.wire import Grant, Refusal
+
+Answer = Callable[[Refusal | None], None]
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
@@ -36,6 +41,9 @@ class Rules(Protocol):
 
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
+
+    def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
+        """A velocity from the holder's tools: as if the stick had asked for it."""
 
 
 class Performer(Player, Protocol):
@@ -56,9 +64,18 @@ class Orders:
     """The orders of one robot's holder."""
 
     def __init__(
-        self, config: BridgeConfig, performer: Performer, gate: Gate, log: DriveLog, rules: Rules
+        self,
+        config: BridgeConfig,
+        performer: Performer,
+        gate: Gate,
+        log: DriveLog,
+        rules: Rules,
+        publisher: Publisher,
     ) -> None:
         self.motions = Motions(performer, log)
+        self.publishings = Publishings(publisher, log)
+        self._config = config
+        self._publisher = publisher
         self._performer = performer
         self._gate = gate
         self._log = log
@@ -66,14 +83,18 @@ class Orders:
         self._head = Head(config.topics.head) if config.topics.head else None
         self._look: Future[int] | None = None  # asked for, and being put on record
 
-    def take(self, order: wire.Order, link: int, now_s: float) -> Refusal | None:
-        """Begin what is asked for. Returns why not, if a rule forbids it."""
-        if order.fence is None:
-            return Refusal("no_lease", "This is asked of the console, which checks who may.", "lease")
-        refusal = self._rules.grants.refuse_drive(order.fence, link)
+    def take(self, order: wire.Order, link: int, now_s: float, answer: Answer) -> None:
+        """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
+        refusal = self._rules.grants.refuse_drive(order.fence or 0, link)
         grant = self._rules.grants.current
         if refusal is not None or grant is None:
-            return refusal
+            answer(refusal)
+        elif isinstance(order, wire.Publish):
+            self._publish(order, grant, link, now_s, answer)
+        else:
+            answer(self._begin(order, grant, now_s))
+
+    def _begin(self, order: wire.Order, grant: Grant, now_s: float) -> Refusal | None:
         match order:
             case wire.LookAhead():
                 return self._look_ahead(grant, now_s)
@@ -81,6 +102,8 @@ class Orders:
                 return self._play(motion, grant, now_s)
             case wire.PlayCancel():
                 return self._cancel_motion("Its holder cancelled it.")
+            case wire.PublishStop(topic=topic):
+                return self.publishings.stop(topic, now_s)
             case _:
                 return Refusal("not_offered", "This robot does not do that.", "robot")
 
@@ -103,21 +126,26 @@ class Orders:
         """
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
             self.motions.cancel("link_lost", "The console lost its link to the robot.")
+            self.publishings.halt("link_lost", now_s)
+        self.publishings.tick(now_s)
         self._watch_motion(now_s)
         self._move_head(sent, now_s)
 
-    def stopped(self, by: str) -> None:
+    def stopped(self, by: str, now_s: float) -> None:
         """The emergency stop was pressed."""
         self._look = None
+        self.publishings.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
 
-    def control_ended(self, reason: str) -> None:
+    def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way."""
         self._look = None
+        self.publishings.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
 
     def close(self, now_s: float) -> None:
         """The bridge ends."""
+        self.publishings.halt("bridge ended", now_s)
         self.motions.close(now_s)
 
     # --- head -----------------------------------------------------------------------------------------
@@ -150,6 +178,49 @@ class Orders:
             aim = self._head.follow(sent, now_s)
         if aim is not None and self._rules.grants.current and self._why_no_look(now_s) is None:
             self._performer.aim_head(aim)
+
+    # --- publishing -----------------------------------------------------------------------------------
+
+    def _publish(self, order: wire.Publish, grant: Grant, link: int, now_s: float, answer: Answer) -> None:
+        if order.type in twists.TYPES:
+            answer(self._twist(order, grant, now_s))
+            return
+        refusal = self._rules.why_closed(now_s) or self._why_not_publish(order)
+        if refusal is not None:
+            answer(refusal)
+            return
+
+        def checked(refusal: Refusal | None, now_s: float) -> None:
+            # Meanwhile control may have gone elsewhere, or the stop been pressed.
+            refusal = refusal or self._rules.grants.refuse_drive(order.fence, link)
+            refusal = refusal or self._rules.why_closed(now_s)
+            if refusal is None:
+                self.publishings.begin(order, holder_of(grant), now_s)
+            answer(refusal)
+
+        self._publisher.check(order, checked)
+
+    def _why_not_publish(self, order: wire.Publish) -> Refusal | None:
+        """What the allow-list has not, nobody publishes."""
+        wanted = ("publish", order.topic, order.type)
+        if any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._config.allowed):
+            return None
+        text = f"Nobody may publish {order.type} on {order.topic}: the allow-list does not have it."
+        return Refusal("not_allowed", text, "robot", {"topic": order.topic, "type": order.type})
+
+    def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
+        """A velocity goes through the gate, so there is one topic for it, and it must be asked for again and again."""
+        drive = self._config.topics.drive
+        if (order.topic, order.type) != (drive.name, drive.type):
+            text = f"Velocities go to {drive.name} as {drive.type}, through the gate, and nowhere else."
+            return Refusal("around_the_gate", text, "gate", {"topic": drive.name, "type": drive.type})
+        if order.rate_hz:
+            text = "A velocity is valid for 0.3 s: send each one, the console repeats none."
+            return Refusal("dead_man", text, "dead-man")
+        velocity = twists.velocity_from(order.fields, order.type)
+        if isinstance(velocity, Refusal):
+            return velocity
+        return self._rules.twist(velocity, order, grant, now_s)
 
     # --- motions --------------------------------------------------------------------------------------
 

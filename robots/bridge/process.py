@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from msgspec import Struct
@@ -37,6 +38,17 @@ EXIT_ALREADY_RUNNING = 3
 EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
 
 
+class _Mute:
+    """Publishes nothing."""
+
+    def check(self, order: wire.Publish, then: Callable[[wire.Refusal | None, float], None]) -> None:
+        then(wire.Refusal("not_offered", "This robot does not do that.", "robot"), time.monotonic())
+
+    def publish(self, order: wire.Publish) -> None: ...
+
+    def publish_stop(self, topic: str) -> None: ...
+
+
 class Bridge:
     """Everything of one bridge process."""
 
@@ -47,7 +59,7 @@ class Bridge:
         gate = Gate(config.gate)
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000
-        self._core = Core(config, self._base, gate, self._drives, left, self._announce, stops_before)
+        self._core = Core(config, self._base, gate, self._drives, left, self._announce, _Mute(), stops_before)
         self._leasing = Leasing(self._core, store, left.fence)
         door = Reception(self._core, self._leasing)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed)

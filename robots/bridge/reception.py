@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from functools import partial
 
 from robots import wire
 from robots.bridge.core import Core
@@ -75,7 +76,8 @@ class Reception:
             case wire.LinkCancel():
                 self._answer(link, message, self._core.orders.cancel(message.what, message.by))
             case order if isinstance(order, wire.Order):
-                self._answer(link, order, self._core.orders.take(order, link.number, now_s))
+                answer = partial(self._answer, link, order)
+                self._core.orders.take(order, link.number, now_s, answer)
 
     async def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> None:
         if self._drives[link].spend(now_s):

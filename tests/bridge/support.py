@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from robots import wire
 from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
@@ -162,6 +163,29 @@ class MemorySink:
         return [kind for kind, _ in self.records]
 
 
+class MemoryPublisher:
+    """Finds every field right, until told what is wrong with them."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self.fault: Refusal | None = None
+        self.published: list[wire.Publish] = []
+        self.stopped: list[str] = []
+        self.waiting: list[Callable[[], None]] | None = None  # a list: answers wait there
+
+    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
+        if self.waiting is None:
+            then(self.fault, self._now())
+        else:
+            self.waiting.append(lambda: then(self.fault, self._now()))
+
+    def publish(self, order: wire.Publish) -> None:
+        self.published.append(order)
+
+    def publish_stop(self, topic: str) -> None:
+        self.stopped.append(topic)
+
+
 class Bench:
     """A core with everything around it under the test's hand."""
 
@@ -175,10 +199,11 @@ class Bench:
         self.base = MemoryBase()
         self.gate = OpenGate(config.gate)
         self.sink = MemorySink()
+        self.publisher = MemoryPublisher(lambda: self.now_s)
         self.drives = DriveLog(sink or self.sink)
         self.ended: list[Ended] = []
         state = left or Persisted(False, "", "", 0)
-        self.core = Core(config, self.base, self.gate, self.drives, state, self.ended.append)  # type: ignore[arg-type]
+        self.core = Core(config, self.base, self.gate, self.drives, state, self.ended.append, self.publisher)  # type: ignore[arg-type]
         self.seq = 0
         self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
         self.speed = STILL
@@ -214,6 +239,13 @@ class Bench:
         sent_ms = (self.now_s - age_s) * 1000
         drive = Drive(fence=fence, seq=self.seq, sent_ms=sent_ms, x=x, w=w, share=1.0)
         return self.core.drive(drive, link, self.now_s)
+
+    def order(self, order: wire.Order, link: int = 1) -> Refusal | None:
+        """What the holder's page asks besides driving, and the one answer to it."""
+        answers: list[Refusal | None] = []
+        self.core.orders.take(order, link, self.now_s, answers.append)
+        [answer] = answers
+        return answer
 
     def recorded(self) -> None:
         """Wait until the records handed in so far are in."""

@@ -26,7 +26,7 @@ def bench():
 
 
 def ask(bench, fence=1, link=1):
-    return bench.core.orders.take(wire.LookAhead(fence), link, bench.now_s)
+    return bench.order(wire.LookAhead(fence), link)
 
 
 def settled(bench):

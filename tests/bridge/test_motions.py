@@ -19,7 +19,7 @@ def bench():
 
 
 def ask(bench, motion="wave", fence=1, link=1):
-    return bench.core.orders.take(wire.Play(fence, motion), link, bench.now_s)
+    return bench.order(wire.Play(fence, motion), link)
 
 
 def begun(bench, motion="wave"):
@@ -192,7 +192,7 @@ def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench):
 @pytest.mark.parametrize(
     ("happens", "outcome"),
     [
-        (lambda bench: bench.core.orders.take(wire.PlayCancel(1), 1, bench.now_s), "cancelled"),
+        (lambda bench: bench.order(wire.PlayCancel(1)), "cancelled"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
     ],
@@ -236,9 +236,9 @@ def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
 
 
 def test_only_the_holder_cancels_and_only_what_runs(bench):
-    assert bench.core.orders.take(wire.PlayCancel(1), 1, bench.now_s).code == "no_motion"
+    assert bench.order(wire.PlayCancel(1)).code == "no_motion"
     begun(bench)
-    assert bench.core.orders.take(wire.PlayCancel(2), 1, bench.now_s).code == "unknown_fence"
+    assert bench.order(wire.PlayCancel(2)).code == "unknown_fence"
     assert bench.base.cancelled_goals == []
 
 

@@ -1,0 +1,102 @@
+"""Messages that the holder publishes: checked, put on record, then sent once or at a rate until they are stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Protocol
+
+import msgspec
+
+from robots import wire
+from robots.bridge.drives import DriveLog
+from robots.bridge.sink import Holder, Parameters
+from robots.wire import Refusal
+
+RECORDED_CHARACTERS = 2000  # of a message's fields
+
+
+class Publisher(Protocol):
+    """What sends messages of any type."""
+
+    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
+        """Whether the fields fit the type's definition; `then` is called once, with what does not, and the time."""
+
+    def publish(self, order: wire.Publish) -> None:
+        """Send it once, or at its rate in the place of what was sent there at a rate before."""
+
+    def publish_stop(self, topic: str) -> None:
+        """Send no more there."""
+
+
+@dataclass
+class _Publishing:
+    order: wire.Publish
+    holder: Holder
+    number: Future[int]
+    since_s: float
+
+
+class Publishings:
+    """What is published for the holder, by topic."""
+
+    def __init__(self, publisher: Publisher, log: DriveLog) -> None:
+        self._publisher = publisher
+        self._log = log
+        self._waiting: list[_Publishing] = []  # for their records
+        self._running: dict[str, _Publishing] = {}  # at a rate
+
+    def begin(self, order: wire.Publish, holder: Holder, now_s: float) -> None:
+        """Put it on record; it is sent once that is done."""
+        fields = msgspec.json.encode(order.fields).decode()[:RECORDED_CHARACTERS]
+        parameters: Parameters = {
+            "topic": order.topic,
+            "type": order.type,
+            "rate_hz": order.rate_hz,
+            "fields": fields,
+        }
+        number = self._log.request(holder, "publish.start", parameters, now_s)
+        self._waiting.append(_Publishing(order, holder, number, now_s))
+
+    def tick(self, now_s: float) -> None:
+        """Send what is on record now; what could not be recorded is not sent."""
+        due = [waiting for waiting in self._waiting if waiting.number.done()]
+        self._waiting = [waiting for waiting in self._waiting if not waiting.number.done()]
+        for publishing in due:
+            if publishing.number.exception() is None:
+                self._end(publishing.order.topic, "replaced", now_s)
+                self._publisher.publish(publishing.order)
+                if publishing.order.rate_hz:
+                    self._running[publishing.order.topic] = publishing
+
+    def stop(self, topic: str, now_s: float) -> Refusal | None:
+        """Its holder ends what is published there."""
+        if topic not in self._running:
+            return Refusal("not_publishing", f"Nothing is published on {topic} at a rate.", "robot")
+        self._end(topic, "stopped by its holder", now_s)
+        return None
+
+    def halt(self, why: str, now_s: float) -> None:
+        """All of it ends, also what waits for its record."""
+        self._waiting.clear()
+        for topic in list(self._running):
+            self._end(topic, why, now_s)
+
+    @property
+    def view(self) -> list[wire.Publishing]:
+        """What is published at a rate, for pages."""
+        return [
+            wire.Publishing(topic, publishing.order.type, publishing.order.rate_hz)
+            for topic, publishing in self._running.items()
+        ]
+
+    def _end(self, topic: str, outcome: str, now_s: float) -> None:
+        publishing = self._running.pop(topic, None)
+        if publishing is None:
+            return
+        self._publisher.publish_stop(topic)
+        figures: Parameters = {"topic": topic, "duration_s": round(now_s - publishing.since_s, 2)}
+        self._log.outcome(
+            publishing.number.result(), publishing.holder, "publish.end", outcome, figures, now_s
+        )

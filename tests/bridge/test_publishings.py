@@ -1,0 +1,224 @@
+"""Messages are published for the holder only, on record, as the allow-list has it; velocities only through the gate."""
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge.commands import stick_of, velocity_of
+from robots.bridge.config import Allowed
+from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.twists import velocity_from
+from robots.wire import Refusal
+from tests.bridge.support import CONFIG, Bench
+
+NOTES = Allowed("publish", "/notes", "std_msgs/String")
+ALLOWING = msgspec.structs.replace(CONFIG, allowed=(NOTES,))
+
+
+@pytest.fixture
+def bench():
+    bench = Bench(config=ALLOWING).online()
+    bench.granted().pass_time(0.3)
+    return bench
+
+
+def note(rate_hz=0.0, topic="/notes", type_name="std_msgs/String", fence=1):
+    return wire.Publish(fence, topic, type_name, {"data": "hello"}, rate_hz)
+
+
+def settled(bench):
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+
+
+def shown(bench):
+    return bench.core.state(bench.now_s, []).publishing
+
+
+def test_it_is_sent_once_it_is_on_record(bench):
+    bench.sink.open.clear()
+    assert bench.order(note()) is None
+    bench.core.tick(bench.now_s)
+    assert bench.publisher.published == []
+    bench.sink.open.set()
+    settled(bench)
+    assert bench.publisher.published == [note()]
+    kind, parameters = bench.sink.records[-1]
+    assert kind == "publish.start"
+    assert parameters["fields"] == '{"data":"hello"}'
+    assert shown(bench) == []
+
+
+def test_what_cannot_be_recorded_is_not_sent(bench):
+    bench.sink.fails = "disk full"
+    bench.order(note())
+    settled(bench)
+    assert bench.publisher.published == []
+
+
+def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
+    bench.order(note(5.0))
+    settled(bench)
+    assert shown(bench) == [wire.Publishing("/notes", "std_msgs/String", 5.0)]
+    bench.pass_time(1.0)
+    assert bench.order(wire.PublishStop(1, "/notes")) is None
+    bench.recorded()
+    assert bench.publisher.stopped == ["/notes"]
+    kind, end = bench.sink.records[-1]
+    assert (kind, end.outcome) == ("publish.end", "stopped by its holder")
+    assert end.duration_s == pytest.approx(1.0, abs=0.1)
+    assert bench.order(wire.PublishStop(1, "/notes")).code == "not_publishing"
+
+
+@pytest.mark.parametrize(
+    ("happens", "outcome"),
+    [
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
+        (lambda bench: bench.core.link_lost(1, bench.now_s) or bench.pass_time(2.2), "link_lost"),
+        (lambda bench: bench.core.close(bench.now_s), "bridge ended"),
+    ],
+)
+def test_nobody_left_to_answer_for_it_ends_it(bench, happens, outcome):
+    bench.order(note(5.0))
+    settled(bench)
+    happens(bench)
+    bench.recorded()
+    assert bench.publisher.stopped == ["/notes"]
+    assert bench.sink.records[-1][1].outcome == outcome
+    assert shown(bench) == []
+
+
+@pytest.mark.parametrize(
+    ("order", "code"),
+    [
+        (note(topic="/other"), "not_allowed"),
+        (note(type_name="std_msgs/Bool"), "not_allowed"),
+        (note(fence=2), "unknown_fence"),
+    ],
+)
+def test_what_nobody_allowed_is_refused_and_not_recorded(bench, order, code):
+    assert bench.order(order).code == code
+    settled(bench)
+    assert bench.publisher.published == []
+    assert bench.sink.kinds == []
+
+
+def test_a_wrong_field_is_refused_before_it_is_on_record(bench):
+    bench.publisher.fault = Refusal("bad_field", "data is text.", "wire", {"path": "data"})
+    assert bench.order(note()).figures == {"path": "data"}
+    settled(bench)
+    assert bench.sink.kinds == []
+
+
+def test_control_that_ends_while_fields_are_checked_publishes_nothing(bench):
+    bench.publisher.waiting = []
+    answers = []
+    bench.core.orders.take(note(), 1, bench.now_s, answers.append)
+    bench.core.revoke(1, "over", bench.now_s)
+    [check] = bench.publisher.waiting
+    check()
+    assert [answer.code for answer in answers] == ["no_lease"]
+    settled(bench)
+    assert bench.publisher.published == []
+
+
+# --- velocities -------------------------------------------------------------------------------------
+
+
+def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0):
+    bench.seq += 1
+    fields = {"linear.x": vx}
+    sent_ms = (bench.now_s - age_s) * 1000.0
+    return wire.Publish(1, topic, "geometry_msgs/Twist", fields, rate_hz, sent_ms, bench.seq)
+
+
+def driven(bench, vx):
+    """The twist was asked for, and the drive is on record."""
+    bench.order(twist(bench, vx))
+    bench.recorded()
+    bench.pass_time(0.05)
+    return bench.order(twist(bench, vx))
+
+
+def test_a_twist_drives_through_the_gate_and_dies_after_a_third_of_a_second(bench):
+    asked = []
+    decide = bench.gate.decide
+    bench.gate.decide = lambda *what: asked.append(what[0]) or decide(*what)
+    assert driven(bench, 0.3) is None
+    assert bench.last == Velocity(pytest.approx(0.3), 0.0, 0.0)
+    assert asked[-1] == bench.last
+    bench.pass_time(0.35)
+    assert bench.last == STILL
+    assert bench.publisher.published == []
+
+
+def test_a_twist_asks_for_no_more_than_the_holders_share():
+    bench = Bench(config=ALLOWING).online()
+    bench.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 0.5), 1, bench.now_s)
+    bench.stick(0.0)
+    bench.pass_time(0.3)
+    driven(bench, 5.0)
+    assert bench.last.vx == pytest.approx(0.5 * CONFIG.gate.limits.forward_mps)
+
+
+def test_a_stick_that_is_moved_goes_before(bench):
+    driven(bench, 0.3)
+    bench.stick(-1.0)
+    assert bench.last.vx == pytest.approx(-CONFIG.gate.limits.reverse_mps)
+
+
+def test_after_a_stop_a_twist_that_is_still_sent_does_not_drive(bench):
+    driven(bench, 0.3)
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
+    bench.stick(0.0)
+    assert bench.order(twist(bench, 0.3)).code == "neutral_needed"
+    assert bench.last == STILL
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"topic": "/cmd_vel"}, "around_the_gate"),
+        ({"rate_hz": 10.0}, "dead_man"),
+        ({"age_s": 0.5}, "too_old"),
+    ],
+)
+def test_a_twist_by_another_way_is_refused(bench, changes, code):
+    bench.order(twist(bench, 0.0))
+    assert bench.order(twist(bench, 0.3, **changes)).code == code
+    assert bench.last == STILL
+
+
+@pytest.mark.parametrize(
+    ("fields", "path"),
+    [
+        ({"linear": {"x": "fast"}}, "linear.x"),
+        ({"linear.x": float("nan")}, "linear.x"),
+        ({"linear.x": True}, "linear.x"),
+        ({"angular.x": 0.1}, "angular.x"),
+        ({"speed": 1.0}, "speed"),
+    ],
+)
+def test_a_field_that_is_no_velocity_of_a_base_is_named(fields, path):
+    refusal = velocity_from(fields, "geometry_msgs/Twist")
+    assert isinstance(refusal, Refusal)
+    assert refusal.figures == {"path": path}
+
+
+def test_a_stamped_twist_is_read_below_its_header():
+    fields = {"header": {"seq": 1}, "twist": {"linear": {"x": 0.2}, "angular": {"z": -1}}}
+    assert velocity_from(fields, "geometry_msgs/TwistStamped") == Velocity(0.2, 0.0, -1.0)
+    assert velocity_from({"linear.x": 0.2}, "geometry_msgs/TwistStamped").figures == {"path": "linear.x"}
+
+
+@pytest.mark.parametrize("steering", ["turn", "car"])
+@pytest.mark.parametrize(
+    "velocity", [Velocity(0.3, 0.0, 0.5), Velocity(-0.1, 0.0, 0.5), Velocity(0.0, 0.1, 0.0)]
+)
+def test_a_stick_position_for_a_velocity_asks_for_that_velocity(steering, velocity):
+    limits = Limits(1.0, 0.2, 0.3, 2.0, 1.0, 2.0)
+    stick = stick_of(velocity, limits, 0.8, steering)
+    drive = wire.Drive(1, 1, 0.0, stick.x, stick.w, stick.y, share=1.0)
+    assert velocity_of(drive, limits, 0.8, steering) == pytest.approx(velocity)
