@@ -198,6 +198,11 @@ class Core:
         if self.stop_state.state == "stopping" and still and self._odometry:
             self._see_standstill(self._odometry[0])
 
+    def recorded(self, now_s: float) -> None:
+        """A record is in: what waited for it need not wait for the next tick."""
+        self._decide(now_s)
+        self.orders.tick(self._sent, self._page_gone_s, now_s)
+
     def close(self, now_s: float) -> None:
         """The bridge ends."""
         self.orders.close(now_s)

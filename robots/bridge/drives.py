@@ -64,6 +64,7 @@ class DriveLog:
     """At most one drive at a time, and within it at most one gate intervention."""
 
     def __init__(self, sink: RecordSink) -> None:
+        self.on_done: Callable[[], None] = lambda: None  # called on the worker's thread after each record
         self._sink = sink
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
         self._drive: _Drive | None = None
@@ -187,6 +188,7 @@ class DriveLog:
 
     def _submit(self, now_s: float, call: Callable[[], _T]) -> Future[_T]:
         future = self._worker.submit(call)
+        future.add_done_callback(lambda _: self.on_done())
         self._pending.append((now_s, future))  # type: ignore[arg-type]
         return future
 

@@ -73,17 +73,20 @@ class Bridge:
         """Until the supervisor goes or a signal comes; leaves the robot at zero. Returns the exit code."""
         self._watch_for_the_end()
         await self._links.start()
-        self._base.start(asyncio.get_running_loop(), self._core, self._name_lost)
+        loop = asyncio.get_running_loop()
+        self._drives.on_done = lambda: loop.call_soon_threadsafe(self._recorded)
+        self._base.start(loop, self._core, self._name_lost)
         gc.collect()
         gc.freeze()  # what is loaded stays: keeps the collector's pauses short
         try:
             await self._tick_until_ended()
         finally:
+            self._ended.set()
             self._links.shut()  # nobody drives a robot that is being let go of
             now_s = time.monotonic()
             self._core.close(now_s)
             self._base.stop()
-            await asyncio.to_thread(self._drives.close, now_s)
+            await asyncio.to_thread(self._drives.close, now_s)  # after it, no record calls the loop
             await self._links.close()
             self._leasing.close()
         return self._exit_code
@@ -102,6 +105,10 @@ class Bridge:
             due_s = max(due_s + TICK_S, now_s)  # after a stall: on from here, no catching up
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._ended.wait(), due_s + TICK_S - time.monotonic())
+
+    def _recorded(self) -> None:
+        if not self._ended.is_set():
+            self._core.recorded(time.monotonic())
 
     def _show(self, now_s: float, count: int) -> None:
         self._view(_VIEW_LATEST_S)

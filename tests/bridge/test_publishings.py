@@ -1,5 +1,7 @@
 """Messages are published for the holder only, on record, as the allow-list has it; velocities only through the gate."""
 
+import threading
+
 import msgspec
 import pytest
 
@@ -222,3 +224,12 @@ def test_a_stick_position_for_a_velocity_asks_for_that_velocity(steering, veloci
     stick = stick_of(velocity, limits, 0.8, steering)
     drive = wire.Drive(1, 1, 0.0, stick.x, stick.w, stick.y, share=1.0)
     assert velocity_of(drive, limits, 0.8, steering) == pytest.approx(velocity)
+
+
+def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
+    told = threading.Event()
+    bench.drives.on_done = told.set
+    bench.order(note())
+    assert told.wait(10.0)
+    bench.core.recorded(bench.now_s)
+    assert bench.publisher.published == [note()]
