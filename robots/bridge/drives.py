@@ -64,7 +64,7 @@ class DriveLog:
     """At most one drive at a time, and within it at most one gate intervention."""
 
     def __init__(self, sink: RecordSink) -> None:
-        self.on_done: Callable[[], None] = lambda: None  # called on the worker's thread after each record
+        self.on_done: Callable[[], object] = lambda: None  # called on the worker's thread after each record
         self._sink = sink
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
         self._drive: _Drive | None = None
