@@ -11,6 +11,7 @@ os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
 http = get_asgi_application()
 
 from fleet.doors import guarded  # noqa: E402 - the applications are ready only now
+from robots.ending import leave_within  # noqa: E402
 from teleop.routing import websocket_urlpatterns  # noqa: E402
 
 # A stick's way leads through the event loop: at Python's usual 5 ms it would wait out each whole look at the database.
@@ -20,5 +21,12 @@ sys.setswitchinterval(0.0005)
 warnings.filterwarnings(
     "ignore", message="StreamingHttpResponse must consume synchronous iterators", category=Warning
 )
+
+# Daphne waits for every thread, and a thread for a database that hangs.
+END_S = 5.0
+if "daphne.server" in sys.modules:  # which has chosen the reactor
+    from twisted.internet import reactor
+
+    reactor.addSystemEventTrigger("before", "shutdown", leave_within, END_S)  # type: ignore[arg-type]
 
 application = ProtocolTypeRouter({"http": http, "websocket": guarded(URLRouter(websocket_urlpatterns))})

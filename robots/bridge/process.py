@@ -26,6 +26,7 @@ from robots.bridge.reception import Reception
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
 from robots.bridge.store import AlreadyRunning, Store
+from robots.ending import leave_within
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +35,7 @@ _VIEW_GAP_S = 0.05  # while somebody looks, a view with each scan, but not more 
 _VIEW_LATEST_S = 0.15  # without scans too
 _STATUS_TICKS = 10  # a status every 0.5 s in any case
 
+END_S = 4.0  # from being told to end, whatever hangs: the database, the disk
 EXIT_ALREADY_RUNNING = 3
 EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
 
@@ -82,6 +84,7 @@ class Bridge:
             await self._tick_until_ended()
         finally:
             self._ended.set()
+            leave_within(END_S)
             self._links.shut()  # nobody drives a robot that is being let go of
             now_s = time.monotonic()
             self._core.close(now_s)

@@ -22,6 +22,8 @@ from pathlib import Path
 from script.stack.places import REPOSITORY
 
 LAST_LINES = 15
+# Asked for by a process whose parent was killed just before, the signal never comes: hence the look at the parent.
+TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
 
 
 class ChildDied(RuntimeError):
@@ -52,7 +54,7 @@ class Child:
         self.log = log
         with log.open("ab") if log else nullcontext() as output:
             self.process = subprocess.Popen(  # noqa: S603 - our own commands
-                ["/usr/bin/setpriv", "--pdeathsig", "TERM", *command],
+                [*TIED_TO_US, str(os.getpid()), *command],
                 cwd=REPOSITORY,
                 env=dict(env),
                 stdin=subprocess.DEVNULL,

@@ -8,16 +8,37 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import rosgraph
 
-from tests.ros.support import REPOSITORY, until
+from tests.ros.support import REPOSITORY, end, until
+
+HANGING_S = 3.0  # to end although the master hangs
 
 
 def topics_of(master, node: str) -> set[str]:
     """What `node` is registered for with a master that answers."""
     published, subscribed, _ = rosgraph.Master("/test", master.uri).getSystemState()
     return {topic for topic, nodes in (*published, *subscribed) if node in nodes}
+
+
+@contextmanager
+def early_bird(master, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A simulator that begins before its master answers."""
+    with open(log, "wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "robots.simulator", "--name=early"],
+            cwd=REPOSITORY,
+            env=master.environment(),
+            stderr=output,
+        )
+    try:
+        yield process
+    finally:
+        end(process)
 
 
 def test_sigterm_ends_it_and_unregisters_it(make_master, simulator):
@@ -40,6 +61,25 @@ def test_it_exits_with_its_parent(make_master, simulator):
     assert robot.process.wait(5) == 0
 
 
+def test_it_ends_although_its_master_hangs(make_master, simulator):
+    master = make_master()
+    robot = simulator(master=master)
+    master.process.send_signal(signal.SIGSTOP)
+    robot.process.terminate()
+    assert robot.process.wait(HANGING_S) == 0
+    master.kill()
+
+
+def test_it_ends_although_its_master_hung_from_the_first(make_master, tmp_path):
+    master = make_master()
+    master.process.send_signal(signal.SIGSTOP)
+    with early_bird(master, tmp_path / "log") as process:
+        until(lambda: "does not answer" in (tmp_path / "log").read_text(), "it waits")
+        process.terminate()
+        assert process.wait(HANGING_S) == 0
+    master.kill()
+
+
 def test_it_comes_back_to_a_restarted_master(make_master, simulator):
     master = make_master()
     robot = simulator(master=master)
@@ -56,18 +96,12 @@ def test_it_comes_back_to_a_restarted_master(make_master, simulator):
 def test_it_waits_for_a_master_that_is_not_there_yet(make_master, simulator, tmp_path):
     master = make_master()
     master.kill()
-    with open(tmp_path / "log", "wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "robots.simulator", "--name=early"],
-            cwd=REPOSITORY,
-            env=master.environment(),
-            stderr=log,
-        )
-    until(lambda: "waiting for a master" in (tmp_path / "log").read_text(), "it waits")
-    master.start()
-    until(lambda: topics_of(master, "/simulator_early"), "it came")
-    process.terminate()
-    assert process.wait(5) == 0
+    with early_bird(master, tmp_path / "log") as process:
+        until(lambda: "waiting for a master" in (tmp_path / "log").read_text(), "it waits")
+        master.start()
+        until(lambda: topics_of(master, "/simulator_early"), "it came")
+        process.terminate()
+        assert process.wait(5) == 0
 
 
 def test_other_bases_speak_their_profiles_topics(make_master, simulator):

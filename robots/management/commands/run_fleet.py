@@ -20,6 +20,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError, connection
 
 from robots.described import Problems
+from robots.ending import leave_within
 from robots.environment import NoWrapper, ros_environment
 from robots.models import BridgeStatus, Robot
 from robots.selectors import bridge_config, require_link_settings
@@ -34,6 +35,7 @@ STEP_S = 0.1
 POLL_S = 0.5
 DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
+LAST_S = END_S + 1.0  # the database may hang as well
 HOUSEKEEPING = "run_housekeeping"
 
 
@@ -70,6 +72,7 @@ def supervise(fleet: Fleet, stopping: Stopping) -> None:
             fleet.step(time.monotonic())
             time.sleep(STEP_S)
     finally:
+        leave_within(LAST_S)
         fleet.end()
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import re
-import signal
 import sys
 import threading
 from pathlib import Path
@@ -16,6 +15,8 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 import rosgraph
 import rospy
 
+from robots.bridge.ros.master import Master, MasterError
+from robots.ending import told_to_end
 from robots.simulator.robot import Robot
 from robots.simulator.ros.node import SimulatorNode
 from robots.simulator.ros.registration import watch_registration
@@ -23,15 +24,13 @@ from robots.simulator.ros.registration import watch_registration
 log = logging.getLogger(__name__)
 
 _MASTER_RETRY_S = 0.2
+_FAREWELL_S = 1.0  # to take leave of a master that answers
+_END_S = 5.0  # from being told to end, whatever hangs
 
 
 def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) -> None:
     """Run `robot` as one ROS node until SIGTERM, SIGINT or, if asked, the end of standard input."""
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    if exit_with_parent:
-        threading.Thread(target=_watch_parent, args=(stop,), daemon=True).start()
+    stop = told_to_end(sys.stdin.fileno() if exit_with_parent else None, _END_S)
     if not _wait_for_master(stop):
         return
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))
@@ -43,28 +42,33 @@ def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) ->
         node.run(stop)
     finally:
         node.close()
-        rospy.signal_shutdown("the simulator was told to stop")
+        _take_leave()
 
 
 def _node_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]", "_", f"simulator_{name}")
 
 
-def _watch_parent(stop: threading.Event) -> None:
-    """Standard input is the life line: it ends when the parent does, however it ends."""
-    # Not sys.stdin.read(): a thread inside it would abort the interpreter's own exit.
-    while os.read(sys.stdin.fileno(), 4096):
-        pass
-    stop.set()
+def _take_leave() -> None:
+    """Off the master's books; rospy waits for a master that hangs without end."""
+    leaving = threading.Thread(
+        target=rospy.signal_shutdown, args=("the simulator was told to stop",), daemon=True
+    )
+    leaving.start()
+    leaving.join(_FAREWELL_S)
 
 
 def _wait_for_master(stop: threading.Event) -> bool:
     """True when the master answers; False when told to stop first."""
+    master = Master(rosgraph.get_master_uri(), "/simulator")
     told = False
-    while not rosgraph.is_master_online():
-        if not told:
-            log.info("waiting for a master at %s", rosgraph.get_master_uri())
-            told = True
+    while True:
+        try:
+            master.alive()
+            return True
+        except MasterError as error:
+            if not told:
+                log.info("waiting for a master: %s", error)
+                told = True
         if stop.wait(_MASTER_RETRY_S):
             return False
-    return True

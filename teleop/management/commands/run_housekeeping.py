@@ -7,12 +7,9 @@ Ends on SIGTERM, SIGINT, and when its standard input closes: the supervisor that
 from __future__ import annotations
 
 import logging
-import os
-import signal
-import threading
+import sys
 import time
 from contextlib import suppress
-from types import FrameType
 from typing import Any
 
 from django.core.management import call_command
@@ -20,12 +17,14 @@ from django.core.management.base import BaseCommand, CommandParser
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
+from robots.ending import told_to_end
 from teleop import rules, services
 from teleop.selectors import held_robots
 
 log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
+END_S = 4.0  # from being told to end, even while the database hangs
 CLEAR_SESSIONS_S = 24 * 60 * 60.0
 
 
@@ -43,14 +42,7 @@ class Command(BaseCommand):
         if options["once"]:
             go_round()
             return
-        over = threading.Event()
-
-        def end(_signal: int, _frame: FrameType | None) -> None:
-            over.set()
-
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, end)
-        threading.Thread(target=_end_with_parent, args=(over,), daemon=True).start()
+        over = told_to_end(sys.stdin.fileno(), END_S)
         sessions_due_s = time.monotonic()
         while not over.wait(EVERY_S):
             try:
@@ -71,9 +63,3 @@ def go_round() -> None:
             with suppress(services.ControlRefused):  # somebody else was faster, or it is tried again
                 services.lease_expire(robot_id=robot_id, now=now)
     services.asks_lapse(now=now)
-
-
-def _end_with_parent(over: threading.Event) -> None:
-    while os.read(0, 1024):
-        pass
-    over.set()

@@ -1,0 +1,53 @@
+"""The end of a process that nobody may find running later: heard at any moment, and over in time, whatever hangs."""
+
+from __future__ import annotations
+
+import logging
+import os
+import select
+import signal
+import threading
+import time
+
+log = logging.getLogger(__name__)
+
+SIGNALS = (signal.SIGTERM, signal.SIGINT)
+
+
+def told_to_end(life_line: int | None, patience_s: float) -> threading.Event:
+    """An event that a signal sets, or the end of the file `life_line`, which closes with the parent.
+
+    The process is gone `patience_s` later, finished or not. Call it from the main thread.
+    """
+    # Not a handler that sets the event: it would run in the main thread, and if that is just about to wait for the
+    # event, it would wait for a lock that it holds itself. Python writes a byte here instead, in C, as a signal comes.
+    hears, tells = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
+    signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
+    for number in SIGNALS:
+        signal.signal(number, lambda *_: None)
+    told = threading.Event()
+    threading.Thread(
+        target=_listen, args=(told, hears, life_line, patience_s), name="the end", daemon=True
+    ).start()
+    return told
+
+
+def leave_within(patience_s: float) -> None:
+    """Let this process be gone by then, finished or not: a master or a database that hangs answers no farewell."""
+    threading.Thread(target=_leave, args=(patience_s,), name="the end", daemon=True).start()
+
+
+def _listen(told: threading.Event, signals: int, life_line: int | None, patience_s: float) -> None:
+    sources = [signals] if life_line is None else [signals, life_line]
+    while True:
+        ready, _, _ = select.select(sources, [], [])
+        if signals in ready or not os.read(ready[0], 4096):
+            break
+    told.set()
+    _leave(patience_s)
+
+
+def _leave(patience_s: float) -> None:
+    time.sleep(patience_s)
+    log.warning("This process was not done %g s after it was told to end, and goes now.", patience_s)
+    os._exit(1)
