@@ -4,7 +4,11 @@ import { defineConfig } from "vitest/config";
 const modules = fileURLToPath(new URL("./node_modules", import.meta.url));
 
 export default defineConfig({
-  test: { include: ["tests/js/**/*.test.js"], environment: "happy-dom" },
+  test: {
+    include: ["tests/js/**/*.test.js"],
+    environment: "happy-dom",
+    setupFiles: ["tests/js/setup.js"],
+  },
   resolve: {
     // The pages import third-party modules from where Django serves them: static/vendor/NAME is NAME's dist folder.
     alias: [{ find: /^.*\/vendor\/([^/]+)\//, replacement: `${modules}/$1/dist/` }],

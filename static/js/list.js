@@ -1,0 +1,117 @@
+/**
+ * The one searchable list: filters as one types, whatever the case and the accents.
+ * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
+ */
+
+import { make, say, show } from "./dom.js";
+
+/** Text as it is compared: without accents, in small letters. */
+export function folded(text) {
+  return text.normalize("NFD").replace(/\p{M}/gu, "").toLocaleLowerCase();
+}
+
+/** Whether every word of a search is somewhere in a text. */
+export function matches(text, search) {
+  const searched = folded(text);
+  return folded(search)
+    .split(/\s+/)
+    .every((word) => searched.includes(word));
+}
+
+let lists = 0;
+
+export class SearchList {
+  #field;
+  #hits;
+  #none;
+  #settings;
+  #items = [];
+  #rows = [];
+
+  /**
+   * @param {HTMLElement} root is filled with field and list
+   * @param {object} settings
+   * @param {string} settings.label of the field
+   * @param {(item) => string} settings.text that is searched; its first line, or `name`, is shown
+   * @param {(item) => ?string} [settings.note] beside it, quiet
+   * @param {(item) => boolean} [settings.isOff] shown, but not to be acted on
+   * @param {(item) => void} settings.act
+   * @param {(item) => HTMLElement} [settings.row] an own row, instead of a button
+   */
+  constructor(root, settings) {
+    this.#settings = settings;
+    lists += 1;
+    const id = `list-${lists}`;
+    this.#field = make("input", { className: "search" });
+    this.#field.type = "search";
+    this.#field.placeholder = settings.label;
+    this.#field.autocomplete = "off";
+    this.#field.setAttribute("aria-label", settings.label);
+    this.#field.setAttribute("aria-controls", id);
+    this.#hits = make("ul", { className: "hits" });
+    this.#hits.id = id;
+    this.#none = make("p", { className: "quiet", text: gettext("Nothing fits.") });
+    this.#none.hidden = true;
+    this.#none.setAttribute("role", "status");
+    this.#field.addEventListener("input", () => this.#filter());
+    this.#field.addEventListener("keydown", (event) => this.#key(event));
+    root.replaceChildren(this.#field, this.#hits, this.#none);
+  }
+
+  /** @param {object[]} items in the order in which they are shown */
+  set items(items) {
+    this.#items = items;
+    this.#rows = items.map((item) => this.#row(item));
+    this.#hits.replaceChildren(...this.#rows);
+    this.#filter();
+  }
+
+  get items() {
+    return this.#items;
+  }
+
+  focus() {
+    this.#field.focus();
+  }
+
+  #row(item) {
+    const { row, act, isOff } = this.#settings;
+    if (row) return make("li", { children: [row(item)] });
+    const button = make("button", { className: "hit", children: this.#words(item) });
+    button.type = "button";
+    button.disabled = isOff?.(item) ?? false;
+    button.addEventListener("click", () => act(item));
+    return make("li", { children: [button] });
+  }
+
+  #words(item) {
+    const name = make("span", { text: item.name ?? this.#settings.text(item) });
+    const note = this.#settings.note?.(item);
+    return note ? [name, make("span", { className: "quiet", text: note })] : [name];
+  }
+
+  #filter() {
+    const { text } = this.#settings;
+    let shown = 0;
+    for (const [i, item] of this.#items.entries()) {
+      const fits = matches(text(item), this.#field.value);
+      show(this.#rows[i], fits);
+      if (fits) shown += 1;
+    }
+    show(this.#none, shown === 0 && this.#items.length > 0);
+    say(this.#none, gettext("Nothing fits."));
+  }
+
+  #key(event) {
+    if (event.key === "Escape" && this.#field.value) {
+      event.preventDefault();
+      event.stopPropagation();
+      this.#field.value = "";
+      this.#filter();
+    } else if (event.key === "Enter") {
+      event.preventDefault();
+      const hits = this.#rows.filter((row) => !row.hidden);
+      if (hits.length === 1) hits[0].querySelector("button:not(:disabled)")?.click();
+    }
+  }
+}

@@ -1,0 +1,45 @@
+/** Velocities that this page repeats: the robot's bridge takes none that is older than a third of a second. */
+
+const SLOWEST_HZ = 5; // slower than this, the base would stop between two
+
+export class Repeater {
+  #send;
+  #timers = new Map();
+
+  /** @param {(order: object) => void} send */
+  constructor(send) {
+    this.#send = send;
+  }
+
+  /** @returns {{topic, type, rate_hz}[]} what is repeated */
+  get running() {
+    return [...this.#timers.values()].map(({ order: { topic, type }, rateHz }) => ({
+      topic,
+      type,
+      rate_hz: rateHz,
+    }));
+  }
+
+  begin(order, rateHz) {
+    this.end(order.topic);
+    const pace = Math.max(rateHz, SLOWEST_HZ);
+    this.#send(order);
+    const timer = setInterval(() => this.#send(order), 1000 / pace);
+    this.#timers.set(order.topic, { order, rateHz: pace, timer });
+  }
+
+  once(order) {
+    this.end(order.topic);
+    this.#send(order);
+  }
+
+  /** @param {?string} topic all of them without. @returns {boolean} whether something ended */
+  end(topic = null) {
+    const ending = [...this.#timers.keys()].filter((key) => topic === null || key === topic);
+    for (const key of ending) {
+      clearInterval(this.#timers.get(key).timer);
+      this.#timers.delete(key);
+    }
+    return ending.length > 0;
+  }
+}

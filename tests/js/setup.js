@@ -1,0 +1,6 @@
+/** Django's catalog of texts, as its script puts it on a page: here every text is its own translation. */
+
+globalThis.gettext = (text) => text;
+globalThis.ngettext = (one, many, count) => (count === 1 ? one : many);
+globalThis.interpolate = (text, values) =>
+  values.reduce((said, value) => said.replace("%s", value), text);
