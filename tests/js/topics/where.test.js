@@ -1,0 +1,50 @@
+import { describe, expect, it, vi } from "vitest";
+import { Choices, candidates } from "../../../static/js/topics/where.js";
+
+const TWIST = "geometry_msgs/Twist";
+const OFFER = { topic: "/key_vel", type: TWIST, chooseable: { "/phone_vel": "operator" } };
+const GRAPH = {
+  topics: [
+    { name: "/joy_vel", type: TWIST },
+    { name: "/key_vel", type: TWIST },
+    { name: "/odom", type: "nav_msgs/Odometry" },
+    { name: "/phone_vel", type: TWIST },
+  ],
+  actions: [{ name: "/tts", type: "pal_interaction_msgs/TtsAction" }],
+};
+
+describe("where input could go", () => {
+  it("has the default first, then what may be chosen, then the rest with why not", () => {
+    expect(candidates(GRAPH, OFFER).map(({ name, why }) => [name, why])).toEqual([
+      ["/key_vel", ""],
+      ["/phone_vel", ""],
+      ["/joy_vel", "not on the allow-list"],
+      ["/odom", "takes nav_msgs/Odometry"],
+    ]);
+  });
+
+  it("are actions for what is an action", () => {
+    const offer = { topic: "/tts", type: "pal_interaction_msgs/TtsAction", chooseable: {} };
+    expect(candidates(GRAPH, offer).map(({ name }) => name)).toEqual(["/tts"]);
+  });
+});
+
+describe("the rows of where input goes", () => {
+  it("marks the default, and leads back to it with one press", () => {
+    const list = document.createElement("ul");
+    const choices = new Choices(list);
+    const chosen = vi.fn();
+    choices.addEventListener("choose", ({ detail }) => chosen(detail));
+    choices.uses = { drive: OFFER };
+    choices.mayAct = true;
+    const [back] = list.querySelectorAll("button");
+    expect(list.textContent).toContain("/key_vel default");
+    expect(back.hidden).toBe(true);
+    choices.chosen = { drive: "/phone_vel" };
+    expect(list.textContent).toContain("/phone_vel chosen");
+    back.click();
+    expect(chosen).toHaveBeenCalledWith({ use: "drive", topic: null });
+    choices.mayAct = false;
+    expect(back.disabled).toBe(true);
+  });
+});
