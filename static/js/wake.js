@@ -12,7 +12,7 @@ export function screenLock() {
       if (!wanted || sentinel) return void obtained.release();
       sentinel = obtained;
       obtained.addEventListener("release", () => {
-        sentinel = null;
+        if (sentinel === obtained) sentinel = null;
       });
     } catch {
       // A low battery or the person's settings forbid it; driving goes on without.
@@ -20,8 +20,9 @@ export function screenLock() {
   };
   const keep = (on) => {
     wanted = on;
-    if (on) obtain();
-    else sentinel?.release();
+    if (on) return void obtain();
+    sentinel?.release();
+    sentinel = null; // its event comes later, perhaps after the next keep(true)
   };
   // The browser releases the lock when the page is hidden.
   document.addEventListener("visibilitychange", obtain);
