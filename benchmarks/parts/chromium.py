@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from types import TracebackType
 from typing import Any
 
@@ -37,6 +38,20 @@ _OPEN = """
 })
 """
 
+_TOPICS_SHOWN = """
+(topics) => new Promise((done) => {
+  const tab = [...document.querySelectorAll("[role=tab]")].find((tab) => tab.textContent.includes("Topics"));
+  const began = performance.now();
+  const look = () => {
+    const rows = document.querySelectorAll("[data-part=topic-list] li:not([hidden])").length;
+    if (rows >= topics) requestAnimationFrame(() => setTimeout(() => done(performance.now() - began)));
+    else requestAnimationFrame(look);
+  };
+  tab.click();
+  look();
+})
+"""
+
 _DRIVE = """
 ([turns, period_ms, share]) => new Promise((done) => {
   const page = window.bench;
@@ -56,6 +71,33 @@ _DRIVE = """
 """
 
 
+@asynccontextmanager
+async def signed_in(stack: Stack, cookie: str) -> AsyncIterator[Page]:
+    """An empty page of somebody who is signed in."""
+    async with AsyncExitStack() as closing:
+        playwright = await closing.enter_async_context(async_playwright())
+        browser = await playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+        )
+        closing.push_async_callback(browser.close)
+        context = await browser.new_context()
+        cookies: list[Any] = [
+            {"name": name, "value": value, "url": stack.url}
+            for name, value in (pair.split("=", 1) for pair in cookie.split("; "))
+        ]
+        await context.add_cookies(cookies)
+        yield await context.new_page()
+
+
+async def topics_shown_s(stack: Stack, slug: str, cookie: str, topics: int) -> float:
+    """From pressing the Topics tab until a list of at least so many topics is painted, in seconds."""
+    async with signed_in(stack, cookie) as page:
+        await page.goto(f"{stack.url}/robots/{slug}/")
+        tab = page.get_by_role("tab", name="Topics")
+        await tab.wait_for()
+        return float(await page.evaluate(_TOPICS_SHOWN, topics)) / 1000.0
+
+
 class ChromiumPage:
     """Async context: a signed-in page with control of `slug`."""
 
@@ -67,18 +109,7 @@ class ChromiumPage:
         self.full_turn_radps = 0.0
 
     async def __aenter__(self) -> ChromiumPage:
-        playwright = await self._closing.enter_async_context(async_playwright())
-        browser = await playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
-        )
-        self._closing.push_async_callback(browser.close)
-        context = await browser.new_context()
-        cookies: list[Any] = [
-            {"name": name, "value": value, "url": self._stack.url}
-            for name, value in (cookie.split("=", 1) for cookie in self._cookie.split("; "))
-        ]
-        await context.add_cookies(cookies)
-        self._page: Page = await context.new_page()
+        self._page: Page = await self._closing.enter_async_context(signed_in(self._stack, self._cookie))
         # A page of the console's own origin, without scripts of its own.
         await self._page.goto(f"{self._stack.url}/healthz")
         self._offset_s = await self._clock_offset_s()

@@ -40,6 +40,7 @@ class Observer:
         self.commands: list[Seen] = []
         self.odometry: list[Seen] = []
         self.scans: list[float] = []
+        self.goals: list[float] = []  # of motions
         self.bare_s: list[float] = []  # delays
         self._ready = False
         self._news = asyncio.Condition()
@@ -74,7 +75,7 @@ class Observer:
 
     def forget(self) -> None:
         """Drop what was collected so far."""
-        for seen in (self.commands, self.odometry, self.scans, self.bare_s):
+        for seen in (self.commands, self.odometry, self.scans, self.goals, self.bare_s):
             seen.clear()
 
     async def until(self, condition: Callable[[], object], timeout_s: float = 10.0) -> None:
@@ -109,6 +110,8 @@ class Observer:
                 self.odometry.append(Seen(at_s, *numbers))
             case "scan":
                 self.scans.append(at_s)
+            case "goal":
+                self.goals.append(at_s)
             case "bare":
                 self.bare_s.append(at_s - numbers[0])
 

@@ -2,11 +2,14 @@
 
 Run by the distribution's Python, on the master in ROS_MASTER_URI:
 
-    ros_side.py observe [odometry]   a line for each message: kind, arrival (monotonic ns), values; lines of its stdin
+    ros_side.py observe [odometry] [scan] [goals]
+                                     a line for each message: kind, arrival (monotonic ns), values; lines of its stdin
                                      are faults that it tells the simulated robot to have
     ros_side.py publish              Twists at 50 Hz to /bench_bare, each carrying its own time of sending
     ros_side.py map                  a map of 1000 x 1000 cells to /map, once a second
     ros_side.py watch_map            reads that map's bytes, as any display does
+    ros_side.py live                 strings at 100 Hz to /bench_live
+    ros_side.py many                 500 topics on which nothing is said
 """
 
 from __future__ import annotations
@@ -25,6 +28,8 @@ from std_msgs.msg import String
 DRIVE_TOPIC = "/key_vel"
 BARE_TOPIC = "/bench_bare"
 RATE_HZ = 50.0
+LIVE_TOPIC, LIVE_HZ = "/bench_live", 100.0
+MANY = 500
 
 
 def say(line: str) -> None:
@@ -57,6 +62,8 @@ def observe(*also: str) -> None:
         rospy.Subscriber("/mobile_base_controller/odom", Odometry, on_odometry, tcp_nodelay=True)
     if "scan" in also:
         rospy.Subscriber("/scan_raw", LaserScan, on_scan, tcp_nodelay=True)
+    if "goals" in also:
+        rospy.Subscriber("/play_motion/goal", rospy.AnyMsg, lambda _: say(f"goal {time.monotonic_ns()}"))
     threading.Thread(target=pass_on_faults, daemon=True).start()
     say("ready")
     rospy.spin()
@@ -101,12 +108,37 @@ def watch_map() -> None:
     rospy.spin()
 
 
+def publish_live() -> None:
+    """A topic that somebody looks at."""
+    publisher = rospy.Publisher(LIVE_TOPIC, String, queue_size=1)
+    rate = rospy.Rate(LIVE_HZ)
+    while not rospy.is_shutdown():
+        publisher.publish(String(f"{time.monotonic():.6f}"))
+        rate.sleep()
+
+
+def publish_many() -> None:
+    """A robot with many topics."""
+    names = [f"/bench_many/topic_{number:03}" for number in range(MANY)]
+    publishers = [rospy.Publisher(name, String, queue_size=1) for name in names]
+    say(f"ready {len(publishers)}")
+    rospy.spin()
+
+
 def main() -> None:
     """By the first word."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     role, *words = sys.argv[1:]
     rospy.init_node(f"bench_{role}", anonymous=True, disable_signals=True)
-    {"observe": observe, "publish": publish, "map": publish_map, "watch_map": watch_map}[role](*words)
+    roles = {
+        "observe": observe,
+        "publish": publish,
+        "map": publish_map,
+        "watch_map": watch_map,
+        "live": publish_live,
+        "many": publish_many,
+    }
+    roles[role](*words)
 
 
 if __name__ == "__main__":
