@@ -10,7 +10,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, Locator, Page, WebSocket
 
-from script.stack.stack import Stack
+from script.stack.client import Console
 
 PATIENCE_S = 15.0
 POLL_MS = 20
@@ -24,7 +24,7 @@ class Person:
 
     def __init__(
         self,
-        stack: Stack,
+        stack: Console,
         browser: Browser,
         role: str,
         *,
@@ -40,6 +40,8 @@ class Person:
             has_touch=touch,
             color_scheme=theme,  # type: ignore[arg-type]
             reduced_motion="reduce",
+            ignore_https_errors=stack.certificate
+            is not None,  # as a person does who goes on past the warning
         )
         self.page: Page = self.context.new_page()
         self.complaints: list[str] = []

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
+import http.client
 import os
 import re
 import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import sync_playwright
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+from websockets.typing import Origin
 
+from script.stack.certificates import lan_addresses
+from script.stack.client import Driver, sign_in, trust
+from script.stack.demo import qr_code
 from script.stack.places import REPOSITORY
+from script.stack.stack import Account, Certificate
+from tests.browser.conftest import ARGUMENTS, CHROMIUM
+from tests.browser.people import Person
 from tests.script.support import ENDED_S, Family, free_port, listens, outside, until
 
 PATIENCE_S = 60.0
@@ -21,13 +34,13 @@ PATIENCE_S = 60.0
 class Demo:
     """A running demo on a port of its own."""
 
-    def __init__(self, port: int, output: Path) -> None:
+    def __init__(self, output: Path, port: int, *flags: str) -> None:
         self.port = port
         self.directory = REPOSITORY / "var" / f"demo-{port}"
         self._output = output
         with output.open("w") as file:
             self.process = subprocess.Popen(
-                ["script/demo", "--port", str(port)],
+                ["script/demo", "--port", str(port), *flags],
                 cwd=REPOSITORY,
                 stdout=file,
                 stderr=file,
@@ -52,6 +65,9 @@ class Demo:
         assert not list((self.directory / "run").glob("*.sock"))
 
 
+Start = Callable[..., Demo]
+
+
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
     """All tests here start the same demo: only the first start has a database to make."""
@@ -61,12 +77,12 @@ def port() -> Iterator[int]:
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[[int], Demo]]:
+def start(tmp_path: Path) -> Iterator[Start]:
     """Start a demo on a port; what a test leaves running is ended."""
     started: list[Demo] = []
 
-    def start(port: int) -> Demo:
-        started.append(Demo(port, tmp_path / f"output-{len(started)}"))
+    def start(port: int, *flags: str) -> Demo:
+        started.append(Demo(tmp_path / f"output-{len(started)}", port, *flags))
         return started[-1]
 
     yield start
@@ -82,7 +98,7 @@ def test_the_main_job_works_from_the_command_line():
     assert re.search(r"smoke: ready in .* m driven in .* stop pressed, standstill after \d+ ms", done.stdout)
 
 
-def test_ctrl_c_ends_everything_and_passwords_stay(port: int, start: Callable[[int], Demo]):
+def test_ctrl_c_ends_everything_and_passwords_stay(port: int, start: Start):
     first = start(port)
     passwords = first.directory / "passwords.txt"
     assert passwords.stat().st_mode & 0o777 == 0o600
@@ -99,7 +115,7 @@ def test_ctrl_c_ends_everything_and_passwords_stay(port: int, start: Callable[[i
     second.assert_nothing_left()
 
 
-def test_nothing_outlives_a_demo_that_is_killed(port: int, start: Callable[[int], Demo]):
+def test_nothing_outlives_a_demo_that_is_killed(port: int, start: Start):
     demo = start(port)
     assert len(demo.family) > 10  # three masters, three simulators, three bridges, supervisor, web process
     demo.process.kill()
@@ -107,7 +123,7 @@ def test_nothing_outlives_a_demo_that_is_killed(port: int, start: Callable[[int]
     demo.assert_nothing_left()
 
 
-def test_a_part_that_dies_is_named_and_ends_the_demo(port: int, start: Callable[[int], Demo]):
+def test_a_part_that_dies_is_named_and_ends_the_demo(port: int, start: Start):
     demo = start(port)
     os.kill(demo.family.named("daphne"), signal.SIGKILL)
     assert demo.process.wait(ENDED_S) == 1
@@ -115,7 +131,88 @@ def test_a_part_that_dies_is_named_and_ends_the_demo(port: int, start: Callable[
     demo.assert_nothing_left()
 
 
-def test_a_second_demo_takes_another_port_and_never_the_same(port: int, start: Callable[[int], Demo]):
+# --- on the lab's network -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OnTheNetwork:
+    """A demo as other machines reach it."""
+
+    demo: Demo
+    hosts: tuple[str, ...]
+
+    @property
+    def port(self) -> int:
+        return self.demo.port
+
+    @property
+    def url(self) -> str:
+        return f"https://{self.hosts[0]}:{self.port}"
+
+    @property
+    def certificate(self) -> Certificate:
+        tls = self.demo.directory / "tls"
+        return Certificate(tls / "server.crt", tls / "server.key", tls / "authority.crt")
+
+    @property
+    def accounts(self) -> dict[str, Account]:
+        lines = (self.demo.directory / "passwords.txt").read_text().splitlines()
+        return {role: Account(role, role, password) for role, password in map(str.split, lines)}
+
+    def get(self, path: str, host: str | None = None) -> http.client.HTTPResponse:
+        """Over TLS that trusts the demo's own authority, and checks the address."""
+        connection = http.client.HTTPSConnection(self.hosts[0], self.port, timeout=5.0, context=trust(self))
+        connection.request("GET", path, headers={"Host": host or f"{self.hosts[0]}:{self.port}"})
+        return connection.getresponse()
+
+
+@pytest.mark.skipif(not lan_addresses(), reason="this machine has no address in any network")
+def test_phones_on_the_network_drive_over_tls(port: int, start: Start):
+    demo = start(port, "--lan")
+    console = OnTheNetwork(demo, (lan_addresses()[0],))
+    assert f"{console.url}/" in demo.said
+    assert qr_code(f"{console.url}/") in demo.said
+
+    page = console.get("/accounts/sign-in/")
+    assert page.status == 200
+    assert page.headers["Set-Cookie"].endswith("; Secure")
+    assert console.get("/accounts/sign-in/", host="fleet.example").status == 400
+
+    asyncio.run(drive_over_tls(console))
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        operator = Person(console, browser, "operator")
+        operator.sign_in()
+        assert all(cookie["secure"] for cookie in operator.context.cookies())
+        operator.take("tiago-2")
+        assert operator.page.evaluate("isSecureContext")
+        start_at = operator.place
+        operator.page.keyboard.down("w")
+        operator.until_driven(start_at, 0.1)
+        operator.page.keyboard.up("w")
+        operator.release()
+        assert operator.complaints == []
+        browser.close()
+
+
+async def drive_over_tls(console: OnTheNetwork) -> None:
+    cookie = await asyncio.to_thread(sign_in, console, "operator")
+    for stranger in (f"http://{console.hosts[0]}:{console.port}", "https://fleet.example"):
+        headers = {"Cookie": cookie}
+        address = f"wss://{console.hosts[0]}:{console.port}/ws/robots/tiago-1/"
+        with pytest.raises(InvalidStatus, match="403"):
+            await connect(address, origin=Origin(stranger), additional_headers=headers, ssl=trust(console))
+    async with Driver(console, "tiago-1", cookie) as driver:
+        await driver.until(lambda: driver.odometry)
+        await driver.take()
+        began_at = driver.odometry
+        assert began_at
+        await driver.hold_stick(1.0, 0.0, lambda: driver.odometry and driver.odometry.x - began_at.x > 0.1)
+        await driver.stop()
+        await driver.until(lambda: driver.state and driver.state.stop.state == "stopped")
+
+
+def test_a_second_demo_takes_another_port_and_never_the_same(port: int, start: Start):
     start(port)
     other = subprocess.run(
         ["script/demo", "--port", str(port)], cwd=REPOSITORY, capture_output=True, text=True, timeout=ENDED_S
