@@ -9,42 +9,43 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-import ssl
 import time
-from collections.abc import Collection
-from contextlib import AbstractContextManager, suppress
-from itertools import count
-from socket import gaierror
-from typing import Any, Protocol, TypeVar
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from typing import Protocol, TypeVar, get_args
 from uuid import UUID
 
 import msgspec
 from msgspec import Struct, structs
-from websockets.asyncio.client import ClientConnection, connect, unix_connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.sync import client as sync_client
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.wire import Ended, Refusal, Refused, State, Stopped
+from robots.connections import DOWN, open_link, open_sync, why_down
+from robots.inquiries import Inquiries
+from robots.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
 
 _Report = TypeVar("_Report", bound=Struct)
+_Answer = TypeVar("_Answer")
 
 _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
-_OPEN_TIMEOUT_S = 2.0
 _ANSWER_TIMEOUT_S = 1.0
-_PING_S = 1.0
+_ORDER_TIMEOUT_S = 5.0  # the page gives up long before
+_QUESTION_TIMEOUT_S = 3.0  # the bridge itself gives up after 2 s, and says so
+_ORDERS, _QUESTIONS = 64, 32  # under way at once, of all pages together
 _ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
-_CLOSE_S = 0.2
 _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
-_DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
 _SILENT = Refusal("bridge_silent", "The robot's bridge did not answer in time.", "robot")
 _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
 _FAULTY = Refusal("link_fault", "The console failed to follow the robot's bridge; it tries again.", "wire")
+_BUSY = Refusal("busy", "The robot's bridge has too much to answer: wait a moment.", "wire")
+
+_ORDER_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.Order), wire.LinkCancel))
 
 
 class LinkRefused(Exception):
@@ -70,6 +71,12 @@ class Listener(Protocol):
     def on_refused(self, refused: Refused) -> None:
         """The bridge refused a message."""
 
+    def on_offers(self, offers: wire.Offers) -> None:
+        """What the robot offers besides driving: on connecting, and when it changed."""
+
+    def on_seen(self, topic: str, shown: str) -> None:
+        """A message of a topic that is looked at, encoded."""
+
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """The link came up or went down, and why."""
 
@@ -81,15 +88,18 @@ class BridgeLink:
         self.robot_id = robot_id
         self.address = address
         self.up = False
-        self.refusal: Refusal | None = _DOWN
+        self.refusal: Refusal | None = DOWN
         self.state: State | None = None
+        self.offers: wire.Offers | None = None
         self.highest_fence = 0
         self._socket: ClientConnection | None = None
         self._listeners: set[Listener] = set()
         self._watchers: dict[Listener, frozenset[str]] = {}
-        self._grants: dict[int, asyncio.Future[None]] = {}
-        self._latch: dict[int, asyncio.Future[Stopped]] = {}  # by the number of the question
-        self._numbers = count(1)
+        self._looks: dict[Listener, Mapping[str, float]] = {}
+        self._grants: Inquiries[None] = Inquiries()  # by fencing number
+        self._latch: Inquiries[Stopped] = Inquiries()  # by number
+        self._orders: Inquiries[Accepted | Refused] = Inquiries()  # by kind, fencing number and number
+        self._questions: Inquiries[str] = Inquiries()  # by number
         self._pause_s = _BACK_OFF_S[0]
         self.closed = False
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
@@ -104,11 +114,14 @@ class BridgeLink:
         listener.on_link(self.up, self.refusal)
         if self.state is not None:
             listener.on_status(self.state)
+        if self.offers is not None:
+            listener.on_offers(self.offers)
 
     def unsubscribe(self, listener: Listener) -> None:
         """Stop following."""
         self._listeners.discard(listener)
         self.watch(listener, ())
+        self.look_at(listener, {})
         if not self._listeners:
             self._lingering.cancel()
             self._lingering = self._linger()
@@ -123,9 +136,28 @@ class BridgeLink:
         if self._names != before:
             self._send_watchers()
 
+    def look_at(self, listener: Listener, topics: Mapping[str, float]) -> None:
+        """Whose messages `listener` wants to see, and how many a second. Nobody: the robot sends none."""
+        before = self._topics
+        if topics:
+            self._looks[listener] = dict(topics)
+        else:
+            self._looks.pop(listener, None)
+        if self._topics != before:
+            self.send(wire.LookAt(self._topics))
+
     @property
     def _names(self) -> set[str]:
         return set().union(*self._watchers.values())
+
+    @property
+    def _topics(self) -> dict[str, float]:
+        """Each topic with the highest rate that anybody wants."""
+        topics: dict[str, float] = {}
+        for wanted in self._looks.values():
+            for topic, rate_hz in wanted.items():
+                topics[topic] = max(rate_hz, topics.get(topic, 0.0))
+        return topics
 
     # --- what is sent --------------------------------------------------------------------------------
 
@@ -150,14 +182,9 @@ class BridgeLink:
 
     async def grant(self, grant: wire.Grant, timeout_s: float = _ANSWER_TIMEOUT_S) -> None:
         """Give or renew control. Raises LinkRefused."""
-        answer = self._grants.setdefault(grant.fence, asyncio.get_running_loop().create_future())
-        try:
+        with self._grants.waiting_for(grant.fence) as answer:
             await self._ask(grant)
-            await asyncio.wait_for(asyncio.shield(answer), timeout_s)
-        except asyncio.TimeoutError as error:
-            raise LinkRefused(_SILENT) from error
-        finally:
-            self._grants.pop(grant.fence, None)
+            await _answered(answer, timeout_s)
 
     async def stop(self, stop: wire.LinkStop, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
         """Press the emergency stop. Raises LinkRefused when the bridge does not confirm."""
@@ -166,6 +193,30 @@ class BridgeLink:
     async def clear(self, clear: wire.LinkClear, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
         """Release the latch. Raises LinkRefused when the bridge does not confirm."""
         return await self._ask_latch(clear, timeout_s)
+
+    async def order(self, order: wire.Order, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
+        """Hand on what the holder asks for. Returns the bridge's answer; raises LinkRefused if there is none."""
+        _require_room(self._orders, _ORDERS)
+        with self._orders.waiting_for((wire.kind_of(order), order.fence, order.seq)) as answer:
+            await self._ask(order)
+            return await _answered(answer, timeout_s)
+
+    async def cancel(
+        self, cancel: wire.LinkCancel, timeout_s: float = _ORDER_TIMEOUT_S
+    ) -> Accepted | Refused:
+        """Cancel for one who need not have control. As `order`."""
+        number = self._orders.number()
+        with self._orders.waiting_for((wire.kind_of(cancel), None, number)) as answer:
+            await self._ask(structs.replace(cancel, seq=number))
+            return await _answered(answer, timeout_s)
+
+    async def ask(self, question: wire.Question, timeout_s: float = _QUESTION_TIMEOUT_S) -> str:
+        """Ask about the robot's topics. Returns the `wire.Answer`, encoded; raises LinkRefused if there is none."""
+        _require_room(self._questions, _QUESTIONS)
+        number = self._questions.number()
+        with self._questions.waiting_for(number) as answer:
+            await self._ask(wire.Inspect(number, question))
+            return await _answered(answer, timeout_s)
 
     async def close(self) -> None:
         """End the link for good."""
@@ -183,23 +234,21 @@ class BridgeLink:
         self._task.cancel()
 
     async def _ask_latch(self, message: wire.LinkStop | wire.LinkClear, timeout_s: float) -> Stopped:
-        number = next(self._numbers)
-        answer = self._latch[number] = asyncio.get_running_loop().create_future()
-        try:
+        number = self._latch.number()
+        with self._latch.waiting_for(number) as answer:
             await self._ask(structs.replace(message, seq=number))
-            return await asyncio.wait_for(answer, timeout_s)
-        except asyncio.TimeoutError as error:
-            raise LinkRefused(_SILENT) from error
-        finally:
-            self._latch.pop(number, None)
+            return await _answered(answer, timeout_s)
 
     async def _ask(self, message: Struct) -> None:
         if self._socket is None:
-            raise LinkRefused(self.refusal or _DOWN)
+            raise LinkRefused(self.refusal or DOWN)
+        encoded = wire.encode(message)
+        if len(encoded) > wire.LARGEST_MESSAGE_BYTES:  # the bridge would not even read whose it is
+            raise LinkRefused(_too_large(len(encoded)))
         try:
-            await self._send(message)
+            await self._socket.send(encoded, text=True)
         except ConnectionClosed as error:
-            raise LinkRefused(_DOWN) from error
+            raise LinkRefused(DOWN) from error
 
     async def _send(self, message: Struct) -> None:
         if self._socket is not None:
@@ -215,10 +264,10 @@ class BridgeLink:
     async def _keep_connected(self) -> None:
         while True:
             try:
-                async with _open(self.address) as socket:
+                async with open_link(self.address) as socket:
                     await self._talk(socket)
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
-                self._went_down(_why_down(error))
+                self._went_down(why_down(error))
             except LinkRefused as error:
                 log.error("the bridge of %s: %s", self.robot_id, error)
                 self._went_down(error.refusal)
@@ -234,6 +283,8 @@ class BridgeLink:
             await self._send(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}"))
             if self._watchers:
                 self._send_watchers()
+            if self._looks:
+                await self._send(wire.LookAt(self._topics))
             while True:
                 raw = await socket.recv()
                 if isinstance(raw, bytes):
@@ -260,19 +311,45 @@ class BridgeLink:
                 self._tell_state(report.state)
             case wire.Granted():
                 self.highest_fence = max(self.highest_fence, report.fence)
-                _settle(self._grants.get(report.fence), None)
-            case wire.Refused(of="grant", fence=int(fence)):
-                _settle(self._grants.get(fence), LinkRefused(report.refusal))
-            case wire.Refused(of="link_clear", seq=int(seq)):
-                _settle(self._latch.get(seq), LinkRefused(report.refusal))
+                self._grants.answer(report.fence, None)
+            case wire.Stopped():
+                self._latch.answer(report.seq, report)
+            case wire.Accepted():
+                self._orders.answer((report.of, report.fence, report.seq), report)
             case wire.Refused():
-                for listener in list(self._listeners):
-                    listener.on_refused(report)
+                self._refused(report)
             case wire.Ended():
                 for listener in list(self._listeners):
                     listener.on_ended(report)
-            case wire.Stopped():
-                _settle(self._latch.get(report.seq), report)
+            case wire.Offers():
+                self.offers = report
+                for listener in list(self._listeners):
+                    listener.on_offers(report)
+            case wire.Inspected():
+                self._questions.answer(report.seq, bytes(report.answer).decode())
+            case wire.Seen():
+                self._tell_seen(report)
+
+    def _refused(self, refused: Refused) -> None:
+        refusal = LinkRefused(refused.refusal)
+        match refused:
+            case wire.Refused(of="grant"):
+                self._grants.answer(refused.fence, refusal)
+            case wire.Refused(of="link_clear"):
+                self._latch.answer(refused.seq, refusal)
+            case wire.Refused(of="inspect"):
+                self._questions.answer(refused.seq, refusal)
+            case wire.Refused(of=kind) if kind in _ORDER_KINDS:
+                self._orders.answer((kind, refused.fence, refused.seq), refused)
+            case _:
+                for listener in list(self._listeners):
+                    listener.on_refused(refused)
+
+    def _tell_seen(self, seen: wire.Seen) -> None:
+        shown = bytes(seen.shown).decode()
+        for listener, topics in list(self._looks.items()):
+            if seen.topic in topics:
+                listener.on_seen(seen.topic, shown)
 
     def _tell_state(self, state: State) -> None:
         self.state = state
@@ -287,10 +364,10 @@ class BridgeLink:
 
     def _went_down(self, refusal: Refusal) -> None:
         """Everybody who waits is told; the last state is no longer the truth."""
-        was_up, self.up, self.refusal, self.state = self.up, False, refusal, None
-        waiting: list[asyncio.Future[Any]] = [*self._grants.values(), *self._latch.values()]
-        for answer in waiting:
-            _settle(answer, LinkRefused(refusal))
+        was_up, self.up, self.refusal = self.up, False, refusal
+        self.state = self.offers = None
+        for inquiries in (self._grants, self._latch, self._orders, self._questions):
+            inquiries.answer_all(LinkRefused(refusal))
         if was_up:
             log.warning("link to %s lost: %s", self.robot_id, refusal.text)
             for listener in list(self._listeners):
@@ -333,7 +410,7 @@ def hello_once(address: LinkAddress) -> wire.BridgeHello:
 def _ask_once(address: LinkAddress, question: Struct | None, answer: type[_Report]) -> _Report:
     end_s = time.monotonic() + _ONCE_S
     try:
-        with _open_sync(address) as socket:
+        with open_sync(address) as socket:
             socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"command {os.getpid()}")), text=True)
             if question is not None:
                 socket.send(wire.encode(question), text=True)
@@ -351,75 +428,25 @@ def _ask_once(address: LinkAddress, question: Struct | None, answer: type[_Repor
     except TimeoutError as error:
         raise LinkRefused(_SILENT) from error
     except (OSError, InvalidHandshake, ConnectionClosed) as error:
-        raise LinkRefused(_why_down(error)) from error
+        raise LinkRefused(why_down(error)) from error
 
 
-def _open(address: LinkAddress) -> connect:
-    if address.unix_path:
-        return unix_connect(
-            address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
-        )
-    return connect(
-        _uri(address),
-        ssl=_tls(address),
-        additional_headers=_headers(address),
-        compression=None,
-        open_timeout=_OPEN_TIMEOUT_S,
-        ping_interval=_PING_S,
-        ping_timeout=_PING_S,
-    )
+async def _answered(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:
+    try:
+        return await asyncio.wait_for(answer, timeout_s)
+    except asyncio.TimeoutError as error:
+        raise LinkRefused(_SILENT) from error
 
 
-def _open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
-    if address.unix_path:
-        return sync_client.unix_connect(
-            address.unix_path,
-            compression=None,
-            open_timeout=_OPEN_TIMEOUT_S,
-            close_timeout=_CLOSE_S,
-            ping_interval=None,
-        )
-    return sync_client.connect(
-        _uri(address),
-        ssl=_tls(address),
-        additional_headers=_headers(address),
-        compression=None,
-        open_timeout=_OPEN_TIMEOUT_S,
-        close_timeout=_CLOSE_S,
-    )
+def _require_room(inquiries: Inquiries[_Answer], most: int) -> None:
+    if len(inquiries) >= most:
+        raise LinkRefused(_BUSY)
 
 
-def _uri(address: LinkAddress) -> str:
-    return f"wss://{address.host}:{address.port}/"
-
-
-def _headers(address: LinkAddress) -> dict[str, str]:
-    return {"Authorization": f"Bearer {address.secret}"} if address.secret else {}
-
-
-def _tls(address: LinkAddress) -> ssl.SSLContext:
-    """Trust the fleet's own authority where it has one, else the system's."""
-    return ssl.create_default_context(cafile=address.authority)
-
-
-def _why_down(error: Exception) -> Refusal:
-    if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
-        return _DOWN
-    if isinstance(error, gaierror):
-        return Refusal(
-            "bridge_unresolvable", f"The name of the bridge's host cannot be resolved ({error}).", "robot"
-        )
-    return Refusal("bridge_unreachable", f"The robot's bridge cannot be reached ({error}).", "robot")
-
-
-def _settle(waiting: asyncio.Future[Any] | None, answer: Struct | LinkRefused | None) -> None:
-    """Give an answer to who waits for it; whoever gave up waiting is not there any more."""
-    if waiting is None or waiting.done():
-        return
-    if isinstance(answer, LinkRefused):
-        waiting.set_exception(answer)
-    else:
-        waiting.set_result(answer)
+def _too_large(size: int) -> Refusal:
+    limit = wire.LARGEST_MESSAGE_BYTES
+    text = f"For the robot this message has {size} bytes; at most {limit} are taken."
+    return Refusal("too_large", text, "wire", {"bytes": size, "limit_bytes": limit})
 
 
 def _swallow_closed(task: asyncio.Task[None]) -> None:

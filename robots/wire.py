@@ -18,6 +18,7 @@ from msgspec import Meta, Struct
 
 PROTOCOL = 3
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
+DEEPEST = 20  # levels of lists and dictionaries in values of any shape
 
 Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]
@@ -53,6 +54,17 @@ class WireError(ValueError):
     def __init__(self, refusal: Refusal) -> None:
         super().__init__(refusal.text)
         self.refusal = refusal
+
+
+def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
+    if levels < 0:
+        raise ValueError(f"values are nested deeper than {DEEPEST} levels")
+    if isinstance(value, dict):
+        value = value.values()
+    elif not isinstance(value, list):
+        return
+    for part in value:
+        _require_shallow(part, levels - 1)
 
 
 # --- browser -> web --------------------------------------------------------------------------
@@ -202,6 +214,9 @@ class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
     rate_hz: Rate = 0.0
     sent_ms: Milliseconds | None = None  # the sender's monotonic clock
     seq: Seq = 0
+
+    def __post_init__(self) -> None:
+        _require_shallow(self.fields)
 
 
 class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
@@ -620,6 +635,9 @@ class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
     value: Any
     seq: Seq = 0
 
+    def __post_init__(self) -> None:
+        _require_shallow(self.value)
+
 
 class CallService(Struct, frozen=True, tag_field="t", tag="call"):
     """Staff, and only what the allow-list has; on record first. Answer: `Called`."""
@@ -627,6 +645,9 @@ class CallService(Struct, frozen=True, tag_field="t", tag="call"):
     service: TopicName
     fields: dict[str, Any] = {}
     seq: Seq = 0
+
+    def __post_init__(self) -> None:
+        _require_shallow(self.fields)
 
 
 Question = (
@@ -928,8 +949,25 @@ def _decode(decoder: msgspec.json.Decoder[Any], raw: str | bytes) -> Any:
         return decoder.decode(raw)
     except msgspec.ValidationError as error:
         raise WireError(Refusal("invalid", f"The message does not fit: {error}", "wire")) from error
-    except (msgspec.DecodeError, UnicodeError) as error:
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise WireError(Refusal("not_json", f"Not a JSON message: {error}", "wire")) from error
+
+
+class _Heading(Struct):
+    t: ShortText = ""
+    seq: Seq | None = None
+
+
+_heading = msgspec.json.Decoder(_Heading)
+
+
+def heading(raw: str | bytes) -> tuple[str, int | None]:
+    """Kind and number of a message that does not fit, as far as it has them: its answer carries them."""
+    try:
+        found = _heading.decode(raw[:LARGEST_MESSAGE_BYTES])
+    except (msgspec.DecodeError, UnicodeError, RecursionError):
+        return "", None
+    return found.t, found.seq
 
 
 def browser_message(raw: str | bytes) -> BrowserMessage:

@@ -2,53 +2,44 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from contextlib import suppress
 from functools import partial
 from hashlib import sha256
 from typing import Any
-from uuid import UUID, uuid4
+from uuid import UUID
 
 from django.db import DatabaseError
 from django.utils import timezone
-from msgspec import Struct
 
-from fleet.accounts.models import User
 from robots import wire
 from robots.link import LinkRefused
-from robots.selectors import robots_visible_to
-from robots.wire import Ended, Notice, Refusal, Refused, browser_message
+from robots.wire import Accepted, Ended, Notice, Offers, Refusal, Refused, browser_message, kind_of
 from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
 from teleop.models import EndReason
+from teleop.orders import BUSY, Orders, not_held
 from teleop.policy import Permit
+from teleop.robot_socket import RobotSocket
 from teleop.rules import Phase, Tab, lapse, open_asks, phase
-from teleop.selectors import SignIn, registered, rights_of
 from teleop.services import ControlRefused
-from teleop.socket import CloseCode, Errands, MessageSocket, beside
-from teleop.standing import Ending, Registered, Rights, Standing, control_for, gist
+from teleop.socket import Errands, beside
+from teleop.standing import Ending, Registered, Standing, control_for, gist
 from teleop.views_out import Viewer
 
 log = logging.getLogger(__name__)
 
-LINK_WAIT_S = 0.5  # for a link that is just being made
 
-
-class RobotConsumer(MessageSocket):
+class RobotConsumer(RobotSocket):
     """One page of one robot: its pictures, its control, its stop.
 
     What the connection holds follows the lease in the database, as its room reads it (`stands`); requests only
     change the lease. So taking, being handed control and losing it by whatever door are one path.
     """
 
-    room: rooms.Room
-
     def __init__(self) -> None:
         super().__init__()
-        self.id = uuid4().hex
-        self.looks = False
         self.tab: Tab | None = None
         self.viewer: Viewer | None = None
         self.grip: Grip | None = None
@@ -62,23 +53,18 @@ class RobotConsumer(MessageSocket):
     # --- opening and closing -----------------------------------------------------------------------
 
     async def opened(self) -> None:
-        """Find the robot, and see whether this person may look at it."""
-        slug = self.scope["url_route"]["kwargs"]["slug"]
-        self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
-        found = await in_database(_find, slug, self.person)
-        if found is None:
-            await self.close(CloseCode.NO_SUCH_ROBOT, "There is no such robot, or you may not see it.")
-            return
-        self.user, self.robot_id, entry, self.rights = found
-        self.name = self.user.display_name
-        self.stop_button = stopping.StopButton(self.user, "robot page", partial(self.refuse, "stop"))
-        self.errands = Errands()
-        self.room = rooms.enter(self.robot_id, entry, self)
+        """Let this person in, if they may look at the robot."""
+        entry = await self.find_robot()
+        if entry is not None:
+            self.stop_button = stopping.StopButton(self.user, "robot page", partial(self.refuse, "stop"))
+            self.errands = Errands()
+            self.orders = Orders(self)
+            self.room = rooms.enter(self.robot_id, entry, self)
 
     async def closed(self) -> None:
         """Zero at once; the lease waits for the page to come back."""
         self._gone = True
-        if not hasattr(self, "room"):
+        if not self.entered:
             return
         held, self.grip = self.grip, None
         if held:
@@ -101,22 +87,23 @@ class RobotConsumer(MessageSocket):
         message = browser_message(raw)
         if isinstance(message, wire.Stop) and not self.stop_button.pressed:
             self.stop_button.press(self.room.link)
-        elif not await self.within_budget(_tag(message)):
+        elif not await self.within_budget(kind_of(message)):
             return
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
-        elif isinstance(message, wire.LookAhead | wire.Play | wire.PlayCancel):
-            await self._pass_on(message)
+        elif isinstance(message, wire.Order):
+            await self.orders.take(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:
                 await self.viewer.drawn()
         elif isinstance(message, wire.Ping):
             await self.tell(wire.Pong(message.sent_ms))
+        elif isinstance(message, wire.Refresh):
+            await self._refresh(message)
         elif isinstance(message, wire.Stop):  # pressed again and again
             self.stop_button.press(self.room.link)
         elif not self.errands.add(lambda: self._do(message)):
-            text = "Too much at once: wait for the answers."
-            await self.refuse(_tag(message), Refusal("busy", text, "wire"))
+            await self.refuse(kind_of(message), BUSY)
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         grip = self.grip
@@ -124,20 +111,14 @@ class RobotConsumer(MessageSocket):
             if not await self.room.link.forward(raw):
                 self.refused["link_busy"] += 1  # a newer one follows in a moment
             return
-        await self.refuse("drive", self._not_held(drive.fence), drive.seq, drive.fence)
+        refusal = not_held(drive.fence, self.fence)
+        if refusal is not None:
+            await self.refuse("drive", refusal, drive.seq, drive.fence)
 
-    async def _pass_on(self, request: wire.LookAhead | wire.Play | wire.PlayCancel) -> None:
-        """The bridge puts it on record before it is done."""
-        if self.grip is not None and self.grip.fence == request.fence:
-            self.room.link.send(request)
-        else:
-            await self.refuse(_tag(request), self._not_held(request.fence or 0), fence=request.fence)
-
-    def _not_held(self, fence: int) -> Refusal:
-        if self.grip is None:
-            return Refusal("no_lease", "You do not have control: take it first.", "lease")
-        figures: dict[str, float | int | str | None] = {"fence": fence, "yours": self.grip.fence}
-        return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
+    async def _refresh(self, refresh: wire.Refresh) -> None:
+        refusal = self.room.refresh()
+        kind = kind_of(refresh)
+        await self.answer(Refused(kind, refusal, refresh.seq) if refusal else Accepted(kind, refresh.seq))
 
     async def _do(self, message: wire.BrowserMessage) -> None:
         """One errand: a request that needs the database."""
@@ -149,10 +130,10 @@ class RobotConsumer(MessageSocket):
             else:
                 await self._change(message, self.tab)
         except (ControlRefused, LinkRefused) as refused:
-            await self.refuse(_tag(message), refused.refusal)
+            await self.refuse(kind_of(message), refused.refusal)
         except DatabaseError as error:
-            log.error("%s on %s: %s", _tag(message), self.scope["path"], error)
-            await self.refuse(_tag(message), services.DATABASE_UNAVAILABLE)
+            log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
+            await self.refuse(kind_of(message), services.DATABASE_UNAVAILABLE)
 
     async def _hello(self, hello: wire.Hello) -> None:
         if self.tab is not None:
@@ -169,8 +150,10 @@ class RobotConsumer(MessageSocket):
         self.viewer.drives = self.grip is not None
         self.looks = True
         self.room.watchers_changed()
-        await self._link_settles()
-        self._tell_if_gone()
+        if self.room.link.offers:
+            await self.tell(self.room.link.offers)
+        await self.room.link_settles()
+        self.tell_if_gone()
 
     async def _change(self, message: wire.BrowserMessage, tab: Tab) -> None:
         """Change who has control, or the stop latch; then everybody is told."""
@@ -222,15 +205,11 @@ class RobotConsumer(MessageSocket):
 
     async def _bridge_fence(self) -> int:
         """The highest fencing number that the bridge knows; nobody gets control of a robot out of reach."""
-        await self._link_settles()
+        await self.room.link_settles()
         link = self.room.link
         if not link.up and link.refusal:
             raise LinkRefused(link.refusal)
         return link.highest_fence
-
-    async def _link_settles(self) -> None:
-        with suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self.room.link_is_up.wait(), LINK_WAIT_S)
 
     # --- what the room says (rooms.Member) -----------------------------------------------------------
 
@@ -239,12 +218,17 @@ class RobotConsumer(MessageSocket):
         """The control session that this page has."""
         return self.grip.holding.session if self.grip else None
 
+    @property
+    def fence(self) -> int | None:
+        """The fencing number of that."""
+        return self.grip.fence if self.grip else None
+
     async def stands(self, standing: Standing) -> None:
         """Follow the lease: grip what is ours, let go what is not, say what is new."""
         self._standing = standing
-        before, self.rights = self.rights, standing.rights.get(self.person, self.rights)
-        if not self.rights.alive or self.rights.role is None:
-            await self._cut_off()
+        before = self.rights
+        await super().stands(standing)
+        if not self.may_look:
             return
         if before.role != self.rights.role:
             await self._welcome()
@@ -258,13 +242,18 @@ class RobotConsumer(MessageSocket):
     async def edited(self, entry: Registered) -> None:
         """The robot was edited."""
         await self._welcome()
-        self._tell_if_gone()
+        self.tell_if_gone()
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
         """Say that the bridge is away, or grip again when it is back."""
         if up and self.grip:
             self.grip.renew_soon()
-        self._tell_if_gone()
+        self.tell_if_gone()
+
+    def offered(self, offers: Offers) -> None:
+        """Say what the robot offers now; a page that has not said hello is told then."""
+        if self.looks:
+            beside(self.tell(offers))
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """Look what came in between, and grip again if nothing did."""
@@ -273,7 +262,7 @@ class RobotConsumer(MessageSocket):
 
     def refused_at_bridge(self, refused: Refused) -> None:
         """Pass on what was refused of ours."""
-        if self.grip and refused.fence == self.grip.fence:
+        if self.grip and refused.fence == self.fence:
             beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
 
     # --- control on this connection ------------------------------------------------------------------
@@ -335,36 +324,33 @@ class RobotConsumer(MessageSocket):
             self.grip.renew_soon()
 
     async def _right_ended(self, refusal: Refusal) -> None:
-        session = self._let_go(refusal.text)
-        if session is not None:
-            await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
-            beside(self._end_lease(session, EndReason.RIGHT, refusal))
+        await self._control_ended(EndReason.RIGHT, refusal)
 
     async def _refused_by_bridge(self, refusal: Refusal) -> None:
         """The bridge knows better: a higher fencing number, another session under this one."""
+        await self._control_ended(EndReason.BRIDGE, refusal)
+
+    async def _control_ended(self, reason: EndReason, refusal: Refusal) -> None:
+        if self._give_up(reason, refusal):
+            await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
+
+    def _give_up(self, reason: EndReason, refusal: Refusal) -> bool:
+        """End control here and, beside, the lease. False if there was none."""
         session = self._let_go(refusal.text)
         if session is not None:
-            await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
-            beside(self._end_lease(session, EndReason.BRIDGE, refusal))
+            beside(self._end_lease(session, reason, refusal))
+        return session is not None
 
     async def _end_lease(self, session: UUID, reason: EndReason, refusal: Refusal) -> None:
         await in_database(_end_lease, self.robot_id, session, reason, refusal)
         await self.room.changed()
 
-    async def _cut_off(self) -> None:
+    async def cut_off(self, refusal: Refusal) -> None:
         """This person may not even look any more."""
-        permit = self.rights.permit
-        refusal = (
-            permit if isinstance(permit, Refusal) else Refusal("no_role", "You may not look.", "account")
-        )
-        if self.grip:
-            await self._right_ended(refusal)
-        else:
-            await self.tell(Notice("error", refusal.code, refusal.text))
+        self._give_up(EndReason.RIGHT, refusal)
         if self.viewer:
             self.viewer.leave()
-        code = CloseCode.NOT_PERMITTED if self.rights.alive else CloseCode.SIGNED_OUT
-        await self.close(code, refusal.text)
+        await super().cut_off(refusal)
 
     def _let_go(self, reason: str) -> UUID | None:
         """End control on this connection, whatever the database says yet. Returns the session, if there was one."""
@@ -382,11 +368,10 @@ class RobotConsumer(MessageSocket):
         if self.tab is not None and self.rights.role:
             await self.tell(wire.Welcome(wire.PROTOCOL, self.name, self.rights.role, self.room.entry.facts))
 
-    def _tell_if_gone(self) -> None:
-        link = self.room.link
-        refusal = self.room.entry.refusal or link.refusal
-        if refusal and not link.up and self.tab is not None:
-            beside(self.tell(wire.BridgeGone(refusal)))
+    def tell_if_gone(self) -> None:
+        """Say that the bridge is away; a page that has not said hello is told then."""
+        if self.tab is not None:
+            super().tell_if_gone()
 
     async def _tell_control(self) -> None:
         standing = self._standing
@@ -412,20 +397,6 @@ class RobotConsumer(MessageSocket):
         if self._asking and not asking:
             await self.tell(notices.answered(free=standing.holding is None))
         self._asking = asking
-
-
-def _tag(message: Struct) -> str:
-    return str(message.__struct_config__.tag)
-
-
-def _find(slug: str, person: SignIn) -> tuple[User, UUID, Registered, Rights] | None:
-    """The person, the robot if they may see it, and what they may do with it."""
-    user = User.objects.get(pk=person[0])
-    robot = robots_visible_to(user).filter(slug=slug).first()
-    entry = registered(robot.id) if robot else None
-    if robot is None or entry is None:
-        return None
-    return user, robot.id, entry, rights_of([person], robot, timezone.now())[person]
 
 
 def _left(robot_id: UUID, connection: str, session: UUID | None) -> None:

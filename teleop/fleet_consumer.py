@@ -18,7 +18,7 @@ from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.link import BridgeLink, links
 from robots.selectors import link_address, robots_visible_to
-from robots.wire import Ended, FleetCard, Refusal, Refused, State, fleet_message
+from robots.wire import Ended, FleetCard, Offers, Refusal, Refused, State, fleet_message
 from teleop.database import in_database
 from teleop.policy import out_of_service
 from teleop.selectors import SignIn
@@ -176,6 +176,12 @@ class FleetConsumer(MessageSocket):
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """Show it soon."""
         self._note()
+
+    def on_offers(self, offers: Offers) -> None:
+        """Not on a card."""
+
+    def on_seen(self, topic: str, shown: str) -> None:
+        """Not on a card."""
 
     def on_ended(self, ended: Ended) -> None:
         """The state tells."""

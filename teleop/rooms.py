@@ -1,8 +1,8 @@
 """A room: one robot and everybody who has its page open in this web process.
 
 It holds the link, hands out the pictures and looks at the database for all of them together: every half second
-while one of them has control, else every two. A stale look changes nothing for the better: who may control is
-confirmed again and again, and whoever is not confirmed is not renewed at the bridge.
+for those who have control or look closely, else every two. A stale look changes nothing for the better: who may
+control is confirmed again and again, and whoever is not confirmed is not renewed at the bridge.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from datetime import timedelta
 from typing import Protocol
@@ -20,10 +20,11 @@ from django.db import DatabaseError
 from django.utils import timezone
 
 from robots.link import BridgeLink, links
-from robots.wire import Ended, Refusal, Refused, State
+from robots.wire import Ended, Offers, Refresh, Refusal, Refused, State
 from teleop import rules
 from teleop.database import in_database
 from teleop.hints import Hints
+from teleop.looks import Looks
 from teleop.rules import Phase
 from teleop.selectors import SignIn, registered, standing_of
 from teleop.services import ControlRefused, lease_expire, lease_seen
@@ -32,7 +33,9 @@ from teleop.views_out import Views
 
 log = logging.getLogger(__name__)
 
-LOOK_HOLDER_S = 0.5
+LINK_WAIT_S = 0.5
+LOOK_S = 0.5
+REFRESH_S = 1.0  # the robot is asked at most so often what it offers
 LOOKS_PER_FULL = 4  # everybody's rights and the registry: every so many looks
 
 
@@ -49,6 +52,10 @@ class Member(Protocol):
     def held_session(self) -> UUID | None:
         """The control session that this page has."""
 
+    @property
+    def closely(self) -> bool:
+        """Whether this person's rights are looked at each time."""
+
     async def stands(self, standing: Standing) -> None:
         """How control stands now."""
 
@@ -57,6 +64,9 @@ class Member(Protocol):
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
         """The link to the bridge came or went."""
+
+    def offered(self, offers: Offers) -> None:
+        """The robot offers something else."""
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """The bridge ended somebody's control."""
@@ -73,8 +83,10 @@ class Room:
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
         self.views = Views()
+        self.topics = Looks(self._look_at)
         self.members: dict[str, Member] = {}
         self.link_is_up = asyncio.Event()
+        self._refreshed_s = float("-inf")
         self.looked_s = time.monotonic()  # when the database last answered
         self._one_look = asyncio.Lock()
         self._hints = Hints(robot_id, self.look)
@@ -104,6 +116,25 @@ class Room:
     def watchers_changed(self) -> None:
         """Tell the bridge who looks."""
         self.link.watch(self, {member.name for member in self.members.values() if member.looks})
+
+    def refresh(self) -> Refusal | None:
+        """Have the robot read again what it offers. Returns why that cannot be."""
+        if not self.link.up:
+            return self.link.refusal
+        now_s = time.monotonic()
+        if now_s - self._refreshed_s >= REFRESH_S:
+            self._refreshed_s = now_s
+            self.link.send(Refresh())
+        return None
+
+    def _look_at(self, topics: Mapping[str, float]) -> None:
+        """Tell the bridge whose messages are looked at."""
+        self.link.look_at(self, topics)
+
+    async def link_settles(self) -> None:
+        """Wait a moment for a link that is just being made."""
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self.link_is_up.wait(), LINK_WAIT_S)
 
     # --- the database ------------------------------------------------------------------------------
 
@@ -157,7 +188,7 @@ class Room:
         looks = 0
         reachable = True
         while True:
-            await asyncio.sleep(LOOK_HOLDER_S)
+            await asyncio.sleep(LOOK_S)
             looks += 1
             try:
                 await self._regular_look(full=looks % LOOKS_PER_FULL == 0)
@@ -172,14 +203,14 @@ class Room:
                 log.exception("a look at the lease failed")
 
     async def _regular_look(self, *, full: bool) -> None:
-        holders = [member.person for member in self.members.values() if member.held_session]
+        closely = [member.person for member in self.members.values() if member.closely]
         if not full:
-            if holders:
-                await self._look(holders)
+            if closely:
+                await self._look(closely)
             return
         await self._read_registry()
         await self.look()
-        if holders:
+        if any(member.held_session for member in self.members.values()):
             await in_database(self._note_seen)
 
     async def _read_registry(self) -> None:
@@ -193,6 +224,7 @@ class Room:
             self.link = link
             self.link.subscribe(self)
             self.watchers_changed()
+            self._look_at(self.topics.wanted)
         for member in list(self.members.values()):
             await member.edited(entry)
 
@@ -211,8 +243,18 @@ class Room:
             self.link_is_up.set()
         else:
             self.link_is_up.clear()
+            self.topics.forget()
         for member in list(self.members.values()):
             member.link_changed(up, refusal)
+
+    def on_offers(self, offers: Offers) -> None:
+        """For every page."""
+        for member in list(self.members.values()):
+            member.offered(offers)
+
+    def on_seen(self, topic: str, shown: str) -> None:
+        """A message for all who look at its topic."""
+        self.topics.publish(topic, shown)
 
     def on_ended(self, ended: Ended) -> None:
         """For whoever held it."""

@@ -8,12 +8,15 @@ from django.urls import path
 
 from teleop.consumers import RobotConsumer
 from teleop.fleet_consumer import FleetConsumer
+from teleop.topics_consumer import TopicsConsumer
 
 # Any: `path` is typed for HTTP views.
 fleet_page: Any = FleetConsumer.as_asgi()
 robot_page: Any = RobotConsumer.as_asgi()
+robot_topics: Any = TopicsConsumer.as_asgi()
 
 websocket_urlpatterns = [
     path("ws/fleet/", fleet_page),
     path("ws/robots/<slug:slug>/", robot_page),
+    path("ws/robots/<slug:slug>/topics/", robot_topics),
 ]

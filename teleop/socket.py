@@ -17,7 +17,7 @@ from channels.consumer import AsyncConsumer
 from msgspec import Struct
 
 from robots.bridge.flood import Budget
-from robots.wire import Refusal, Refused, WireError, encode
+from robots.wire import Accepted, Refusal, Refused, WireError, encode, heading
 
 log = logging.getLogger(__name__)
 
@@ -81,12 +81,17 @@ class MessageSocket(AsyncConsumer):
                 raise WireError(Refusal("not_text", "Only text frames are taken.", "wire"))
             await self.heard(raw)
         except WireError as error:
-            await self.refuse("", error.refusal)
+            of, seq = heading(raw or "")
+            await self.refuse(of, error.refusal, seq)
 
     async def tell(self, message: Struct) -> None:
         """Send a message to the page."""
+        await self.tell_raw(encode(message).decode())
+
+    async def tell_raw(self, message: str) -> None:
+        """Send what is encoded already."""
         if not self._closing:
-            await self.asgi_send({"type": "websocket.send", "text": encode(message).decode()})
+            await self.asgi_send({"type": "websocket.send", "text": message})
 
     async def refuse(
         self, of: str, refusal: Refusal, seq: int | None = None, fence: int | None = None
@@ -95,6 +100,12 @@ class MessageSocket(AsyncConsumer):
         self.refused[refusal.code] += 1
         if self._replies.spend(time.monotonic()):
             await self.tell(Refused(of, refusal, seq, fence))
+
+    async def answer(self, answer: Accepted | Refused) -> None:
+        """Give an order its one answer."""
+        if isinstance(answer, Refused):
+            self.refused[answer.refusal.code] += 1
+        await self.tell(answer)
 
     async def within_budget(self, of: str) -> bool:
         """Whether this connection may say one thing more. Refuses if not, and closes when it goes on and on."""

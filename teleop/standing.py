@@ -8,7 +8,7 @@ from uuid import UUID
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.config import LinkAddress
+from robots.bridge.config import Allowed, LinkAddress
 from teleop import rules
 from teleop.policy import Permit
 from teleop.rules import Ask, Holding, Phase, Tab
@@ -46,6 +46,7 @@ class Registered(Struct, frozen=True):
     refusal: wire.Refusal | None  # why nobody drives it
     facts: wire.RobotFacts
     link: LinkAddress
+    allowed: tuple[Allowed, ...] = ()
 
 
 def control_for(standing: Standing, *, user: UUID, tab: Tab, rights: Rights) -> wire.Control:

@@ -34,6 +34,8 @@ FromConsole = (
     | wire.Pong
     | wire.BridgeGone
     | wire.Stopped
+    | wire.Accepted
+    | wire.Offers
     | wire.View
 )
 _from_console = msgspec.json.Decoder(FromConsole)

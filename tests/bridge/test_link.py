@@ -22,7 +22,8 @@ import robots.link
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.link import LinkServer
-from robots.link import BridgeLink, LinkRefused, Links, _headers, stop_once
+from robots.connections import _headers
+from robots.link import BridgeLink, LinkRefused, Links, stop_once
 from tests.bridge.support import Bench
 
 
@@ -89,6 +90,12 @@ class Follower:
 
     def on_refused(self, refused):
         self.news.put_nowait(("refused", refused))
+
+    def on_offers(self, offers):
+        self.news.put_nowait(("offers", offers))
+
+    def on_seen(self, topic, shown):
+        self.news.put_nowait(("seen", (topic, shown)))
 
     def on_link(self, up, refusal):
         self.news.put_nowait(("up" if up else "down", refusal))
@@ -257,8 +264,8 @@ async def test_a_clear_that_the_bridge_refuses_is_refused_with_its_reason(link, 
 async def test_an_answer_that_comes_when_nobody_waits_any_more_breaks_nothing(link, bridge):
     late = asyncio.ensure_future(link.stop(wire.LinkStop("Ben")))
     await asyncio.sleep(0)  # it is on its way
-    [number] = link._latch
-    link._latch[number].cancel()  # as a time-out leaves it for one turn of the loop
+    [(number, [waiting])] = link._latch._waiting.items()
+    waiting.cancel()  # as a time-out leaves it for one turn of the loop
     link._heard(wire.Stopped(wire.StopState("stopping"), number))
     await asyncio.wait({late})
     await link.stop(wire.LinkStop("Ann"))

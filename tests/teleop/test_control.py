@@ -370,7 +370,7 @@ async def test_what_another_process_changed_is_seen_at_the_next_look(open_page, 
 
 async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot, operator, monkeypatch):
     page = await open_page("observer")
-    monkeypatch.setattr("teleop.rooms.LOOK_HOLDER_S", 60)
+    monkeypatch.setattr("teleop.rooms.LOOK_S", 60)
     await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
     await taken_elsewhere(robot, operator)
     elsewhere = Hints(robot.id, on_hint=lambda: pytest.fail("its own hint"))
@@ -400,7 +400,7 @@ def short_grace(monkeypatch):
     """A page is late after 0.6 s and gone after 1.2 s; the database is looked at often."""
     monkeypatch.setattr(rules, "LATE_S", 0.6)
     monkeypatch.setattr(rules, "GRACE_S", 1.2)
-    monkeypatch.setattr(rooms, "LOOK_HOLDER_S", 0.05)
+    monkeypatch.setattr(rooms, "LOOK_S", 0.05)
 
 
 async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_though_the_connection_stands(
@@ -426,7 +426,7 @@ async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_g
 
 
 async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(open_page, bridge, monkeypatch):
-    monkeypatch.setattr(rooms, "LOOK_HOLDER_S", 0.02)
+    monkeypatch.setattr(rooms, "LOOK_S", 0.02)
     monkeypatch.setattr(rooms, "LOOKS_PER_FULL", 1)
     noted, looks, standing_of = threading.Event(), threading.Semaphore(0), rooms.standing_of
 

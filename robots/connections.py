@@ -1,0 +1,81 @@
+"""How a web process reaches a bridge: over a Unix socket, or over TCP with TLS and the shared secret."""
+
+from __future__ import annotations
+
+import ssl
+from contextlib import AbstractContextManager
+from socket import gaierror
+
+from websockets.asyncio.client import connect, unix_connect
+from websockets.exceptions import ConnectionClosed
+from websockets.sync import client as sync_client
+
+from robots.bridge.config import LinkAddress
+from robots.wire import Refusal
+
+_OPEN_TIMEOUT_S = 2.0
+_PING_S = 1.0
+_CLOSE_S = 0.2
+
+DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
+
+
+def open_link(address: LinkAddress) -> connect:
+    """A connection for as long as it holds."""
+    if address.unix_path:
+        return unix_connect(
+            address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
+        )
+    return connect(
+        _uri(address),
+        ssl=_tls(address),
+        additional_headers=_headers(address),
+        compression=None,
+        open_timeout=_OPEN_TIMEOUT_S,
+        ping_interval=_PING_S,
+        ping_timeout=_PING_S,
+    )
+
+
+def open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
+    """A connection for one question, from where there is no event loop."""
+    if address.unix_path:
+        return sync_client.unix_connect(
+            address.unix_path,
+            compression=None,
+            open_timeout=_OPEN_TIMEOUT_S,
+            close_timeout=_CLOSE_S,
+            ping_interval=None,
+        )
+    return sync_client.connect(
+        _uri(address),
+        ssl=_tls(address),
+        additional_headers=_headers(address),
+        compression=None,
+        open_timeout=_OPEN_TIMEOUT_S,
+        close_timeout=_CLOSE_S,
+    )
+
+
+def _uri(address: LinkAddress) -> str:
+    return f"wss://{address.host}:{address.port}/"
+
+
+def _headers(address: LinkAddress) -> dict[str, str]:
+    return {"Authorization": f"Bearer {address.secret}"} if address.secret else {}
+
+
+def _tls(address: LinkAddress) -> ssl.SSLContext:
+    """Trust the fleet's own authority where it has one, else the system's."""
+    return ssl.create_default_context(cafile=address.authority)
+
+
+def why_down(error: Exception) -> Refusal:
+    """What to tell people when there is no connection."""
+    if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
+        return DOWN
+    if isinstance(error, gaierror):
+        return Refusal(
+            "bridge_unresolvable", f"The name of the bridge's host cannot be resolved ({error}).", "robot"
+        )
+    return Refusal("bridge_unreachable", f"The robot's bridge cannot be reached ({error}).", "robot")

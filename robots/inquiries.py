@@ -1,0 +1,60 @@
+"""What was asked over a link and is not answered yet."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict, deque
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Generic, TypeVar
+
+A = TypeVar("A")
+
+
+class Inquiries(Generic[A]):
+    """Who waits for an answer of one kind, by what the answer is known by; of equal ones the first waits longest."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[Hashable, deque[asyncio.Future[A]]] = defaultdict(deque)
+        self._numbers = count(1)
+
+    def __len__(self) -> int:
+        return sum(map(len, self._waiting.values()))
+
+    def number(self) -> int:
+        """One that no other inquiry here has."""
+        return next(self._numbers)
+
+    @contextmanager
+    def waiting_for(self, key: Hashable) -> Iterator[asyncio.Future[A]]:
+        """The answer to come, for as long as somebody waits for it."""
+        answer: asyncio.Future[A] = asyncio.get_running_loop().create_future()
+        self._waiting[key].append(answer)
+        try:
+            yield answer
+        finally:
+            if not answer.cancel() and not answer.cancelled():
+                answer.exception()  # seen, even where nobody waited to the end
+            self._waiting[key].remove(answer)
+            if not self._waiting[key]:
+                del self._waiting[key]
+
+    def answer(self, key: Hashable, answer: A | Exception) -> None:
+        """Give an answer to who waits for it; whoever gave up waiting is not there any more."""
+        first = next((waiting for waiting in self._waiting.get(key, ()) if not waiting.done()), None)
+        if first is not None:
+            _settle(first, answer)
+
+    def answer_all(self, error: Exception) -> None:
+        """Nobody gets an answer any more."""
+        for waiting in [future for futures in self._waiting.values() for future in futures]:
+            if not waiting.done():
+                _settle(waiting, error)
+
+
+def _settle(waiting: asyncio.Future[A], answer: A | Exception) -> None:
+    if isinstance(answer, Exception):
+        waiting.set_exception(answer)
+    else:
+        waiting.set_result(answer)

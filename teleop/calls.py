@@ -1,0 +1,88 @@
+"""Services that are called and parameters that are set: by staff, from the allow-list, on record first."""
+
+from __future__ import annotations
+
+import logging
+
+import msgspec
+from django.db import DatabaseError
+from msgspec import Struct
+
+from fleet import audit
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots import wire
+from robots.link import LinkRefused
+from robots.models import Role
+from robots.wire import CallService, Refusal, SetParameter
+from teleop.database import in_database
+from teleop.orders import role_for, why_role
+from teleop.rooms import Room
+from teleop.services import DATABASE_UNAVAILABLE, ControlRefused
+from teleop.socket import beside
+from teleop.standing import Rights
+
+log = logging.getLogger(__name__)
+
+Call = CallService | SetParameter
+
+_STAFF_ONLY = Refusal("role_too_low", "Only staff call services and set parameters.", "account")
+
+
+async def carry_out(call: Call, *, room: Room, user: User, rights: Rights) -> str:
+    """Have it done. Returns the robot's answer, encoded; raises ControlRefused or LinkRefused."""
+    refusal = _why_not(call, room, rights)
+    if refusal is not None:
+        raise ControlRefused(refusal)
+    begun = await in_database(_record, call, room, user)
+    try:
+        answer = await room.link.ask(call)
+    except LinkRefused as refused:
+        beside(in_database(_record_outcome, begun, user, refused.refusal))
+        raise
+    beside(in_database(_record_outcome, begun, user, _answered.decode(answer).refusal))
+    return answer
+
+
+def _why_not(call: Call, room: Room, rights: Rights) -> Refusal | None:
+    if rights.role != Role.STAFF:
+        return _STAFF_ONLY
+    if isinstance(call, CallService):
+        return why_role(rights, role_for(room.entry.allowed, "call", call.service), call.service)
+    return why_role(rights, role_for(room.entry.allowed, "set", call.name), call.name)
+
+
+def _record(call: Call, room: Room, user: User) -> Record:
+    if isinstance(call, CallService):
+        kind, parameters = "service.call", {"service": call.service, "fields": call.fields}
+    else:
+        kind, parameters = "parameter.set", {"name": call.name, "value": call.value}
+    try:
+        return audit.record(
+            kind,
+            actor=user,
+            robot_id=room.robot_id,
+            robot_name=room.entry.facts.name,
+            parameters=parameters,
+        )
+    except audit.AuditUnavailable as error:
+        raise ControlRefused(Refusal(error.code, error.text, error.rule)) from error
+    except DatabaseError as error:
+        raise ControlRefused(DATABASE_UNAVAILABLE) from error
+
+
+def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
+    outcome, parameters = (refusal.code, {"text": refusal.text}) if refusal else ("done", {})
+    try:
+        audit.record(begun.kind, actor=user, of=begun, outcome=outcome, parameters=parameters)
+    except (audit.AuditUnavailable, DatabaseError) as error:
+        log.error("the outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)
+
+
+class _Answered(Struct):
+    """What matters here of a `wire.Answer`."""
+
+    refusal: wire.Refusal | None = None
+
+
+_answered = msgspec.json.Decoder(_Answered)

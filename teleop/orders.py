@@ -1,0 +1,158 @@
+"""What a page asks of the robot besides driving: whether this person may, and the one answer that each order gets."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from typing import Protocol
+
+from fleet import audit
+from fleet.accounts.models import User
+from robots import wire
+from robots.bridge.config import Allowed
+from robots.link import LinkRefused
+from robots.models import Role
+from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
+from teleop.database import in_database
+from teleop.rooms import Room
+from teleop.socket import beside
+from teleop.standing import Rights
+
+log = logging.getLogger(__name__)
+
+UNDER_WAY = 8  # orders of one page
+BUSY = Refusal("busy", "Too much at once: wait for the answers.", "wire")
+
+_NOT_YOURS = Refusal(
+    "no_lease", "Only whoever has control, supervisors and staff may cancel what runs.", "lease"
+)
+
+
+class Page(Protocol):
+    """Where orders come from."""
+
+    room: Room
+    user: User
+    rights: Rights
+
+    @property
+    def fence(self) -> int | None:
+        """The fencing number of its control, if it has control."""
+
+    async def answer(self, answer: Accepted | Refused) -> None:
+        """Tell the page what became of an order."""
+
+
+class Orders:
+    """The orders of one page. What its person may not ask for goes no further; all else the bridge judges, and does."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._under_way = 0
+
+    async def take(self, order: Order) -> None:
+        """Begin an order. Its answer comes beside: the stick never waits for it."""
+        refusal = self._why_not(order) or (BUSY if self._under_way >= UNDER_WAY else None)
+        if refusal is not None:
+            await self._answer(order, refusal)
+            return
+        self._under_way += 1
+        beside(self._hand_on(order))
+
+    def _why_not(self, order: Order) -> Refusal | None:
+        if order.fence is None:
+            return None if self._page.rights.supervises else _NOT_YOURS
+        return not_held(order.fence, self._page.fence) or self._why_not_there(order)
+
+    def _why_not_there(self, order: Order) -> Refusal | None:
+        """What the allow-list and this person's role have against where the order goes."""
+        entry, offers = self._page.room.entry, self._page.room.link.offers
+        match order:
+            case wire.Publish(topic=topic, type=type_):
+                if topic == entry.facts.drive_topic:
+                    return None  # through the gate, as the stick
+                use, what = "", "publish"
+            case wire.Choose(topic=str(topic), use=use):
+                what, type_ = "choose", ""
+            case wire.Say(topic=str(topic)):
+                what, type_, use = "choose", "", "speech"
+            case _:
+                return None
+        if what == "choose" and offers and use in offers.uses and offers.uses[use].topic == topic:
+            return None  # the default
+        return why_role(self._page.rights, role_for(entry.allowed, what, topic, type_, use), topic)
+
+    async def _hand_on(self, order: Order) -> None:
+        try:
+            answer = await self._asked(order)
+            refusal = answer.refusal if isinstance(answer, Refused) else None
+        except LinkRefused as refused:
+            refusal = refused.refusal
+        finally:
+            self._under_way -= 1
+        if refusal and refusal.code == "bridge_silent":  # the page has said so long ago
+            log.warning("%s of robot %s got no answer", kind_of(order), self._page.room.robot_id)
+        else:
+            await self._answer(order, refusal)
+
+    async def _asked(self, order: Order) -> Accepted | Refused:
+        if order.fence is not None:
+            return await self._page.room.link.order(order)
+        cancel = LinkCancel(
+            "speech" if isinstance(order, wire.SayCancel) else "motion", by=self._page.user.display_name
+        )
+        answer = await self._page.room.link.cancel(cancel)
+        beside(in_database(_record_cancel, cancel.what, self._page.room, self._page.user, answer))
+        return answer
+
+    async def _answer(self, order: Order, refusal: Refusal | None) -> None:
+        kind = kind_of(order)
+        if refusal is None:
+            await self._page.answer(Accepted(kind, order.seq, order.fence))
+        else:
+            await self._page.answer(Refused(kind, refusal, order.seq, order.fence))
+
+
+def not_held(fence: int, held: int | None) -> Refusal | None:
+    """Why what came under `fence` is not done on a connection whose control has the number `held`."""
+    if held is None:
+        return Refusal("no_lease", "You do not have control: take it first.", "lease")
+    if fence != held:
+        figures: dict[str, float | int | str | None] = {"fence": fence, "yours": held}
+        return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
+    return None
+
+
+def role_for(allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = "") -> Role | None:
+    """The lowest role that may `what` with `name`; None: nobody may. `type_` "" asks for any type."""
+    roles = [
+        Role(entry.role)
+        for entry in allowed
+        if (entry.what, entry.name, entry.use) == (what, name, use) and type_ in ("", entry.type)
+    ]
+    return min(roles, default=None)
+
+
+def why_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
+    """Why somebody with these rights may not use `name`, for which one needs the role `needed`."""
+    if needed is None:
+        text = f"{name} is not on the allow-list for this; ask the staff."
+        return Refusal("not_allowed", text, "robot", {"name": name})
+    if rights.role is None or Role(rights.role) < needed:
+        text = f"For {name} one needs the role {needed.value}; ask the staff."
+        return Refusal("role_too_low", text, "account", {"name": name, "role": needed.value})
+    return None
+
+
+def _record_cancel(what: str, room: Room, user: User, answer: Accepted | Refused) -> None:
+    """Afterwards, as for a stop: what makes the robot stand waits for nothing."""
+    try:
+        audit.record(
+            f"{what}.cancel",
+            actor=user,
+            robot_id=room.robot_id,
+            robot_name=room.entry.facts.name,
+            outcome=answer.refusal.code if isinstance(answer, Refused) else "accepted",
+        )
+    except audit.AuditUnavailable as error:
+        log.error("that %s cancelled a %s was not recorded: %s", user.pk, what, error)

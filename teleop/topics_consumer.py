@@ -1,0 +1,91 @@
+"""The robot's topics, live: for the topics tab, and for applications."""
+
+from __future__ import annotations
+
+import time
+
+from robots import wire
+from robots.bridge.flood import Budget
+from robots.link import LinkRefused
+from robots.wire import Question, Refusal, Refused, kind_of, topics_message
+from teleop import rooms
+from teleop.calls import Call, carry_out
+from teleop.looks import Looker
+from teleop.orders import BUSY
+from teleop.robot_socket import RobotSocket
+from teleop.services import ControlRefused
+from teleop.socket import beside
+
+UNDER_WAY = 8  # questions of one connection
+QUESTIONS_PER_S = 5.0  # an answer may be large, and nobody knows whether the last was read
+QUESTIONS_BURST = 30.0
+
+
+class TopicsConsumer(RobotSocket):
+    """One connection that looks at one robot's topics: its questions, its live views."""
+
+    closely = True  # what it sees are the robot's messages themselves
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looker: Looker | None = None
+        self._under_way = 0
+        self._questions = Budget(QUESTIONS_PER_S, QUESTIONS_BURST)
+
+    async def opened(self) -> None:
+        """Let this person in, if they may look at the robot."""
+        entry = await self.find_robot()
+        if entry is not None:
+            self.room = rooms.enter(self.robot_id, entry, self)
+            self.looker = Looker(self.room.topics, self.asgi_send)
+            await self.room.link_settles()
+            self.tell_if_gone()
+
+    async def closed(self) -> None:
+        """Look no more; a call that is under way goes on record all the same."""
+        if self.looker:
+            self.looker.leave()
+            await self.room.remove(self)
+
+    async def cut_off(self, refusal: Refusal) -> None:
+        """This person may not look any more."""
+        if self.looker:
+            self.looker.leave()
+        await super().cut_off(refusal)
+
+    # --- what is asked -----------------------------------------------------------------------------
+
+    async def heard(self, raw: str) -> None:
+        """One message."""
+        message = topics_message(raw)
+        if self.looker is None or not await self.within_budget(kind_of(message)):
+            return
+        match message:
+            case wire.Look(topic=topic, rate_hz=rate_hz):
+                refusal = self.looker.look(topic, rate_hz)
+                if refusal is not None:
+                    await self.refuse("look", refusal)
+            case wire.Unlook(topic=topic):
+                self.looker.look_away(topic)
+            case wire.Ack():
+                self.looker.drawn()
+            case wire.Ping(sent_ms=sent_ms):
+                await self.tell(wire.Pong(sent_ms))
+            case question if self._under_way < UNDER_WAY and self._questions.spend(time.monotonic()):
+                self._under_way += 1
+                beside(self._answer(question))
+            case question:
+                await self.refuse(kind_of(question), BUSY, question.seq)
+
+    async def _answer(self, question: Question) -> None:
+        try:
+            await self.tell_raw(await self._found_out(question))
+        except (LinkRefused, ControlRefused) as refused:
+            await self.answer(Refused(kind_of(question), refused.refusal, question.seq))
+        finally:
+            self._under_way -= 1
+
+    async def _found_out(self, question: Question) -> str:
+        if isinstance(question, Call):
+            return await carry_out(question, room=self.room, user=self.user, rights=self.rights)
+        return await self.room.link.ask(question)
