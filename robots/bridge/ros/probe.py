@@ -35,11 +35,10 @@ from robots.bridge.findings import (
     TopicFound,
 )
 from robots.bridge.ros.master import Master, MasterError, SystemState
+from robots.bridge.ros.tcpros import CONNECT_S, connect_to_publisher, read, read_header, read_length
 from robots.bridge.ros.types import UnknownTypeError, message_class
 
-CONNECT_S = 1.0
 CALLBACK_S = 2.0
-LARGEST_HEADER = 64 * 1024  # bytes of a connection header
 HEAD = 512  # bytes of a message that are looked at: its std_msgs/Header
 
 
@@ -159,7 +158,7 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
     errors = []
     for node in publishers:
         try:
-            with _connect(asked.topic, uris[node]) as connection:
+            with connect_to_publisher(asked.topic, uris[node], CALLER) as connection:
                 return _listen(connection, asked, found, time.monotonic() + listen_s)
         except KeyError:
             errors.append(f"{node} has no address at the master")
@@ -176,22 +175,9 @@ def _our_md5(type_name: str) -> str | None:
     return md5
 
 
-def _connect(topic: str, node_uri: str) -> socket.socket:
-    protocol = Master(node_uri, CALLER).call("requestTopic", topic, [["TCPROS"]])
-    if not protocol:
-        raise ValueError("does not offer TCPROS")
-    _, host, port = protocol
-    connection = socket.create_connection((host, port), CONNECT_S)
-    fields = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-    pairs = [f"{key}={value}".encode() for key, value in fields.items()]
-    header = b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
-    connection.sendall(struct.pack("<I", len(header)) + header)
-    return connection
-
-
 def _listen(connection: socket.socket, asked: Listened, found: TopicFound, until_s: float) -> TopicFound:
     """Read until what was to be seen was seen, or the time is over."""
-    offered = _read_header(connection)
+    offered = read_header(connection)
     if "error" in offered:
         raise ValueError(offered["error"])
     messages, frames, skews = 0, set[str](), list[float]()
@@ -216,41 +202,18 @@ def _listen(connection: socket.socket, asked: Listened, found: TopicFound, until
     )
 
 
-def _read_header(connection: socket.socket) -> dict[str, str]:
-    (length,) = struct.unpack("<I", _read(connection, 4))
-    if length > LARGEST_HEADER:
-        raise ValueError("does not speak TCPROS")
-    block, fields = _read(connection, length), {}
-    while block:
-        (size,) = struct.unpack_from("<I", block)
-        key, _, value = block[4 : 4 + size].decode(errors="replace").partition("=")
-        fields[key] = value
-        block = block[4 + size :]
-    return fields
-
-
 def _read_message(connection: socket.socket, until_s: float) -> bytes:
     """The beginning of the next message; the rest of it is read and dropped."""
     remaining_s = until_s - time.monotonic()
     if remaining_s <= 0.0:
         raise TimeoutError
     connection.settimeout(remaining_s)
-    (length,) = struct.unpack("<I", _read(connection, 4))
-    head = _read(connection, min(length, HEAD))
+    length = read_length(connection)
+    head = read(connection, min(length, HEAD))
     left = length - len(head)
     while left:
-        left -= len(_read(connection, min(left, 1 << 16)))
+        left -= len(read(connection, min(left, 1 << 16)))
     return head
-
-
-def _read(connection: socket.socket, length: int) -> bytes:
-    parts = bytearray()
-    while len(parts) < length:
-        part = connection.recv(length - len(parts))
-        if not part:
-            raise ConnectionError("closed the connection")
-        parts += part
-    return bytes(parts)
 
 
 def _stamp_and_frame(head: bytes) -> tuple[float, str]:
