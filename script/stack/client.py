@@ -94,10 +94,13 @@ class Driver:
     async with Driver(stack, "tiago-1", cookie) as driver:
         await driver.take()
 
-    `port` leads there through somebody between, on this machine.
+    `port` leads there through somebody between, on this machine. `tab` is that of an earlier page, which resumes.
     """
 
-    def __init__(self, console: Console, slug: str, cookie: str, *, port: int | None = None) -> None:
+    def __init__(
+        self, console: Console, slug: str, cookie: str, *, port: int | None = None, tab: str | None = None
+    ) -> None:
+        self.tab = tab or secrets.token_urlsafe(24)
         self.robot: wire.RobotFacts | None = None
         self.control: wire.Control | None = None
         self.view: wire.View | None = None
@@ -127,7 +130,7 @@ class Driver:
         )
         self._reader = asyncio.create_task(self._read())
         self._renewer = asyncio.create_task(self._renew())
-        await self.send(wire.Hello(secrets.token_urlsafe(24)))
+        await self.send(wire.Hello(self.tab))
         await self.until(lambda: self.robot and self.control)
         return self
 

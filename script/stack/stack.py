@@ -18,7 +18,7 @@ import ssl
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,6 +149,7 @@ class Stack:
         listener: socket.socket | None = None,
         certificate: Certificate | None = None,
         hosts: Sequence[str] = ("127.0.0.1", "localhost"),
+        settings: Mapping[str, str] | None = None,
     ) -> None:
         self.directory = directory.absolute()
         self.plans = robots
@@ -157,6 +158,7 @@ class Stack:
         self.port: int = self.listener.getsockname()[1]
         self.certificate = certificate
         self.hosts = hosts
+        self._settings = settings or {}  # further ones, FLEET_...
         self.robots: dict[str, SimulatedRobot] = {}
         self.children: list[Child] = []
         self._closing = ExitStack()
@@ -238,6 +240,7 @@ class Stack:
             "FLEET_TLS": "1" if self.certificate else "0",
             "ROS_LOG_DIR": str(self.logs),
             "ROS_HOME": str(self.directory / "ros"),
+            **self._settings,
         }
 
     def start_child(

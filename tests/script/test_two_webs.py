@@ -1,0 +1,131 @@
+"""Two web processes over one PostgreSQL and one Redis: who comes by one sees and stops who comes by the other."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from robots import wire
+from script.stack.client import Driver, sign_in
+from script.stack.processes import Child, ReservedPort
+from script.stack.stack import PRACTICE_ROBOTS, Stack, daphne
+from tests.script.servers import Redis, postgresql
+
+NEWS_S = 1.5  # less than a regular look at the database may take
+LOOK_S = 4.0  # by then there was one
+ZERO_S = 1.0  # from the death of a web process to standstill, as a page sees it
+ROBOT = PRACTICE_ROBOTS[0].slug
+
+
+@dataclass
+class House:
+    """A console with a second web process."""
+
+    stack: Stack
+    redis: Redis
+    second: Child
+    second_port: int
+
+    def said(self, words: str) -> bool:
+        """Whether a web process logged that."""
+        return any(words in (self.stack.logs / f"{name}.log").read_text() for name in ("web", "web-2"))
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
+    monkeypatch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
+    port = ReservedPort()
+    with postgresql() as database, tempfile.TemporaryDirectory(prefix="fleet-redis-") as short:
+        redis = Redis(Path(short))
+        settings = {"FLEET_DATABASE_URL": database, "FLEET_REDIS_URL": redis.url}
+        try:
+            with Stack(tmp_path / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
+                where = ["--bind", port.host, "--port", str(port.number)]
+                yield House(
+                    stack,
+                    redis,
+                    stack.start_child("web-2", [*daphne(), *where], stack.environment),
+                    port.number,
+                )
+        finally:
+            redis.kill()
+            port.close()
+
+
+def test_control_and_stop_are_the_same_through_either(house: House) -> None:
+    asyncio.run(meet(house))
+
+
+async def meet(house: House) -> None:
+    stack = house.stack
+    operators, supervisors = await asyncio.gather(
+        asyncio.to_thread(sign_in, stack, "operator"), asyncio.to_thread(sign_in, stack, "supervisor")
+    )
+    async with (
+        Driver(stack, ROBOT, operators) as operator,
+        Driver(stack, ROBOT, supervisors, port=house.second_port) as supervisor,
+    ):
+        await operator.take()
+        await supervisor.until(lambda: holder(supervisor) == "Operator", NEWS_S)
+
+        await supervisor.send(wire.Ask())
+        await operator.until(lambda: operator.control and operator.control.requests, NEWS_S)
+        assert operator.control
+        [asked] = operator.control.requests
+        await operator.send(wire.HandOver(asked.id))
+        await supervisor.until(lambda: supervisor.fence, NEWS_S)
+        await operator.until(lambda: holder(operator) == "Supervisor", NEWS_S)
+        await drive_a_little(supervisor)
+
+        await operator.stop()
+        for page in (operator, supervisor):
+            await page.until(lambda page=page: page.state and page.state.stop.state == "stopped", NEWS_S)
+        assert supervisor.state and supervisor.state.stop.by == "Operator"
+        await supervisor.clear()
+        await operator.until(lambda: operator.state and operator.state.stop.state == "clear", NEWS_S)
+
+        assert not house.said("hint")
+        house.redis.kill()  # news takes longer; nothing else changes
+        await drive_a_little(supervisor)
+        await supervisor.send(wire.Release())
+        await operator.until(lambda: operator.control and operator.control.state == "free", LOOK_S)
+        await supervisor.take()
+        await operator.until(lambda: holder(operator) == "Supervisor", LOOK_S)
+
+        await drive_a_little(supervisor)
+        house.second.signal(signal.SIGKILL)
+        killed_s = time.monotonic()
+        await operator.until(lambda: operator.odometry and abs(operator.odometry.vx) < 0.01)
+        assert time.monotonic() - killed_s < ZERO_S
+
+    fence = supervisor.fence
+    async with Driver(stack, ROBOT, supervisors, tab=supervisor.tab) as resumed:  # by the one that lives
+        await resumed.until(lambda: resumed.fence)
+        assert resumed.fence == fence
+        await drive_a_little(resumed)
+    stack.release(house.second)
+
+
+def holder(page: Driver) -> str | None:
+    return page.control.holder if page.control and page.control.state == "other" else None
+
+
+async def drive_a_little(driver: Driver) -> None:
+    await driver.until(lambda: driver.odometry and driver.state and driver.state.fence == driver.fence)
+    await driver.drive(0.0, 0.0)  # in the middle first
+    start = driver.odometry
+    assert start
+
+    def driven_m() -> float:
+        now = driver.odometry
+        return math.hypot(now.x - start.x, now.y - start.y) if now else 0.0
+
+    await driver.hold_stick(1.0, 0.0, lambda: driven_m() > 0.1)
