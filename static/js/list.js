@@ -3,7 +3,7 @@
  * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
  */
 
-import { make, say, show } from "./dom.js";
+import { make, show } from "./dom.js";
 
 /** Text as it is compared: without accents, in small letters. */
 export function folded(text) {
@@ -27,6 +27,7 @@ export class SearchList {
   #settings;
   #items = [];
   #rows = [];
+  #groups = new Map();
 
   /**
    * @param {HTMLElement} root is filled with field and list
@@ -37,6 +38,7 @@ export class SearchList {
    * @param {(item) => boolean} [settings.isOff] shown, but not to be acted on
    * @param {(item) => void} settings.act
    * @param {(item) => HTMLElement} [settings.row] an own row, instead of a button
+   * @param {(item) => string} [settings.group] items of one group stand together, below its name
    */
   constructor(root, settings) {
     this.#settings = settings;
@@ -62,7 +64,8 @@ export class SearchList {
   set items(items) {
     this.#items = items;
     this.#rows = items.map((item) => this.#row(item));
-    this.#hits.replaceChildren(...this.#rows);
+    this.#groups = new Map();
+    this.#hits.replaceChildren(...this.#grouped());
     this.#filter();
   }
 
@@ -70,8 +73,26 @@ export class SearchList {
     return this.#items;
   }
 
+  /** What `settings.row` made, in the order of the items. */
+  get rows() {
+    return this.#rows.map((row) => row.firstElementChild);
+  }
+
   focus() {
     this.#field.focus();
+  }
+
+  /** Rows, and before each group's first its name. */
+  #grouped() {
+    const { group } = this.#settings;
+    if (!group) return this.#rows;
+    return this.#rows.flatMap((row, i) => {
+      const name = group(this.#items[i]);
+      if (!name || this.#groups.has(name)) return [row];
+      const heading = make("li", { className: "group", text: name });
+      this.#groups.set(name, heading);
+      return [heading, row];
+    });
   }
 
   #row(item) {
@@ -91,15 +112,18 @@ export class SearchList {
   }
 
   #filter() {
-    const { text } = this.#settings;
+    const { text, group } = this.#settings;
+    const groups = new Set();
     let shown = 0;
     for (const [i, item] of this.#items.entries()) {
       const fits = matches(text(item), this.#field.value);
       show(this.#rows[i], fits);
-      if (fits) shown += 1;
+      if (!fits) continue;
+      shown += 1;
+      groups.add(group?.(item));
     }
+    for (const [name, heading] of this.#groups) show(heading, groups.has(name));
     show(this.#none, shown === 0 && this.#items.length > 0);
-    say(this.#none, gettext("Nothing fits."));
   }
 
   #key(event) {
