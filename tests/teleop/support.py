@@ -49,6 +49,10 @@ class FakeBridge:
         self.fence = fence
         self.refuses: Refusal | None = None  # of every grant
         self.newest_stop = 0
+        self.offers: wire.Offers | None = None
+        self.silent = False  # answers no order and no question
+        self.refuses_orders: Refusal | None = None
+        self.answer: Callable[[wire.Question], msgspec.Struct] = lambda ask: wire.Parameters(["/a"], ask.seq)
         self._server = LinkServer(address, self._opened, self._message, lambda _link: None)
         self._more = asyncio.Condition()
 
@@ -72,6 +76,12 @@ class FakeBridge:
             link.show(picture)
         return picture.decode()
 
+    def shows(self, topic: str, number: int) -> str:
+        """A message of a topic for every web process. Returns it as a page sees it."""
+        shown = wire.encode(wire.Shown(topic, "std_msgs/Int32", number, 5.0, 4, None, 1, {"data": number}))
+        self.say(wire.Seen(topic, msgspec.Raw(shown)))
+        return shown.decode()
+
     def cut(self) -> None:
         """End every link, as when the bridge dies."""
         for link in list(self._server.links):
@@ -94,6 +104,8 @@ class FakeBridge:
 
     def _opened(self, link: Link) -> None:
         link.report(wire.BridgeHello(wire.PROTOCOL, "robot", "slug", self.fence, IDLE))
+        if self.offers:
+            link.report(self.offers)
 
     async def _message(self, link: Link, raw: bytes) -> None:
         message = wire.link_request(raw)
@@ -111,10 +123,23 @@ class FakeBridge:
                 link.report(
                     wire.Stopped(StopState("clear"), seq) if known else wire.Refused("link_clear", again, seq)
                 )
+            case _ if not self.silent:
+                self._answer(link, message)
         async with self._more:
             self.heard.append(message)
             self.raw.append(raw)
             self._more.notify_all()
+
+    def _answer(self, link: Link, message: msgspec.Struct) -> None:
+        if isinstance(message, wire.Inspect):
+            answer = wire.encode(self.answer(message.ask))
+            link.report(wire.Inspected(message.seq, msgspec.Raw(answer)))
+        elif isinstance(message, wire.Order | wire.LinkCancel):
+            kind, fence = wire.kind_of(message), getattr(message, "fence", None)
+            if self.refuses_orders:
+                link.report(wire.Refused(kind, self.refuses_orders, message.seq, fence))
+            else:
+                link.report(wire.Accepted(kind, message.seq, fence))
 
 
 class Page:

@@ -1,0 +1,142 @@
+"""Messages of topics: the newest for whoever is ready, at most so many a second, never a queue."""
+
+import asyncio
+
+import pytest
+
+from teleop.looks import LOOKS, Looker, Looks
+
+
+@pytest.fixture
+async def looks():
+    """The looks of one robot; `wanted` is what its bridge was told last."""
+    looks = Looks(lambda wanted: setattr(looks, "told", dict(wanted)))
+    yield looks
+    for looker in list(looks.lookers):
+        looker.leave()
+
+
+@pytest.fixture
+def looker(looks):
+    """`looker()`: a connection; `sent` is what it was sent."""
+
+    def one():
+        async def send(event):
+            new.sent.append(event["text"])
+
+        new = Looker(looks, send)
+        new.sent = []
+        return new
+
+    return one
+
+
+async def turns(count=5):
+    for _ in range(count):
+        await asyncio.sleep(0)
+
+
+async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_message(looks, looker):
+    stalled, lively = looker(), looker()
+    stalled.look("/a", 10.0)
+    lively.look("/a", 1e9)
+    for number in range(1000):
+        looks.publish("/a", str(number))
+        await turns()
+        lively.drawn()
+    assert stalled.sent == ["0"]
+    assert lively.sent[-1] == "999"
+    assert len(lively.sent) > 900
+    assert len(looks.newest) == 1
+
+
+async def test_the_last_message_is_shown_though_none_follows(looks, looker):
+    one = looker()
+    one.look("/a", 50.0)
+    looks.publish("/a", "first")
+    await turns()
+    one.drawn()
+    looks.publish("/a", "second")
+    looks.publish("/a", "last")
+    await turns()
+    assert one.sent == ["first"]  # the next is due in 0.02 s
+    await asyncio.sleep(0.05)
+    assert one.sent == ["first", "last"]
+
+
+async def test_each_is_shown_as_often_as_it_asked(looks, looker):
+    seldom, often = looker(), looker()
+    seldom.look("/a", 0.001)
+    often.look("/a", 1e9)
+    assert looks.told == {"/a": 1e9}
+    for number in range(20):
+        looks.publish("/a", str(number))
+        await turns()
+        seldom.drawn()
+        often.drawn()
+    assert (len(seldom.sent), len(often.sent)) == (1, 20)
+
+
+async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(looks, looker):
+    one = looker()
+    for topic in ("/a", "/b"):
+        one.look(topic, 1e9)
+        looks.publish(topic, f"{topic} 1")
+        await turns()
+        looks.publish(topic, f"{topic} 2")
+    await turns()
+    assert one.sent == ["/a 1", "/b 1"]
+    one.drawn()
+    await turns()
+    assert one.sent[2:] == ["/a 2"]
+
+
+async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is_acknowledged(looks, looker):
+    one = looker()
+    for number in range(100):
+        topic = f"/topic{number}"
+        one.look(topic, 1e9)
+        looks.publish(topic, topic)
+        await turns()
+        one.look_away(topic)
+    assert len(one.sent) == LOOKS
+    assert looks.newest == {}
+    one.look("/topic0", 1e9)  # its first message was not drawn yet
+    looks.publish("/topic0", "again")
+    await turns()
+    assert len(one.sent) == LOOKS
+    one.drawn()
+    await turns()
+    assert one.sent[LOOKS:] == ["again"]
+
+
+async def test_an_acknowledgement_of_nothing_does_nothing(looks, looker):
+    one = looker()
+    one.drawn()
+    one.look("/a", 1e9)
+    looks.publish("/a", "first")
+    looks.publish("/b", "nobody looks")
+    await turns()
+    assert one.sent == ["first"]
+
+
+async def test_a_connection_whose_sending_fails_costs_the_others_nothing(looks, looker):
+    async def fails(_event):
+        raise RuntimeError("a fault of ours")
+
+    broken, lively = Looker(looks, fails), looker()
+    broken.look("/a", 10.0)
+    lively.look("/a", 10.0)
+    looks.publish("/a", "first")
+    await turns()
+    assert lively.sent == ["first"]
+
+
+async def test_when_the_bridge_goes_what_it_said_last_is_shown_to_nobody(looks, looker):
+    looker().look("/a", 10.0)
+    looks.publish("/a", "old")
+    looks.forget()
+    late = looker()
+    late.look("/a", 10.0)
+    await turns()
+    assert late.sent == []

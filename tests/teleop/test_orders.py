@@ -1,0 +1,273 @@
+"""What a page asks of the robot besides driving: who may, and the one answer that each order gets."""
+
+import asyncio
+
+import pytest
+from msgspec import structs
+
+from fleet.audit.models import Record
+from robots import wire
+from robots.bridge.config import Allowed
+from teleop import selectors
+from teleop.database import in_database
+from teleop.orders import UNDER_WAY
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+FENCE = 1
+ORDERS = {
+    "look_ahead": {},
+    "play": {"motion": "wave"},
+    "play_cancel": {},
+    "say": {"text": "Hola", "language": "es"},
+    "say_cancel": {},
+    "choose": {"use": "drive"},
+    "publish_stop": {"topic": "/notes"},
+}
+ALLOWED = (
+    Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive", "operator"),
+    Allowed("choose", "/nav_vel", "geometry_msgs/Twist", "drive", "supervisor"),
+    Allowed("choose", "/other_tts", "pal_interaction_msgs/TtsAction", "speech", "operator"),
+    Allowed("publish", "/notes", "std_msgs/String", "", "operator"),
+    Allowed("publish", "/lights", "std_msgs/Bool", "", "staff"),
+)
+
+
+@pytest.fixture(autouse=True)
+def allowed(monkeypatch):
+    """What the allow-list has."""
+    registered = selectors.registered
+
+    def with_allowed(robot_id):
+        return structs.replace(registered(robot_id), allowed=ALLOWED)
+
+    monkeypatch.setattr("teleop.robot_socket.registered", with_allowed)
+    monkeypatch.setattr("teleop.rooms.registered", with_allowed)
+
+
+@pytest.fixture
+async def holder(open_page):
+    """The operator's page, in control under number `FENCE`."""
+    page = await open_page("operator")
+    await page.say("take")
+    assert (await page.hears("control", state="yours"))["fence"] == FENCE
+    return page
+
+
+@pytest.mark.parametrize("kind", ORDERS)
+async def test_an_order_of_the_holder_reaches_the_bridge_and_its_answer_the_page(kind, holder, bridge):
+    await holder.say(kind, fence=FENCE, seq=41, **ORDERS[kind])
+    await holder.hears("accepted", of=kind, seq=41, fence=FENCE)
+    bridge.refuses_orders = wire.Refusal("stopped", "The robot is stopped.", "stop")
+    await holder.say(kind, fence=FENCE, seq=42, **ORDERS[kind])
+    refused = await holder.hears("refused", of=kind, seq=42, fence=FENCE)
+    assert refused["refusal"]["code"] == "stopped"
+
+
+@pytest.mark.parametrize("kind", ORDERS)
+async def test_an_order_without_control_or_of_control_that_is_over_is_refused(
+    kind, holder, open_page, bridge
+):
+    await holder.say(kind, fence=FENCE + 1, seq=7, **ORDERS[kind])
+    refused = await holder.hears("refused", of=kind, seq=7, fence=FENCE + 1)
+    assert refused["refusal"]["code"] == "old_fence"
+    other = await open_page("second")
+    await other.say(kind, fence=FENCE, seq=8, **ORDERS[kind])
+    refused = await other.hears("refused", of=kind, seq=8, fence=FENCE)
+    assert refused["refusal"]["code"] == "no_lease"
+    assert not [message for message in bridge.heard if isinstance(message, wire.Order)]
+
+
+async def test_each_order_has_an_answer_however_many_were_refused_before(holder, bridge):
+    for seq in range(60):
+        await holder.say("play", fence=FENCE + 1, motion="wave", seq=seq)
+    for seq in range(60):
+        await holder.hears("refused", of="play", seq=seq)
+
+
+async def test_an_order_that_does_not_fit_is_refused_under_its_kind_and_number(holder, bridge):
+    await holder.say("say", fence=FENCE, text="Hola", language="not a language", seq=9)
+    assert (await holder.hears("refused", of="say", seq=9))["refusal"]["code"] == "invalid"
+    await holder.say("fly", seq=10)
+    assert (await holder.hears("refused", of="fly", seq=10))["refusal"]["code"] == "invalid"
+
+
+@pytest.mark.parametrize(
+    "fields",
+    ['{"a":' * 30 + "1" + "}" * 30, '{"a":' + "[" * 3000 + "]" * 3000 + "}", '{"a":' * 900 + "1" + "}" * 900],
+)
+async def test_fields_that_are_nested_without_end_are_refused_and_the_connection_is_kept(
+    fields, holder, bridge
+):
+    await holder.say_raw(
+        '{"t":"publish","seq":3,"fence":1,"topic":"/notes","type":"a/B","fields":%s}' % fields  # noqa: UP031
+    )
+    refused = await holder.hears("refused")
+    assert refused["refusal"]["code"] in ("invalid", "not_json")
+    await holder.say("play", fence=FENCE, motion="wave", seq=4)
+    await holder.hears("accepted", seq=4)
+
+
+async def test_a_text_that_is_too_long_for_the_link_is_refused_here(holder, bridge):
+    await holder.say_raw('{"t":"say","fence":1,"seq":5,"language":"zh","text":"' + "说" * 3900 + '"}')
+    assert (await holder.hears("refused", of="say", seq=5))["refusal"]["code"] == "too_large"
+    assert not bridge.all(wire.Say)
+
+
+async def test_orders_of_two_pages_with_the_same_number_are_not_mixed_up(holder, open_page, bridge):
+    supervisor = await open_page("supervisor")
+    bridge.silent = True
+    await holder.say("play_cancel", fence=FENCE, seq=1)
+    await bridge.hears(wire.PlayCancel)
+    await supervisor.say("play_cancel", seq=1)
+    cancel = await bridge.hears(wire.LinkCancel)
+    bridge.say(wire.Refused("link_cancel", wire.Refusal("no_motion", "None runs.", "robot"), cancel.seq))
+    bridge.say(wire.Accepted("play_cancel", 1, FENCE))
+    assert (await supervisor.hears("refused", of="play_cancel", seq=1))["refusal"]["code"] == "no_motion"
+    await holder.hears("accepted", of="play_cancel", seq=1, fence=FENCE)
+    assert "accepted" not in [message["t"] for message in supervisor.inbox]
+
+
+async def test_an_order_that_is_under_way_when_the_bridge_goes_is_answered_with_that(holder, bridge):
+    bridge.silent = True
+    await holder.say("play", fence=FENCE, motion="wave", seq=2)
+    await bridge.hears(wire.Play)
+    bridge.cut()
+    assert (await holder.hears("refused", of="play", seq=2))["refusal"]["code"] == "bridge_down"
+
+
+async def test_an_order_while_the_bridge_is_away_is_refused_at_once(holder, bridge):
+    await bridge.close()
+    await holder.hears("bridge_gone")
+    await holder.say("say", fence=FENCE, text="Hola", language="es", seq=3)
+    assert (await holder.hears("refused", of="say", seq=3))["refusal"]["code"] == "bridge_down"
+
+
+async def test_orders_that_the_bridge_never_answers_do_not_pile_up(holder, bridge):
+    bridge.silent = True
+    for seq in range(1, UNDER_WAY + 2):
+        await holder.say("play", fence=FENCE, motion="wave", seq=seq)
+    assert (await holder.hears("refused", of="play", seq=UNDER_WAY + 1))["refusal"]["code"] == "busy"
+    await bridge.hears(wire.Play, count=UNDER_WAY)
+    await holder.say("look_ahead", fence=FENCE, seq=99)
+    assert (await holder.hears("refused", seq=99))["refusal"]["code"] == "busy"
+
+
+async def test_the_stick_waits_for_no_order(holder, bridge):
+    bridge.silent = True
+    await holder.say("play", fence=FENCE, motion="wave", seq=1)
+    await holder.say("drive", fence=FENCE, seq=2, sent_ms=1.0, x=0.5, w=0.0)
+    assert (await bridge.hears(wire.Drive)).seq == 2
+
+
+# --- cancelling without control ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("kind", "what"), [("play_cancel", "motion"), ("say_cancel", "speech")])
+@pytest.mark.parametrize("who", ["supervisor", "staff"])
+async def test_supervisors_and_staff_cancel_without_control_and_by_name(
+    kind, what, who, holder, open_page, bridge
+):
+    page = await open_page(who)
+    await page.say(kind, seq=5)
+    await page.hears("accepted", of=kind, seq=5)
+    cancel = await bridge.hears(wire.LinkCancel)
+    assert (cancel.what, cancel.by) == (what, {"supervisor": "Sue Pervisor", "staff": "Sam Staff"}[who])
+    assert await eventually(lambda: Record.objects.filter(kind=f"{what}.cancel", outcome="accepted").exists())
+
+
+@pytest.mark.parametrize("kind", ["play_cancel", "say_cancel"])
+@pytest.mark.parametrize("who", ["second", "observer"])
+async def test_nobody_else_cancels_without_control(kind, who, holder, open_page, bridge):
+    page = await open_page(who)
+    await page.say(kind, seq=5)
+    assert (await page.hears("refused", of=kind, seq=5))["refusal"]["code"] == "no_lease"
+    assert not bridge.all(wire.LinkCancel)
+
+
+async def eventually(condition):
+    """Whether `condition()`, asked of the database, becomes true."""
+    for _ in range(100):
+        if await in_database(condition):
+            return True
+        await asyncio.sleep(0.02)
+    return False
+
+
+# --- where it goes ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "code"),
+    [
+        ("choose", {"use": "drive", "topic": "/phone_vel"}, None),
+        ("choose", {"use": "drive", "topic": "/nav_vel"}, "role_too_low"),
+        ("choose", {"use": "drive", "topic": "/other_tts"}, "not_allowed"),
+        ("choose", {"use": "speech", "topic": "/other_tts"}, None),
+        ("choose", {"use": "speech", "topic": "/tts"}, None),
+        ("choose", {"use": "motions"}, None),
+        ("say", {"text": "Hi", "language": "en", "topic": "/tts"}, None),
+        ("say", {"text": "Hi", "language": "en", "topic": "/other_tts"}, None),
+        ("say", {"text": "Hi", "language": "en", "topic": "/third_tts"}, "not_allowed"),
+        ("publish", {"topic": "/notes", "type": "std_msgs/String"}, None),
+        ("publish", {"topic": "/notes", "type": "std_msgs/Bool"}, "not_allowed"),
+        ("publish", {"topic": "/phone_vel", "type": "geometry_msgs/Twist"}, "not_allowed"),
+        ("publish", {"topic": "/lights", "type": "std_msgs/Bool"}, "role_too_low"),
+        ("publish", {"topic": "/key_vel", "type": "geometry_msgs/Twist"}, None),
+    ],
+)
+async def test_what_is_chosen_and_published_is_on_the_allow_list_for_this_role(
+    kind, fields, code, open_page, bridge
+):
+    bridge.offers = wire.Offers(uses={"speech": wire.UseOffer("/tts", "pal_interaction_msgs/TtsAction")})
+    holder = await open_page("operator")
+    assert holder.welcome["robot"]["drive_topic"] == "/key_vel"
+    await holder.say("take")
+    await holder.hears("control", state="yours")
+    await holder.say(kind, fence=FENCE, seq=6, **fields)
+    if code is None:
+        await holder.hears("accepted", of=kind, seq=6)
+    else:
+        assert (await holder.hears("refused", of=kind, seq=6))["refusal"]["code"] == code
+        assert not [message for message in bridge.heard if isinstance(message, wire.Order)]
+
+
+async def test_with_the_role_for_it_more_may_be_chosen(open_page, bridge):
+    page = await open_page("supervisor")
+    await page.say("take")
+    await page.hears("control", state="yours")
+    await page.say("choose", fence=FENCE, use="drive", topic="/nav_vel", seq=1)
+    await page.hears("accepted", of="choose", seq=1)
+
+
+# --- what the robot offers --------------------------------------------------------------------------
+
+
+async def test_a_page_is_told_what_the_robot_offers_and_what_it_offers_now(open_page, bridge):
+    bridge.offers = wire.Offers([wire.MotionOffer("wave", "Wave")], languages=["es", "ca"])
+    page = await open_page("observer")
+    offers = await page.hears("offers")
+    assert (offers["motions"][0]["title"], offers["languages"]) == ("Wave", ["es", "ca"])
+    bridge.say(wire.Offers(motions_text="No motions: play_motion does not run."))
+    assert (await page.hears("offers"))["motions"] == []
+    late = await open_page("operator")
+    assert (await late.hears("offers"))["motions_text"].startswith("No motions")
+
+
+async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(open_page, bridge):
+    page = await open_page("observer")
+    for seq in range(1, 6):
+        await page.say("refresh", seq=seq)
+        await page.hears("accepted", of="refresh", seq=seq)
+    await page.say("ping", sent_ms=1)
+    await page.hears("pong")
+    await bridge.hears(wire.Refresh)
+    assert len(bridge.all(wire.Refresh)) == 1
+
+
+async def test_offers_are_not_read_again_while_the_bridge_is_away(open_page, bridge):
+    page = await open_page("observer")
+    await bridge.close()
+    await page.hears("bridge_gone")
+    await page.say("refresh", seq=1)
+    assert (await page.hears("refused", of="refresh", seq=1))["refusal"]["code"] == "bridge_down"

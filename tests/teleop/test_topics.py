@@ -1,0 +1,369 @@
+"""The robot's topics, live: questions with one answer each, and looks."""
+
+import asyncio
+import time
+
+import msgspec
+import pytest
+from msgspec import structs
+
+from fleet.audit.models import Record
+from robots import wire
+from robots.bridge.config import Allowed
+from robots.models import Robot, RobotRole
+from teleop import selectors
+from teleop.database import in_database
+from teleop.looks import LOOKS
+from teleop.socket import CloseCode
+from teleop.topics_consumer import QUESTIONS_BURST, UNDER_WAY
+from tests.teleop.support import Page
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+LONGEST_S = 1.0
+ALLOWED = (
+    Allowed("call", "/clear_costmaps", "std_srvs/Empty", "", "staff"),
+    Allowed("set", "/volume", "", "", "staff"),
+)
+
+
+@pytest.fixture(autouse=True)
+def allowed(monkeypatch):
+    """What the allow-list has."""
+    registered = selectors.registered
+
+    def with_allowed(robot_id):
+        found = registered(robot_id)
+        return found and structs.replace(found, allowed=ALLOWED)
+
+    monkeypatch.setattr("teleop.robot_socket.registered", with_allowed)
+    monkeypatch.setattr("teleop.rooms.registered", with_allowed)
+
+
+@pytest.fixture
+async def open_topics(robot, browsers, websocket_headers, bridge):
+    """`await open_topics("observer")`: that person's connection to the topics of `robot`."""
+    opened = []
+
+    async def open_one(who, slug=robot.slug):
+        page = Page(websocket_headers(browsers[who]), f"/ws/robots/{slug}/topics/")
+        opened.append(page)
+        return await page.open()
+
+    yield open_one
+    for page in opened:
+        await page.close()
+
+
+# --- who ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slug", ["tiago-1", "no-such-robot"])
+async def test_a_stranger_does_not_even_learn_that_the_robot_exists(slug, open_topics):
+    page = await open_topics("stranger", slug)
+    assert await page.is_closed() == CloseCode.NO_SUCH_ROBOT
+
+
+async def test_a_page_of_another_origin_is_not_let_in(robot, browsers, websocket_headers, bridge):
+    headers = [
+        (name, b"http://elsewhere.example" if name == b"origin" else value)
+        for name, value in websocket_headers(browsers["staff"])
+    ]
+    page = Page(headers, f"/ws/robots/{robot.slug}/topics/")
+    await page._socket.send_input({"type": "websocket.connect"})
+    assert (await page._event())["type"] == "websocket.close"
+
+
+async def test_whoever_loses_the_role_is_cut_off_in_time_and_shown_nothing_more(
+    open_topics, bridge, observer
+):
+    page = await open_topics("observer")
+    await page.say("look", topic="/odom")
+    await bridge.hears(wire.LookAt)
+    begun_s = time.monotonic()
+    await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
+    assert await page.is_closed() == CloseCode.NOT_PERMITTED
+    assert time.monotonic() - begun_s < LONGEST_S
+    await bridge.hears(wire.LookAt, lambda look: not look.topics)
+
+
+async def test_whoever_signs_out_is_cut_off_in_time(open_topics, browsers, end_session):
+    page = await open_topics("observer")
+    begun_s = time.monotonic()
+    await in_database(end_session, browsers["observer"])
+    assert await page.is_closed() == CloseCode.SIGNED_OUT
+    assert time.monotonic() - begun_s < LONGEST_S
+
+
+# --- questions ------------------------------------------------------------------------------------------
+
+
+async def test_a_question_reaches_the_bridge_and_its_answer_comes_back_untouched(open_topics, bridge):
+    graph = wire.Graph([wire.TopicRow("/odom", "nav_msgs/Odometry", ["/base"])], [], [], seq=5)
+    bridge.answer = lambda ask: graph
+    page = await open_topics("observer")
+    await page.say("topics", seq=5)
+    await page.hears("graph", seq=5)
+    assert page.last_raw == wire.encode(graph).decode()
+
+
+async def test_answers_find_the_connection_that_asked(open_topics, bridge):
+    bridge.answer = lambda ask: wire.Parameter(ask.name, 1, ask.seq)
+    first, second = await open_topics("observer"), await open_topics("operator")
+    await first.say("parameter", name="/first", seq=1)
+    await second.say("parameter", name="/second", seq=1)
+    assert (await first.hears("parameter_value"))["name"] == "/first"
+    assert (await second.hears("parameter_value"))["name"] == "/second"
+
+
+async def test_what_the_robot_refuses_comes_back_as_it_is(open_topics, bridge):
+    refusal = wire.Refusal("unknown_type", "No such type.", "robot")
+    bridge.answer = lambda ask: wire.Refused("describe", refusal, ask.seq)
+    page = await open_topics("observer")
+    await page.say("describe", type="a/B", seq=2)
+    assert (await page.hears("refused", of="describe", seq=2))["refusal"]["code"] == "unknown_type"
+
+
+async def test_a_question_that_the_bridge_itself_refuses_is_answered(open_topics, bridge):
+    bridge.silent = True
+    page = await open_topics("observer")
+    await page.say("parameters", seq=2)
+    asked = await bridge.hears(wire.Inspect)
+    bridge.say(wire.Refused("inspect", wire.Refusal("inspector_silent", "No answer.", "robot"), asked.seq))
+    refused = await page.hears("refused", of="parameters", seq=2)
+    assert refused["refusal"]["code"] == "inspector_silent"
+
+
+async def test_a_bridge_that_does_not_answer_is_said_to_be_silent(open_topics, bridge, monkeypatch):
+    monkeypatch.setattr("robots.link.BridgeLink.ask.__defaults__", (0.05,))
+    bridge.silent = True
+    page = await open_topics("observer")
+    await page.say("parameters", seq=2)
+    assert (await page.hears("refused", of="parameters", seq=2))["refusal"]["code"] == "bridge_silent"
+
+
+async def test_without_a_bridge_the_page_is_told_and_each_question_refused(open_topics, bridge):
+    await bridge.close()
+    page = await open_topics("observer")
+    assert (await page.hears("bridge_gone"))["refusal"]["code"] == "bridge_down"
+    await page.say("topics", seq=1)
+    assert (await page.hears("refused", of="topics", seq=1))["refusal"]["code"] == "bridge_down"
+
+
+async def test_a_question_under_way_when_the_bridge_goes_is_answered_with_that(open_topics, bridge):
+    bridge.silent = True
+    page = await open_topics("observer")
+    await page.say("topics", seq=1)
+    await bridge.hears(wire.Inspect)
+    bridge.cut()
+    assert (await page.hears("refused", of="topics", seq=1))["refusal"]["code"] == "bridge_down"
+
+
+async def test_only_some_questions_are_under_way_at_once(open_topics, bridge):
+    bridge.silent = True
+    page = await open_topics("observer")
+    for seq in range(1, UNDER_WAY + 2):
+        await page.say("topics", seq=seq)
+    assert (await page.hears("refused", seq=UNDER_WAY + 1))["refusal"]["code"] == "busy"
+    await bridge.hears(wire.Inspect, count=UNDER_WAY)
+
+
+async def test_who_asks_on_and_on_is_slowed_down(open_topics, bridge):
+    page = await open_topics("observer")
+    for seq in range(1, int(QUESTIONS_BURST) + 1):
+        await page.say("parameters", seq=seq)
+        await page.hears("parameter_names", seq=seq)
+    for seq in range(100, 110):
+        await page.say("parameters", seq=seq)
+    await page.refused("busy")
+
+
+@pytest.mark.parametrize(
+    ("raw", "code"),
+    [
+        ('{"t":"fly","seq":3}', "invalid"),
+        ('{"t":"say","fence":1,"seq":3,"text":"Hi","language":"en"}', "invalid"),
+        ('{"t":"look","seq":3,"topic":"no name"}', "invalid"),
+        ('{"t":"look","seq":3,"topic":"/odom","rate_hz":1000}', "invalid"),
+        ('{"t":"call","seq":3,"service":"/a","fields":{"a":' + "[" * 40 + "]" * 40 + "}}", "invalid"),
+        ("go!", "not_json"),
+        ('{"t":"topics","seq":3,"padding":"' + "x" * 9000 + '"}', "too_large"),
+    ],
+)
+async def test_what_does_not_fit_is_refused_and_the_connection_is_kept(raw, code, open_topics, bridge):
+    page = await open_topics("staff")
+    await page.say_raw(raw)
+    refused = await page.refused(code)
+    assert refused.get("seq") == (3 if code == "invalid" else None)
+    await page.say("parameters", seq=4)
+    await page.hears("parameter_names", seq=4)
+
+
+# --- services and parameters ------------------------------------------------------------------------------
+
+CALL = {"t": "call", "service": "/clear_costmaps", "fields": {"a": 1}}
+SET = {"t": "set_parameter", "name": "/volume", "value": 50}
+
+
+@pytest.mark.parametrize("question", [CALL, SET])
+async def test_only_staff_call_services_and_set_parameters(question, open_topics, bridge):
+    page = await open_topics("supervisor")
+    await page.say(**question, seq=1)
+    refused = await page.hears("refused", of=question["t"], seq=1)
+    assert refused["refusal"]["code"] == "role_too_low"
+    assert not bridge.all(wire.Inspect)
+
+
+@pytest.mark.parametrize("question", [CALL | {"service": "/shutdown"}, SET | {"name": "/use_sim_time"}])
+async def test_what_is_not_on_the_allow_list_is_not_even_for_staff(question, open_topics, bridge):
+    page = await open_topics("staff")
+    await page.say(**question, seq=1)
+    refused = await page.hears("refused", of=question["t"], seq=1)
+    assert refused["refusal"]["code"] == "not_allowed"
+    assert not bridge.all(wire.Inspect)
+    assert not await in_database(Record.objects.filter(kind__in=["service.call", "parameter.set"]).exists)
+
+
+@pytest.mark.parametrize(
+    ("question", "kind", "parameters"),
+    [
+        (CALL, "service.call", {"service": "/clear_costmaps", "fields": {"a": 1}}),
+        (SET, "parameter.set", {"name": "/volume", "value": 50}),
+    ],
+)
+async def test_a_call_is_on_record_before_it_is_sent_and_its_outcome_after(
+    question, kind, parameters, open_topics, bridge, staff, robot
+):
+    bridge.silent = True
+    page = await open_topics("staff")
+    await page.say(**question, seq=1)
+    asked = await bridge.hears(wire.Inspect)
+    begun = await in_database(lambda: Record.objects.get(kind=kind))
+    assert (begun.kind, begun.parameters, begun.outcome) == (kind, parameters, "")
+    assert (begun.actor_id, begun.robot_id) == (str(staff.pk), robot.id)
+    refusal = wire.Refusal("service_failed", "It said no.", "robot")
+    answer = wire.encode(wire.Refused(question["t"], refusal, 1))
+    bridge.say(wire.Inspected(asked.seq, msgspec.Raw(answer)))
+    await page.hears("refused", of=question["t"], seq=1)
+    outcome = await eventually(lambda: Record.objects.filter(of=begun).first())
+    assert (outcome.outcome, outcome.parameters) == ("service_failed", {"text": "It said no."})
+
+
+async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_then(open_topics, bridge):
+    bridge.silent = True
+    page = await open_topics("staff")
+    await page.say(**CALL, seq=1)
+    asked = await bridge.hears(wire.Inspect)
+    await open_topics("observer")  # the room stays
+    await page.close()
+    answer = wire.encode(wire.Called("/clear_costmaps", {}, 1))
+    bridge.say(wire.Inspected(asked.seq, msgspec.Raw(answer)))
+    outcome = await eventually(lambda: Record.objects.filter(kind="service.call").exclude(of=None).first())
+    assert outcome.outcome == "done"
+
+
+async def test_what_cannot_be_recorded_is_not_called(open_topics, bridge, disk):
+    page = await open_topics("staff")
+    await in_database(disk.fill)
+    await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
+    refused = await page.hears("refused", of="call", seq=1)
+    assert refused["refusal"]["rule"] == "audit"
+    assert not bridge.all(wire.Inspect)
+
+
+# --- looks --------------------------------------------------------------------------------------------------
+
+
+async def test_a_look_is_shown_the_newest_message_each_time_it_has_drawn_the_last(open_topics, bridge):
+    page = await open_topics("observer")
+    await page.say("look", topic="/odom", rate_hz=10)
+    assert (await bridge.hears(wire.LookAt)).topics == {"/odom": 10.0}
+    sent = bridge.shows("/odom", 1)
+    await page.hears("shown")
+    assert page.last_raw == sent
+    bridge.shows("/odom", 2)
+    bridge.shows("/odom", 3)
+    await page.hears_nothing("shown")
+    await page.say("ack")
+    assert (await page.hears("shown"))["number"] == 3
+
+
+async def test_the_bridge_is_told_once_what_all_want_and_when_nobody_looks(open_topics, bridge):
+    first, second = await open_topics("observer"), await open_topics("operator")
+    await first.say("look", topic="/odom", rate_hz=2)
+    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 2.0})
+    await second.say("look", topic="/odom", rate_hz=5)
+    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 5.0})
+    await second.say("look", topic="/scan", rate_hz=1)
+    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 5.0, "/scan": 1.0})
+    await second.close()
+    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 2.0})
+    await first.say("unlook", topic="/odom")
+    await bridge.hears(wire.LookAt, lambda look: look.topics == {})
+
+
+async def test_each_sees_what_it_looks_at_and_a_newcomer_the_newest_at_once(open_topics, bridge):
+    first, second = await open_topics("observer"), await open_topics("operator")
+    await first.say("look", topic="/map")
+    await bridge.hears(wire.LookAt)
+    bridge.shows("/map", 1)
+    assert (await first.hears("shown"))["number"] == 1
+    await second.hears_nothing("shown")
+    await second.say("look", topic="/map")
+    assert (await second.hears("shown"))["number"] == 1
+
+
+async def test_a_bridge_that_was_started_again_is_told_what_is_looked_at(open_topics, bridge):
+    page = await open_topics("observer")
+    await page.say("look", topic="/odom")
+    await bridge.hears(wire.LookAt)
+    bridge.cut()
+    assert (await bridge.hears(wire.LookAt, count=2)).topics == {"/odom": 5.0}
+    bridge.shows("/odom", 1)
+    await page.hears("shown")
+
+
+async def test_a_robot_that_moved_is_looked_at_where_it_is_now(open_topics, bridge, monkeypatch):
+    page = await open_topics("observer")
+    await page.say("look", topic="/odom")
+    await bridge.hears(wire.LookAt)
+    await in_database(lambda: Robot.objects.update(bridge_address="wss://127.0.0.1:9"))
+    await page.hears("bridge_gone")
+
+
+async def test_more_looks_than_a_connection_may_have_are_refused(open_topics, bridge):
+    page = await open_topics("observer")
+    for number in range(LOOKS):
+        await page.say("look", topic=f"/topic{number}")
+    await page.say("look", topic="/one_more")
+    refused = await page.hears("refused", of="look")
+    assert refused["refusal"]["code"] == "too_many_looks"
+    assert refused["refusal"]["figures"] == {"topic": "/one_more", "limit": LOOKS}
+    await page.say("look", topic="/topic1", rate_hz=1)  # another rate is no other look
+    await page.say("unlook", topic="/topic0")
+    await page.say("look", topic="/one_more")
+    await bridge.hears(wire.LookAt, lambda look: "/one_more" in look.topics)
+
+
+async def test_all_looks_at_one_robot_fit_into_a_message_to_its_bridge(open_topics, bridge):
+    long = "/" + "x" * 190
+    for one in range(4):
+        page = await open_topics("observer")
+        for number in range(LOOKS):
+            await page.say("look", topic=f"{long}{one}{number}", rate_hz=3.3333333333333335)
+    await bridge.hears(wire.LookAt, lambda look: len(look.topics) == 4 * LOOKS)
+    page = await open_topics("observer")
+    await page.say("look", topic="/one_more")
+    assert (await page.hears("refused"))["refusal"]["code"] == "too_many_looks"
+    await page.say("look", topic=f"{long}00")  # somebody looks there already
+    bridge.shows(f"{long}00", 1)
+    await page.hears("shown")
+
+
+async def eventually(find):
+    """What `find()`, asked of the database, finds in the end."""
+    for _ in range(100):
+        if found := await in_database(find):
+            return found
+        await asyncio.sleep(0.02)
+    raise AssertionError("it was not recorded")
