@@ -22,6 +22,7 @@ from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
 from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
+from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant, Refusal
 
@@ -145,7 +146,6 @@ class _Base:
     """Takes note of the newest twist."""
 
     listeners = 1
-    motions: list[str] = []
     newest = STILL
 
     def publish(self, velocity: Velocity) -> None:
@@ -153,12 +153,23 @@ class _Base:
 
     def cancel_all(self) -> None: ...
 
-    def play(self, goal_id: str, motion: str) -> None: ...
+    def play(self, goal_id: str, motion: str, action: str) -> None: ...
 
-    def cancel(self, goal_id: str) -> None: ...
+    def cancel(self, goal_id: str, action: str) -> None: ...
 
-    def sweep(self, motion: str) -> tuple[Disc, ...]:
+    def read_motions(self) -> None: ...
+
+    def sweep(self, motion: str, action: str) -> tuple[Disc, ...]:
         raise KeyError(motion)
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        return False
+
+    def hush(self, goal_id: str, topic: str) -> None: ...
+
+    def attend(self, use: str, topics: frozenset[str]) -> None: ...
+
+    def drive_to(self, topic: str) -> None: ...
 
     def aim_head(self, aim: Aim) -> None: ...
 

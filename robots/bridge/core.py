@@ -65,7 +65,7 @@ class RosStatus(Struct, frozen=True):
 
 
 class Core:
-    """One robot's rules. `announce` hands an `Ended` to every link; stops are numbered from `stops_before` on."""
+    """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class Core:
         gate: Gate,
         drives: DriveLog,
         left: Persisted,
-        announce: Callable[[Ended], None],
+        announce: Callable[[Ended | wire.Offers], None],
         publisher: Publisher,
         stops_before: int = 0,
     ) -> None:
@@ -105,7 +105,7 @@ class Core:
         self._battery_percent: float | None = None
         self._charging: bool | None = None
         self._skew_s: float | None = None
-        self.orders = Orders(config, base, gate, drives, self, publisher)
+        self.orders = Orders(config, base, gate, drives, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -133,7 +133,7 @@ class Core:
             return
         self._page_gone_s = now_s
         self._count_anew()
-        self._halt(reason, now_s)
+        self.halt(reason, now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:
         """A web process is gone. If control came through it, zero now; the grant runs out by itself."""
@@ -166,7 +166,7 @@ class Core:
             stop = StopState("stopping", number=stop.number)
             self._stop_pressed_s = now_s
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
-        self._halt("the robot was stopped", now_s)
+        self.halt("the robot was stopped", now_s)
         self._base.cancel_all()
         self.orders.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
@@ -179,7 +179,7 @@ class Core:
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
         self._stop_pressed_s = None
-        self._halt("the stop was cleared", now_s)
+        self.halt("the stop was cleared", now_s)
         self._verdict = _IDLE
         return None
 
@@ -192,7 +192,7 @@ class Core:
             self._drives.halted("nothing new came from odometry")
         unrecorded = self._drives.tick(now_s, self._passed == STILL and still is not False)
         if unrecorded and self._passed != STILL:
-            self._halt(unrecorded.text, now_s)
+            self.halt(unrecorded.text, now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
@@ -216,7 +216,7 @@ class Core:
         lost = self._ros.phase == "connecting" and status.phase != "connecting"
         self._ros = status
         if lost:
-            self._halt("the robot's ROS master was lost", now_s)
+            self.halt("the robot's ROS master was lost", now_s)
 
     def odometry(
         self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float
@@ -319,7 +319,10 @@ class Core:
             watchers_more=watchers_more,
             motion=self.orders.motions.view(now_s),
             motion_ended=self.orders.motions.last,
-            motions=self._base.motions,
+            motions=[offer.name for offer in self.orders.catalogue.now().motions],
+            speech=self.orders.speaking.view(now_s),
+            speech_ended=self.orders.speaking.last,
+            chosen=dict(self.orders.choices.chosen),
             publishing=self.orders.publishings.view,
         )
 
@@ -349,6 +352,13 @@ class Core:
         if self._passed != STILL or not self._gate.standstill(now_s):
             return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
         return None
+
+    def halt(self, reason: str, now_s: float) -> None:
+        """Zero now, and a neutral stick before anything moves again."""
+        self._need_neutral(reason)
+        self._asked = self._passed = STILL
+        self._publish_until_s = now_s + QUIET_AFTER_S
+        self._send(STILL, now_s)
 
     # --- inside ----------------------------------------------------------------------------------
 
@@ -418,13 +428,6 @@ class Core:
             self._base.publish(velocity)
         self._sent = velocity
 
-    def _halt(self, reason: str, now_s: float) -> None:
-        """Zero now, and a neutral stick before anything moves again."""
-        self._need_neutral(reason)
-        self._asked = self._passed = STILL
-        self._publish_until_s = now_s + QUIET_AFTER_S
-        self._send(STILL, now_s)
-
     def _need_neutral(self, reason: str) -> None:
         """Something other than the operator stops the robot: a neutral stick before it moves again."""
         self._drives.halted(reason)
@@ -435,8 +438,8 @@ class Core:
         ended = self.grants.end()
         if ended is None:
             return
+        self.halt(reason, now_s)
         self.orders.control_ended(reason, now_s)
-        self._halt(reason, now_s)
         self._announce(Ended(ended.fence, reason))
 
     def _see_standstill(self, seen_s: float) -> None:

@@ -203,6 +203,11 @@ class DriveLog:
                 self._failure = (now_s, str(error))
 
 
+def not_recorded(error: BaseException) -> Refusal:
+    """What to answer where a record could not be committed."""
+    return Refusal("not_recorded", f"It was not done, for it cannot be recorded ({error}).", "audit")
+
+
 def _committed(number: Future[int]) -> bool:
     return number.done() and number.exception() is None
 

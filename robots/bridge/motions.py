@@ -6,7 +6,7 @@ Nothing here begins a motion by itself, and one that was cancelled is over: whoe
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -30,15 +30,48 @@ class _Point(Struct):
 
 
 class _Recorded(Struct):
+    """What of a motion's parameters tells how it moves."""
+
     joints: list[str]
     points: list[_Point]
 
 
-def recorded(parameters: Any) -> dict[str, Motion | None]:
-    """A robot's motions by name, from play_motion's parameters; None: it has one of which no points are known."""
-    if not isinstance(parameters, dict):
-        return {}
-    return {str(name): _recorded(told) for name, told in sorted(parameters.items())}
+class _Time(Struct):
+    time_from_start: float
+
+
+class _Meta(Struct, frozen=True):
+    name: str = ""
+    usage: str = ""
+    description: str = ""
+
+
+class _Described(Struct):
+    """What of a motion's parameters is for people."""
+
+    meta: _Meta = _Meta()
+    points: list[_Time] = []
+
+
+def recorded(parameters: Any, listed: Collection[str] | None = None) -> dict[str, Motion | None]:
+    """A robot's motions by name, from play_motion's parameters; None: it has one of which no points are known.
+
+    `listed`: those that its service names; None: it names none, and all that have parameters count.
+    """
+    told = _told(parameters)
+    return {name: _recorded(told.get(name)) for name in sorted(told if listed is None else listed)}
+
+
+def offered(parameters: Any, listed: Mapping[str, float] | None = None) -> list[wire.MotionOffer]:
+    """The same motions for people. `listed` has their durations in seconds; 0: the robot does not say."""
+    told = _told(parameters)
+    durations = listed or {}
+    names = sorted(told if listed is None else listed)
+    return [_offer(name, told.get(name), durations.get(name, 0.0)) for name in names]
+
+
+def _told(parameters: Any) -> dict[str, Any]:
+    return {str(name): told for name, told in parameters.items()} if isinstance(parameters, dict) else {}
 
 
 def _recorded(told: Any) -> Motion | None:
@@ -51,13 +84,30 @@ def _recorded(told: Any) -> Motion | None:
     return Motion(tuple(motion.joints), points) if points and fit else None
 
 
+def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
+    try:
+        known = msgspec.convert(told, _Described)
+    except msgspec.ValidationError:
+        known = _Described()
+    if not duration_s and known.points:
+        duration_s = known.points[-1].time_from_start
+    meta = known.meta
+    return wire.MotionOffer(
+        name=name,
+        title=meta.name or name,
+        usage=meta.usage,
+        description=meta.description,
+        duration_s=round(duration_s, 1) if 0.0 < duration_s < math.inf else None,
+    )
+
+
 class Player(Protocol):
     """What performs motions."""
 
-    def play(self, goal_id: str, motion: str) -> None:
+    def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send the goal."""
 
-    def cancel(self, goal_id: str) -> None:
+    def cancel(self, goal_id: str, action: str) -> None:
         """Cancel this goal and no other."""
 
 
@@ -66,6 +116,7 @@ class _Playing:
     """A motion that was asked for; it has a goal once its start is on record."""
 
     name: str
+    action: str  # that performs it
     holder: Holder
     space: Sequence[Disc]  # that its arm sweeps
     since_s: float
@@ -83,8 +134,10 @@ class Motions:
         self._log = log
         self._playing: _Playing | None = None
         self._last: wire.MotionEnd | None = None
-        self._running: Collection[str] = ()
-        self._running_s = -math.inf
+        self._ended: str | None = None  # the last one's goal, of which an older word may still come
+        self._others: dict[
+            str, float
+        ] = {}  # actions where others have the robot perform something: told last
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why the base must stand, and no other motion may begin: one runs."""
@@ -96,14 +149,19 @@ class Motions:
                 "who": playing.holder.holder,
             }
             return Refusal("motion_running", text, "robot", figures)
-        if self._running and now_s - self._running_s <= UNHEARD_S:
+        if any(now_s - told_s <= UNHEARD_S for told_s in self._others.values()):
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
         return None
 
-    def begin(self, name: str, holder: Holder, space: Sequence[Disc], now_s: float) -> None:
+    def begin(self, name: str, action: str, holder: Holder, space: Sequence[Disc], now_s: float) -> None:
         """Put it on record; `start` follows once that is done."""
-        number = self._log.request(holder, "motion.start", {"motion": name}, now_s)
-        self._playing = _Playing(name, holder, space, now_s, number)
+        number = self._log.request(holder, "motion.start", {"motion": name, "topic": action}, now_s)
+        self._playing = _Playing(name, action, holder, space, now_s, number)
+
+    @property
+    def topic(self) -> str | None:
+        """The action that performs this console's motion."""
+        return self._playing.action if self._playing else None
 
     @property
     def due(self) -> bool:
@@ -126,7 +184,7 @@ class Motions:
             self._end("cancelled", "", now_s)
         else:
             playing.goal_id, playing.heard_s = f"fleet_bridge-{uuid4()}", now_s
-            self._player.play(playing.goal_id, playing.name)
+            self._player.play(playing.goal_id, playing.name, playing.action)
 
     def cancel(self, outcome: str, why: str) -> bool:
         """Cancel this console's motion by its goal's id. Whether there was one."""
@@ -136,18 +194,21 @@ class Motions:
         if playing.cancelled is None:
             playing.cancelled = (outcome, why)
             if playing.goal_id is not None:
-                self._player.cancel(playing.goal_id)
+                self._player.cancel(playing.goal_id, playing.action)
         return True
 
-    def running(self, goal_ids: Collection[str], now_s: float) -> None:
+    def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """The robot says which goals are under way."""
-        self._running, self._running_s = goal_ids, now_s
-        if self._playing is not None and self._playing.goal_id in goal_ids:
-            self._playing.heard_s = now_s
+        playing = self._playing
+        if set(goal_ids) - {playing.goal_id if playing else None, self._ended}:
+            self._others[action] = now_s
+        else:
+            self._others.pop(action, None)
+        if playing is not None and playing.goal_id in goal_ids:
+            playing.heard_s = now_s
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
         """The robot says that a goal has ended."""
-        self._running = [other for other in self._running if other != goal_id]
         if self._playing is not None and self._playing.goal_id == goal_id:
             self._end(outcome, text, now_s)
 
@@ -180,6 +241,7 @@ class Motions:
         """What ended as cancelled ended for the reason for which it was cancelled here, if it was."""
         playing, self._playing = self._playing, None
         if playing is not None:
+            self._ended = playing.goal_id
             if outcome == "cancelled" and playing.cancelled is not None:
                 outcome, text = playing.cancelled
             number = playing.number.result()

@@ -1,7 +1,7 @@
-"""What the holder asks of the robot besides driving: where to look, which motion to perform, what to publish.
+"""What the holder asks of the robot besides driving: where to look, what to perform, say and publish, and where to.
 
 Each order passes the same chain as a stick (lease, stop, robot there), is put on record, and is passed on to the robot
-on the tick after that. Nothing here waits, and nothing that ended begins again by itself.
+after that. Nothing here waits, and nothing that ended begins again by itself.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Protocol
 
 from robots import wire
 from robots.bridge import twists
+from robots.bridge.choices import Choices, Switch
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
@@ -20,9 +21,11 @@ from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.grants import Grants
 from robots.bridge.head import Aim, Head
 from robots.bridge.motions import Motions, Player
+from robots.bridge.offers import Catalogue
 from robots.bridge.publishings import Publisher, Publishings
 from robots.bridge.room import why_no_room
 from robots.bridge.sink import Holder
+from robots.bridge.speech import Speaking, Utterance, Voice, why_not_speakable
 from robots.wire import Grant, Refusal
 
 Answer = Callable[[Refusal | None], None]
@@ -42,22 +45,24 @@ class Rules(Protocol):
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
 
+    def halt(self, reason: str, now_s: float) -> None:
+        """Zero now, and a neutral stick before anything moves again."""
+
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
         """A velocity from the holder's tools: as if the stick had asked for it."""
 
 
-class Performer(Player, Protocol):
+class Performer(Player, Voice, Switch, Protocol):
     """What orders do to the robot."""
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there."""
 
-    def sweep(self, motion: str) -> tuple[Disc, ...]:
-        """The space that the arm would sweep from where it is; KeyError if the robot offers no such motion."""
+    def sweep(self, motion: str, action: str) -> tuple[Disc, ...]:
+        """The space that the arm would sweep from where it is; KeyError if the action offers no such motion."""
 
-    @property
-    def motions(self) -> list[str]:
-        """What the robot offers."""
+    def read_motions(self) -> None:
+        """Ask the robot for its motions. Returns at once; `Catalogue.read` follows for each action."""
 
 
 class Orders:
@@ -71,8 +76,12 @@ class Orders:
         log: DriveLog,
         rules: Rules,
         publisher: Publisher,
+        announce: Callable[[wire.Offers], None],
     ) -> None:
         self.motions = Motions(performer, log)
+        self.speaking = Speaking(performer, log)
+        self.choices = Choices(config, performer, log, rules)
+        self.catalogue = Catalogue(config, self.choices, announce)
         self.publishings = Publishings(publisher, log)
         self._config = config
         self._publisher = publisher
@@ -89,10 +98,16 @@ class Orders:
         grant = self._rules.grants.current
         if refusal is not None or grant is None:
             answer(refusal)
-        elif isinstance(order, wire.Publish):
-            self._publish(order, grant, link, now_s, answer)
-        else:
-            answer(self._begin(order, grant, now_s))
+            return
+        match order:
+            case wire.Publish():
+                self._publish(order, grant, link, now_s, answer)
+            case wire.Say():
+                self._say(order, grant, now_s, answer)
+            case wire.Choose():
+                self.choices.take(order, holder_of(grant), now_s, answer)
+            case _:
+                answer(self._begin(order, grant, now_s))
 
     def _begin(self, order: wire.Order, grant: Grant, now_s: float) -> Refusal | None:
         match order:
@@ -102,6 +117,8 @@ class Orders:
                 return self._play(motion, grant, now_s)
             case wire.PlayCancel():
                 return self._cancel_motion("Its holder cancelled it.")
+            case wire.SayCancel():
+                return self._cancel_speech("Its holder cancelled it.")
             case wire.PublishStop(topic=topic):
                 return self.publishings.stop(topic, now_s)
             case _:
@@ -109,9 +126,16 @@ class Orders:
 
     def cancel(self, what: str, by: str) -> Refusal | None:
         """Cancel by one who need not have control; the web process has checked the right."""
-        if what == "motion":
-            return self._cancel_motion(f"Cancelled by {by}.")
-        return Refusal("not_offered", "This robot does not do that.", "robot")
+        why = f"Cancelled by {by}."
+        return self._cancel_motion(why) if what == "motion" else self._cancel_speech(why)
+
+    def refresh(self) -> None:
+        """Read again what the robot offers, and tell it."""
+        self.catalogue.asked()
+        if "motions" in self.choices.uses:
+            self._performer.read_motions()
+        else:
+            self.catalogue.tell()
 
     def why_stand(self, now_s: float) -> Refusal | None:
         """Why the base must stand: a motion runs."""
@@ -129,6 +153,9 @@ class Orders:
             self.publishings.halt("link_lost", now_s)
         self.publishings.tick(now_s)
         self._watch_motion(now_s)
+        self._watch_speech(now_s)
+        busy = {"speech": self.speaking.topic, "motions": self.motions.topic}
+        self.choices.tick({use: topic for use, topic in busy.items() if topic is not None}, now_s)
         self._move_head(sent, now_s)
 
     def stopped(self, by: str, now_s: float) -> None:
@@ -136,17 +163,22 @@ class Orders:
         self._look = None
         self.publishings.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
+        self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
 
     def control_ended(self, reason: str, now_s: float) -> None:
-        """Nobody answers for what is under way."""
+        """Nobody answers for what is under way. A text that is being said already is said to its end."""
         self._look = None
         self.publishings.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
+        if self.speaking.waiting:
+            self.speaking.cancel("cancelled", reason)
+        self.choices.control_ended(reason, now_s)
 
     def close(self, now_s: float) -> None:
         """The bridge ends."""
         self.publishings.halt("bridge ended", now_s)
         self.motions.close(now_s)
+        self.speaking.close(now_s)
 
     # --- head -----------------------------------------------------------------------------------------
 
@@ -225,17 +257,20 @@ class Orders:
     # --- motions --------------------------------------------------------------------------------------
 
     def _play(self, motion: str, grant: Grant, now_s: float) -> Refusal | None:
-        refusal = self.motions.refuse(now_s) or self._why_no_motion(now_s)
+        refusal = (
+            self.motions.refuse(now_s) or self._why_no_motion(now_s) or self.choices.refuse("motions", None)
+        )
         if refusal is not None:
             return refusal
+        action = self.choices.topic("motions")
         try:
-            space = self._performer.sweep(motion)
+            space = self._performer.sweep(motion, action)
         except KeyError:
             text = f"The robot has no motion “{motion}”."
             return Refusal("unknown_motion", text, "robot", {"motion": motion})
         refusal = why_no_room(self._gate, space, now_s)
         if refusal is None:
-            self.motions.begin(motion, holder_of(grant), space, now_s)
+            self.motions.begin(motion, action, holder_of(grant), space, now_s)
         return refusal
 
     def _cancel_motion(self, why: str) -> Refusal | None:
@@ -257,6 +292,28 @@ class Orders:
         if due:
             self.motions.start(now_s)
         self.motions.tick(now_s)
+
+    # --- speech ---------------------------------------------------------------------------------------
+
+    def _say(self, order: wire.Say, grant: Grant, now_s: float, answer: Answer) -> None:
+        refusal = why_not_speakable(order.text) or self._rules.why_closed(now_s)
+        refusal = refusal or self.choices.refuse("speech", order.topic) or self.speaking.refuse(now_s)
+        if refusal is not None:
+            answer(refusal)
+            return
+        utterance = Utterance(order.text, order.language, order.topic or self.choices.topic("speech"))
+        self.speaking.begin(utterance, holder_of(grant), now_s, answer)
+
+    def _cancel_speech(self, why: str) -> Refusal | None:
+        if self.speaking.cancel("cancelled", why):
+            return None
+        return Refusal("no_speech", "Nothing that was asked for here is being said.", "robot")
+
+    def _watch_speech(self, now_s: float) -> None:
+        """Say what is on record, if nothing has come in between."""
+        if self.speaking.waiting and (closed := self._rules.why_closed(now_s)):
+            self.speaking.cancel("cancelled", closed.text)
+        self.speaking.tick(self.choices.connected("speech"), now_s)
 
 
 def holder_of(grant: Grant) -> Holder:

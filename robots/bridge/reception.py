@@ -39,6 +39,7 @@ class Reception:
         """The first word to a web process."""
         self._drives[link] = Budget(DRIVES_PER_S, DRIVES_AT_ONCE)
         link.report(self._core.hello(time.monotonic()))
+        link.report(self._core.orders.catalogue.now())
 
     def closed(self, link: Link) -> None:
         """A web process is gone: what was controlled through it stops."""
@@ -73,6 +74,9 @@ class Reception:
                 link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():
                 self._greet(link, message)
+            case wire.Refresh():
+                self._answer(link, message, None)
+                self._core.orders.refresh()
             case wire.LinkCancel():
                 self._answer(link, message, self._core.orders.cancel(message.what, message.by))
             case order if isinstance(order, wire.Order):
@@ -89,7 +93,9 @@ class Reception:
         if refusal is not None:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
 
-    def _answer(self, link: Link, order: wire.Order | wire.LinkCancel, refusal: wire.Refusal | None) -> None:
+    def _answer(
+        self, link: Link, order: wire.Order | wire.LinkCancel | wire.Refresh, refusal: wire.Refusal | None
+    ) -> None:
         """The one answer that an order gets."""
         kind, fence = wire.kind_of(order), getattr(order, "fence", None)
         if refusal is None:

@@ -28,6 +28,7 @@ from robots.bridge.gate.values import (
 )
 from robots.bridge.head import Aim
 from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError, RecordSink
+from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
 
@@ -42,6 +43,9 @@ CONFIG = BridgeConfig(
     topics=Topics(
         drive=Topic("/key_vel", "geometry_msgs/Twist"),
         odometry=Topic("/odom", "nav_msgs/Odometry"),
+        speech=Topic("/tts", "pal_interaction_msgs/TtsAction"),
+        languages=["en-GB", "es-ES"],
+        motions=Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
     ),
     gate=GateProfile(LIMITS, 0.27, None, {}, {}, {}, False, 0.3),
     reverse_steering="turn",
@@ -91,6 +95,11 @@ class MemoryBase:
     sweeps: dict[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
     played: list[tuple[str, str]] = field(default_factory=list)
     cancelled_goals: list[str] = field(default_factory=list)
+    said: list[tuple[str, Utterance]] = field(default_factory=list)
+    tells: bool = True  # what becomes of what is said
+    attended: list[tuple[str, frozenset[str]]] = field(default_factory=list)
+    switched: list[tuple[str, int]] = field(default_factory=list)  # to which topic, after how many twists
+    readings: int = 0  # of its motions
     cancelled: int = 0
     listeners: int = 1
 
@@ -103,18 +112,30 @@ class MemoryBase:
     def aim_head(self, aim: Aim) -> None:
         self.aims.append(aim)
 
-    def sweep(self, motion: str) -> tuple[tuple[float, float, float], ...]:
+    def sweep(self, motion: str, action: str) -> tuple[tuple[float, float, float], ...]:
         return self.sweeps[motion]
 
-    @property
-    def motions(self) -> list[str]:
-        return list(self.sweeps)
+    def read_motions(self) -> None:
+        self.readings += 1
 
-    def play(self, goal_id: str, motion: str) -> None:
+    def play(self, goal_id: str, motion: str, action: str) -> None:
         self.played.append((goal_id, motion))
 
-    def cancel(self, goal_id: str) -> None:
+    def cancel(self, goal_id: str, action: str) -> None:
         self.cancelled_goals.append(goal_id)
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        self.said.append((goal_id, utterance))
+        return self.tells
+
+    def hush(self, goal_id: str, topic: str) -> None:
+        self.cancelled_goals.append(goal_id)
+
+    def attend(self, use: str, topics: frozenset[str]) -> None:
+        self.attended.append((use, topics))
+
+    def drive_to(self, topic: str) -> None:
+        self.switched.append((topic, len(self.sent)))
 
 
 class Outcome(SimpleNamespace):
@@ -201,9 +222,9 @@ class Bench:
         self.sink = MemorySink()
         self.publisher = MemoryPublisher(lambda: self.now_s)
         self.drives = DriveLog(sink or self.sink)
-        self.ended: list[Ended] = []
+        self.told: list[Ended | wire.Offers] = []  # to every link
         state = left or Persisted(False, "", "", 0)
-        self.core = Core(config, self.base, self.gate, self.drives, state, self.ended.append, self.publisher)  # type: ignore[arg-type]
+        self.core = Core(config, self.base, self.gate, self.drives, state, self.told.append, self.publisher)  # type: ignore[arg-type]
         self.seq = 0
         self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
         self.speed = STILL

@@ -104,7 +104,7 @@ def test_control_ends_by_the_bridges_own_clock(bench):
         bench.pass_time(0.1)
         bench.stick(0.5)
     assert bench.last == STILL
-    assert [ended.fence for ended in bench.ended] == [1]
+    assert [ended.fence for ended in bench.told] == [1]
     assert bench.stick(0.5).code == "no_lease"
 
 

@@ -74,7 +74,7 @@ def test_a_request_ends_with_the_control_under_which_it_was_made(bench):
     [
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.core.orders.motions.running(["other"], bench.now_s), "motion_running"),
+        (lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s), "motion_running"),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )
@@ -121,10 +121,10 @@ def test_it_follows_by_setting_only():
 def test_while_a_motion_runs_the_head_is_left_to_it():
     bench = with_head(FOLLOWS)
     bench.driving(0.5)
-    bench.core.orders.motions.running(["other"], bench.now_s)
+    bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s)
     turn(bench)
     assert bench.base.aims == []
-    bench.core.orders.motions.running([], bench.now_s)
+    bench.core.orders.motions.running("/play_motion", [], bench.now_s)
     bench.stick(0.0)
     turn(bench)
     assert bench.base.aims

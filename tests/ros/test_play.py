@@ -93,7 +93,7 @@ def test_with_room_it_is_performed_and_its_end_is_on_record(ros, rosmaster, tmp_
         hand.let_go()
         hand.state_until(lambda state: state.motion_ended.name == "offer", "the end")
         until(lambda: len(records()) >= 4, "its end on record")
-        assert records()[-2:] == ["motion.start offer", "motion.end succeeded"]
+        assert records()[-2:] == ["motion.start offer /play_motion", "motion.end succeeded"]
         play(hand, "home")
         hand.state_until(lambda state: state.motion_ended.name == "home", "an arm at home")
 

@@ -1,75 +1,159 @@
-"""Recorded motions over play_motion's action: goals with ids of our own, so that only these are cancelled."""
+"""Recorded motions over play_motion's action: which there are, and goals with ids of our own."""
 
 from __future__ import annotations
 
 from robots.bridge.ros import path  # noqa: F401 isort: skip
 
-from collections.abc import Callable
-from typing import Any
+import threading
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from typing import Any, Protocol
 
 import rospy
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
-from robots.bridge.motions import recorded
-from robots.bridge.ros.publishing import publish
-from robots.bridge.ros.types import message_class
+from robots.bridge.motions import offered, recorded
+from robots.bridge.ros.actions import ActionTopics
+from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.types import message_class, service_class
+from robots.wire import MotionOffer
 
-RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
+LIST_PATIENCE_S = 2.0
 OUTCOMES = {
     GoalStatus.SUCCEEDED: "succeeded",
     GoalStatus.PREEMPTED: "cancelled",
     GoalStatus.RECALLED: "cancelled",
     GoalStatus.REJECTED: "rejected",
 }
+ERRORS = {  # PlayMotionResult's codes in words
+    "MOTION_NOT_FOUND": "the robot does not know this motion",
+    "CONTROLLER_BUSY": "something else moves these joints",
+    "MISSING_CONTROLLER": "the controller of these joints does not run",
+    "TRAJECTORY_ERROR": "the controller does not take this motion",
+    "GOAL_NOT_REACHED": "the joints did not get to where they should",
+    "PLANNER_OFFLINE": "the robot's motion planner does not run",
+    "NO_PLAN_FOUND": "the robot found no way to its first posture without a collision",
+    "OTHER_ERROR": "the robot does not say why",
+}
+
+
+class Watcher(Protocol):
+    """Who hears of the motions. Called on threads of rospy's."""
+
+    def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
+        """The goals under way, whoever sent them."""
+
+    def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
+        """A goal has ended."""
+
+    def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
+        """What an action offers now; why nothing."""
 
 
 class MotionTopics:
-    """One motion action. `running` and `ended` are called on threads of rospy's."""
+    """The motion actions of one robot: the default, and one chosen instead, of one type."""
 
-    def __init__(
-        self, action: Topic, running: Callable[[list[str]], None], ended: Callable[[str, str, str], None]
-    ) -> None:
-        self._name = action.name
-        self._kind = action.type.removesuffix("Action")
-        self._running = running
-        self._ended = ended
-        self._goal_class = message_class(f"{self._kind}ActionGoal")
-        self._goals = rospy.Publisher(f"{action.name}/goal", self._goal_class, queue_size=5)
-        self._cancels = rospy.Publisher(f"{action.name}/cancel", GoalID, queue_size=5)
-        self.publishers = [self._goals, self._cancels]
-        self.repertoire: dict[str, Motion | None] = {}
+    def __init__(self, default: Topic, master: Master, watcher: Watcher) -> None:
+        self._type = default.type
+        self._master = master
+        self._watcher = watcher
+        self._actions: dict[str, ActionTopics] = {}
+        self._errors = _errors(message_class(f"{default.type.removesuffix('Action')}Result"))
+        self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
+        self.attend({default.name})
+
+    def attend(self, names: Collection[str]) -> None:
+        """Be connected to these and no others. Asks the master."""
+        for name in set(names) - set(self._actions):
+            self._actions[name] = ActionTopics(Topic(name, self._type), self)
+        for name in set(self._actions) - set(names):
+            self._actions.pop(name).close()
+
+    @property
+    def publishers(self) -> list[rospy.Publisher]:
+        """What the master must know of."""
+        return [publisher for action in list(self._actions.values()) for publisher in action.publishers]
+
+    @property
+    def subscribers(self) -> list[rospy.Subscriber]:
+        """What the master must know of."""
+        return [subscriber for action in list(self._actions.values()) for subscriber in action.subscribers]
 
     def read(self) -> None:
-        """What the robot offers, from its parameters."""
-        self.repertoire = recorded(rospy.get_param(f"{self._name}/motions", None))
+        """Ask the robot what it offers: its service for the names, its parameters for the rest."""
+        for action in list(self._actions):
+            parameters, listed = self._parameters(action), _listed(f"{action}/list_motions")
+            self.repertoire[action] = recorded(parameters, listed)
+            offers = offered(parameters, listed)
+            self._watcher.motions_read(action, offers, "" if offers else f"{action} offers no motions.")
 
-    def subscribe(self) -> list[rospy.Subscriber]:
-        """Listen."""
-        result = message_class(f"{self._kind}ActionResult")
-        return [
-            rospy.Subscriber(f"{self._name}/status", GoalStatusArray, self._on_status, queue_size=1),
-            rospy.Subscriber(f"{self._name}/result", result, self._on_result, queue_size=10),
-        ]
-
-    def play(self, goal_id: str, motion: str) -> None:
+    def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send the goal. Planning is never skipped."""
-        goal = self._goal_class()
+        topics = self._actions[action]
+        goal = topics.goal_class()
         goal.goal_id.id = goal_id
         goal.goal.motion_name = motion
-        publish(self._goals, goal)
+        topics.send(goal)
 
-    def cancel(self, goal_id: str) -> None:
+    def cancel(self, goal_id: str, action: str) -> None:
         """Cancel this goal and no other."""
-        publish(self._cancels, GoalID(id=goal_id))
+        if action in self._actions:
+            self._actions[action].cancel(goal_id)
 
-    # --- on rospy's threads ------------------------------------------------------------------------
+    def cancel_all(self) -> None:
+        """The emergency stop: whatever is performed, whoever asked for it."""
+        for action in list(self._actions.values()):
+            action.cancel_all()
 
-    def _on_status(self, message: Any) -> None:
-        self._running([status.goal_id.id for status in message.status_list if status.status in RUNNING])
+    def _parameters(self, action: str) -> Any:
+        try:
+            return self._master.call("getParam", f"{action}/motions")
+        except MasterError:  # which also means that there are none
+            return None
 
-    def _on_result(self, message: Any) -> None:
-        outcome = OUTCOMES.get(message.status.status, "failed")
-        text = message.result.error_string or message.status.text
-        self._ended(message.status.goal_id.id, outcome, text)
+    # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        """The goals under way."""
+        self._watcher.motions_running(action, goals.keys())
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:
+        """It is empty."""
+
+    def ended(self, goal_id: str, status: int, text: str, result: Any) -> None:
+        """A goal has ended: in the robot's own words, with its error code in ours."""
+        told = [self._errors.get(result.error_code, ""), result.error_string or text]
+        outcome = OUTCOMES.get(status, "failed")
+        if outcome in {"succeeded", "cancelled"}:
+            told = told[1:]
+        self._watcher.motion_ended(goal_id, outcome, _sentence([words for words in told if words]))
+
+
+def _errors(result: type[Any]) -> dict[int, str]:
+    return {getattr(result, name): words for name, words in ERRORS.items()}
+
+
+def _sentence(parts: list[str]) -> str:
+    text = ": ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def _listed(service: str) -> dict[str, float] | None:
+    """Names and durations (s) of the motions that the service lists; None: it does not answer.
+
+    rospy waits for ever for a service that takes the question and never answers; such a call is left behind.
+    """
+    answers: list[Any] = []
+
+    def ask() -> None:
+        with suppress(rospy.ROSException, rospy.ServiceException, OSError):
+            answers.append(rospy.ServiceProxy(service, service_class("play_motion_msgs/ListMotions"))())
+
+    asking = threading.Thread(target=ask, name="list_motions", daemon=True)
+    asking.start()
+    asking.join(LIST_PATIENCE_S)
+    if not answers:
+        return None
+    return {info.name: info.duration.to_sec() for info in answers[0].motions}

@@ -17,7 +17,8 @@ import threading
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -36,11 +37,15 @@ from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.head import Aim
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
+from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import publish
+from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.types import message_class
+from robots.bridge.speech import Utterance
+from robots.wire import MotionOffer
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +73,8 @@ class RosBase:
     def __init__(self, config: BridgeConfig) -> None:
         self._config = config
         self._master = Master(config.master_uri, NODE)
-        self._drive: rospy.Publisher | None = None
+        self._drive_topic = config.topics.drive.name
+        self._drives: dict[str, rospy.Publisher] = {}  # the default, and one chosen instead
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._cancels: list[rospy.Publisher] = []
         self._publishers: list[rospy.Publisher] = []
@@ -77,6 +83,9 @@ class RosBase:
         self._head: rospy.Publisher | None = None
         self._arm: PostureTopics | None = None
         self._motions: MotionTopics | None = None
+        self._speech: SpeechTopics | None = None
+        self._connecting = Errands("topics")
+        self._reading = Errands("motions")
         self._ending = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
@@ -91,10 +100,18 @@ class RosBase:
             twist = _twist(velocity)
             publish(self._drive, _stamp(twist) if self._stamped else twist)
 
+    def drive_to(self, topic: str) -> None:
+        """Twists go to this one of the attended topics from now on."""
+        self._drive_topic = topic
+
     def cancel_all(self) -> None:
         """An empty goal id cancels everybody's goals: just what an emergency stop means."""
         for publisher in self._cancels:
             publish(publisher, GoalID())
+        if self._motions is not None:
+            self._motions.cancel_all()
+        if self._speech is not None:
+            self._speech.silence()
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there, if its topic is up."""
@@ -106,28 +123,51 @@ class RosBase:
             joints = [head.pan_joint, head.tilt_joint]
             publish(self._head, JointTrajectory(joint_names=joints, points=[point]))
 
-    def play(self, goal_id: str, motion: str) -> None:
-        """Send a motion's goal, if the robot's master was there once."""
+    def play(self, goal_id: str, motion: str, action: str) -> None:
+        """Send a motion's goal."""
         if self._motions is not None:
-            self._motions.play(goal_id, motion)
+            self._motions.play(goal_id, motion, action)
 
-    def cancel(self, goal_id: str) -> None:
+    def cancel(self, goal_id: str, action: str) -> None:
         """Cancel this goal and no other."""
         if self._motions is not None:
-            self._motions.cancel(goal_id)
+            self._motions.cancel(goal_id, action)
 
-    def sweep(self, motion: str) -> tuple[Disc, ...]:
-        """The space that the arm would sweep from where it is; KeyError if the robot offers no such motion."""
+    def sweep(self, motion: str, action: str) -> tuple[Disc, ...]:
+        """The space that the arm would sweep from where it is; KeyError if the action offers no such motion."""
         offered = self._motions.repertoire if self._motions is not None else {}
-        recorded = offered[motion]
+        recorded = offered[action][motion]
         if self._arm is None:
             return ((0.0, 0.0, REACH_M),)
         return self._arm.sweep(recorded, time.monotonic())
 
+    def read_motions(self) -> None:
+        """Ask the robot for its motions."""
+        motions = self._motions
+        if motions is not None:
+            self._reading.do(motions.read)
+        elif self._config.topics.motions:
+            self.motions_read(
+                self._config.topics.motions.name, [], "The robot's ROS master was not there yet."
+            )
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        """Pass a text on to the robot's voice. Whether the robot tells what becomes of it."""
+        return self._speech is not None and self._speech.say(goal_id, utterance)
+
+    def hush(self, goal_id: str, topic: str) -> None:
+        """Cancel what is said under this goal and no other."""
+        if self._speech is not None:
+            self._speech.hush(goal_id, topic)
+
+    def attend(self, use: str, topics: frozenset[str]) -> None:
+        """Be connected to these topics of that use and no others. Asks the master, hence elsewhere."""
+        self._connecting.do(lambda: self._attend(use, topics))
+
     @property
-    def motions(self) -> list[str]:
-        """What the robot offers."""
-        return list(self._motions.repertoire) if self._motions is not None else []
+    def _drive(self) -> rospy.Publisher | None:
+        """Where twists go now."""
+        return self._drives.get(self._drive_topic)
 
     @property
     def listeners(self) -> int:
@@ -204,9 +244,12 @@ class RosBase:
         try:
             while not self._ending.is_set():
                 self._require_name()
-                self._tell(self._survey(self._master.system_state()))
-                if self._motions and not self._motions.repertoire:  # the robot may have come after its master
-                    self._motions.read()
+                system = self._master.system_state()
+                self._tell(self._survey(system))
+                listened = _listened(system)
+                self._post(partial(self._surveyed, listened))
+                if self._motions and not any(self._motions.repertoire.values()):
+                    self.read_motions()  # the robot may have come after its master
                 if watch.wait(SURVEY_S):
                     raise MasterError(f"The ROS master at {self._config.master_uri} is gone.")
         finally:
@@ -234,25 +277,16 @@ class RosBase:
         self._cancels = [
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
         ]
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", SyntaxWarning
-            )  # rospy takes no queue for an oversight; see _AtOnce
-            self._drive = rospy.Publisher(
-                topics.drive.name,
-                TwistStamped if self._stamped else Twist,
-                subscriber_listener=_AtOnce(),
-                queue_size=None,
-            )
-        self._publishers = [self._drive, *self._cancels]
+        self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
+        self._publishers = list(self._cancels)
         if topics.head:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
             self._publishers.append(self._head)
         if topics.motions:
-            self._motions = MotionTopics(topics.motions, self._on_motions, self._on_motion_ended)
-            self._motions.read()
-            self._publishers += self._motions.publishers
-            self._subscribers += self._motions.subscribe()
+            self._motions = MotionTopics(topics.motions, self._master, self)
+            self.read_motions()
+        if topics.speech:
+            self._speech = SpeechTopics(topics.speech, self)
         if topics.arm and topics.joint_states:
             self._arm = PostureTopics(topics.arm, self._on_posture)
             self._arm.describe(rospy.get_param("/robot_description", None))
@@ -260,23 +294,55 @@ class RosBase:
         if topics.depth and self._config.gate.depth:
             self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
 
+    def _drive_publisher(self, name: str) -> rospy.Publisher:
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore", SyntaxWarning
+            )  # rospy takes no queue for an oversight; see _AtOnce
+            return rospy.Publisher(
+                name,
+                TwistStamped if self._stamped else Twist,
+                subscriber_listener=_AtOnce(),
+                queue_size=None,
+            )
+
+    def _attend(self, use: str, topics: frozenset[str]) -> None:
+        """On the thread for it."""
+        if use == "drive":
+            for name in topics - self._drives.keys():
+                self._drives[name] = self._drive_publisher(name)
+            for name in self._drives.keys() - topics:
+                self._drives.pop(name).unregister()
+        elif use == "speech" and self._speech:
+            self._speech.attend(topics)
+        elif use == "motions" and self._motions:
+            self._motions.attend(topics)
+            self.read_motions()
+        self._post(lambda: self._core.orders.choices.attended(use, topics, time.monotonic()))
+
     def _register_again(self, own_uri: str) -> None:
         """What `rospy.init_node` and its topics told the last master, told to its successor."""
         if self._arm:
             self._arm.describe(rospy.get_param("/robot_description", None))
-        if self._motions:
-            self._motions.read()
-        for publisher in self._publishers:
+        parts = [part for part in (self._motions, self._speech) if part is not None]
+        publishers = [*self._publishers, *self._drives.values()]
+        subscribers = self._subscribers + (self._depth.subscribers if self._depth else [])
+        for part in parts:
+            publishers += part.publishers
+            subscribers += part.subscribers
+        for publisher in publishers:
             self._master.register("registerPublisher", publisher.resolved_name, publisher.type, own_uri)
-        for subscriber in self._subscribers + (self._depth.subscribers if self._depth else []):
+        for subscriber in subscribers:
             name = subscriber.resolved_name
-            publishers = self._master.register("registerSubscriber", name, subscriber.type, own_uri)
-            Master(own_uri, "/master").call("publisherUpdate", name, publishers)
+            uris = self._master.register("registerSubscriber", name, subscriber.type, own_uri)
+            Master(own_uri, "/master").call("publisherUpdate", name, uris)
+        self._post(self._core.orders.refresh)
 
     def _survey(self, system: SystemState) -> RosStatus:
         topics = self._config.topics
-        foreign = sorted(set(system.publishers.get(topics.drive.name, [])) - {NODE})
-        wanted = [topics.drive, topics.odometry]
+        drive = Topic(self._drive_topic, topics.drive.type)
+        foreign = sorted(set(system.publishers.get(drive.name, [])) - {NODE})
+        wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = [_wrong_type(topic, system.types) for topic in wanted]
         for publisher in system.publishers.get(topics.odometry.name, []):
@@ -355,11 +421,34 @@ class RosBase:
         """A picture of the depth camera that cannot be used."""
         self._post(lambda: self._core.bad_depth(why))
 
-    def _on_motions(self, goal_ids: list[str]) -> None:
-        self._post(lambda: self._core.orders.motions.running(goal_ids, time.monotonic()))
+    def _surveyed(self, listened: dict[str, str]) -> None:
+        self._core.orders.choices.surveyed(listened, time.monotonic())
 
-    def _on_motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
+    # --- motions and speech (motions.Watcher, speech.Ears) ----------------------------------------------
+
+    def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
+        """The goals under way, whoever sent them."""
+        self._post(lambda: self._core.orders.motions.running(action, goal_ids, time.monotonic()))
+
+    def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
+        """A goal has ended."""
         self._post(lambda: self._core.orders.motions.ended(goal_id, outcome, text, time.monotonic()))
+
+    def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
+        """What an action offers now."""
+        self._post(lambda: self._core.orders.catalogue.read(action, motions, text))
+
+    def speech_running(self, topic: str, goals: dict[str, str]) -> None:
+        """The goals under way on a topic, whoever sent them."""
+        self._post(lambda: self._core.orders.speaking.running(topic, goals, time.monotonic()))
+
+    def speech_said(self, goal_id: str, said: str) -> None:
+        """A word was begun."""
+        self._post(lambda: self._core.orders.speaking.said(goal_id, said, time.monotonic()))
+
+    def speech_ended(self, goal_id: str, outcome: str, text: str) -> None:
+        """A goal has ended."""
+        self._post(lambda: self._core.orders.speaking.ended(goal_id, outcome, text, time.monotonic()))
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():
@@ -391,6 +480,15 @@ def _stamp(twist: Twist) -> TwistStamped:
     stamped = TwistStamped(twist=twist)
     stamped.header.stamp = rospy.Time.from_sec(time.time())
     return stamped
+
+
+def _listened(system: SystemState) -> dict[str, str]:
+    """The topics that somebody else than the console listens to, and their types."""
+    return {
+        topic: system.types[topic]
+        for topic, nodes in system.subscribers.items()
+        if topic in system.types and not all(node.startswith(NODE) for node in nodes)
+    }
 
 
 def _wrong_type(topic: Topic, types: dict[str, str]) -> str:

@@ -1,0 +1,239 @@
+"""Where a holder's input goes: for driving, speech and motions the robot's default, or a topic chosen instead.
+
+What may be chosen is on the admin's allow-list, has the default's type, and somebody on the robot listens to it. A
+choice is put on record, then connected, then made; it ends with its holder's control, and when that listener goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Protocol
+
+from robots import wire
+from robots.bridge.config import BridgeConfig, Topic
+from robots.bridge.drives import DriveLog, not_recorded
+from robots.bridge.sink import Holder
+from robots.wire import Refusal
+
+Answer = Callable[[Refusal | None], None]
+
+NAMES = {"drive": "driving", "speech": "speech", "motions": "motions"}
+PARTING_S = 1.0  # zeros go to a chosen drive topic for at most so long after its holder's control
+
+
+class Switch(Protocol):
+    """What connects to the robot's topics."""
+
+    def attend(self, use: str, topics: frozenset[str]) -> None:
+        """Be connected to these topics of that use and no others. Returns at once; `Choices.attended` follows."""
+
+    def drive_to(self, topic: str) -> None:
+        """Velocities go to this one of the attended topics from now on."""
+
+
+class Rules(Protocol):
+    """What choices must know of the robot, and do to it: `Core`."""
+
+    def why_closed(self, now_s: float) -> Refusal | None:
+        """Why nothing is passed on to the robot, whoever asks: the stop is latched, or it is away."""
+
+    def why_not_still(self, now_s: float) -> Refusal | None:
+        """The base moves, or is told to."""
+
+    def halt(self, reason: str, now_s: float) -> None:
+        """Zero now, and a neutral stick before anything moves again."""
+
+
+@dataclass
+class _Choice:
+    """A topic that was asked for."""
+
+    topic: str
+    number: Future[int]
+    answer: Answer
+    begun: bool = False  # it is on record, and being connected
+
+
+class Choices:
+    """The topics of one robot that take a holder's input, by use; an action's name where the type is an action's."""
+
+    def __init__(self, config: BridgeConfig, switch: Switch, log: DriveLog, rules: Rules) -> None:
+        topics = config.topics
+        offered = {"drive": topics.drive, "speech": topics.speech, "motions": topics.motions}
+        self.chosen: dict[str, str] = {}  # other than the default
+        self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
+        self._switch = switch
+        self._log = log
+        self._rules = rules
+        self._roles: dict[str, dict[str, str]] = {use: {} for use in self._defaults}
+        for allowed in config.allowed:
+            if allowed.what == "choose" and allowed.use in self._roles:
+                self._roles[allowed.use][allowed.name] = allowed.role
+        self._listened: Mapping[str, str] | None = None
+        self._asked: dict[str, _Choice] = {}
+        self._wanted = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
+        self._connected: dict[str, Collection[str]] = dict(self._wanted)
+        self._parted_s: float | None = None  # since then nobody answers for the chosen drive topic
+
+    # --- where input goes -----------------------------------------------------------------------------
+
+    def topic(self, use: str) -> str:
+        """Where input of this use goes now; KeyError if the robot has no such thing."""
+        return self.chosen.get(use) or self._defaults[use].name
+
+    def connected(self, use: str) -> Collection[str]:
+        """The topics of this use that something can be sent to now."""
+        return self._connected.get(use, ())
+
+    @property
+    def uses(self) -> dict[str, wire.UseOffer]:
+        """What there is to choose, for pages."""
+        return {
+            use: wire.UseOffer(topic.name, topic.type, dict(self._roles[use]))
+            for use, topic in self._defaults.items()
+        }
+
+    def refuse(self, use: str, name: str | None) -> Refusal | None:
+        """Why input of this use may not go to that topic (None: where it goes now). The web process judges roles."""
+        default = self._defaults.get(use)
+        if default is None:
+            return Refusal(
+                "not_offered", f"This robot has nothing that takes input for {NAMES[use]}.", "robot"
+            )
+        name = name or self.topic(use)
+        if name not in {default.name, self.topic(use), *self._roles[use]}:
+            text = f"Input for {NAMES[use]} may not go to {name}: the allow-list does not have it."
+            return Refusal("not_allowed", text, "robot", {"use": use, "topic": name})
+        return self._why_unheard(Topic(name, default.type))
+
+    # --- choosing -------------------------------------------------------------------------------------
+
+    def take(self, order: wire.Choose, holder: Holder, now_s: float, answer: Answer) -> None:
+        """Begin to choose. `answer` is called once, when it is done or will not be."""
+        use = order.use
+        refusal = self.refuse(use, order.topic) if order.topic or use not in self._defaults else None
+        refusal = refusal or self._why_not_now(use, now_s)
+        if refusal is not None:
+            answer(refusal)
+            return
+        name = order.topic or self._defaults[use].name
+        if name == self.topic(use):
+            answer(None)
+            return
+        self._withdraw(use, Refusal("overtaken", "Another topic was chosen meanwhile.", "robot"))
+        parameters = {"use": use, "from": self.topic(use), "to": name}
+        number = self._log.request(holder, "topic.choose", parameters, now_s)
+        self._asked[use] = _Choice(name, number, answer)
+
+    def tick(self, busy: Mapping[str, str], now_s: float) -> None:
+        """Go on with what is on record now. `busy`: topics where something is under way, by use."""
+        for use, choice in list(self._asked.items()):
+            if not choice.begun and choice.number.done():
+                self._recorded(use, choice, now_s)
+        if self._parted_s is not None:
+            self._part(self._parted_s, now_s)
+        for use in self._defaults:
+            self._attend(use, busy.get(use))
+
+    def attended(self, use: str, topics: Collection[str], now_s: float) -> None:
+        """The robot is connected to by these topics now: make the choice that waited for it."""
+        self._connected[use] = topics
+        choice = self._asked.get(use)
+        if choice is None or not choice.begun or choice.topic not in topics:
+            return
+        del self._asked[use]
+        refusal = self._why_not_now(use, now_s)
+        if refusal is None:
+            self._make(use, choice.topic, f"input goes to {choice.topic} now", now_s)
+        choice.answer(refusal)
+
+    def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
+        """Types of the topics that somebody on the robot listens to. What was chosen and is gone is chosen no more."""
+        self._listened = listened
+        for use, name in list(self.chosen.items()):
+            default = self._defaults[use]
+            if self._why_unheard(Topic(name, default.type)) is not None:
+                self._make(use, default.name, f"{name} is gone: input goes to {default.name} again", now_s)
+
+    def control_ended(self, reason: str, now_s: float) -> None:
+        """The next holder begins with the defaults; a base that still rolls gets its zeros where it got its speed."""
+        for use in list(self._asked):
+            self._withdraw(use, Refusal("no_lease", reason, "lease"))
+        for use in list(self.chosen):
+            if use == "drive":
+                self._parted_s = now_s
+            else:
+                self._make(use, self._defaults[use].name, "", now_s)
+
+    # --- inside -----------------------------------------------------------------------------------------
+
+    def _part(self, since_s: float, now_s: float) -> None:
+        """Leave the chosen drive topic, once the base stands or had its zeros for long enough."""
+        if self._rules.why_not_still(now_s) is None or now_s - since_s > PARTING_S:
+            self._make("drive", self._defaults["drive"].name, "control ended", now_s)
+
+    def _recorded(self, use: str, choice: _Choice, now_s: float) -> None:
+        """Connect, unless something came in between."""
+        error = choice.number.exception()
+        refusal = not_recorded(error) if error else self._why_not_now(use, now_s)
+        if refusal is None:
+            choice.begun = True
+        else:
+            self._withdraw(use, refusal)
+
+    def _why_not_now(self, use: str, now_s: float) -> Refusal | None:
+        closed = self._rules.why_closed(now_s)
+        return closed or (self._rules.why_not_still(now_s) if use == "drive" else None)
+
+    def _make(self, use: str, name: str, why: str, now_s: float) -> None:
+        """From now on input goes there. A base gets its zero first, where it got its speed."""
+        if use == "drive":
+            self._parted_s = None
+            self._rules.halt(why, now_s)
+            self._switch.drive_to(name)
+        if name == self._defaults[use].name:
+            self.chosen.pop(use, None)
+        else:
+            self.chosen[use] = name
+
+    def _attend(self, use: str, busy: str | None) -> None:
+        """Be connected where input goes or is about to go, and nowhere else."""
+        asked = self._asked.get(use)
+        names = {
+            self._defaults[use].name,
+            self.topic(use),
+            busy,
+            asked.topic if asked and asked.begun else None,
+        }
+        wanted = frozenset(name for name in names if name is not None)
+        if wanted != self._wanted[use]:
+            self._wanted[use] = wanted
+            self._connected[use] = wanted & frozenset(self._connected[use])
+            self._switch.attend(use, wanted)
+
+    def _withdraw(self, use: str, refusal: Refusal) -> None:
+        if asked := self._asked.pop(use, None):
+            asked.answer(refusal)
+
+    def _why_unheard(self, topic: Topic) -> Refusal | None:
+        """Nobody listens there, as far as the last survey of the robot's topics tells, or to another type."""
+        if self._listened is None:
+            return None
+        heard = goal_topic(topic)
+        found = self._listened.get(heard.name)
+        if found == heard.type:
+            return None
+        figures: dict[str, float | int | str | None] = {"topic": topic.name, "type": topic.type}
+        if found is None:
+            return Refusal("no_listener", f"Nothing on the robot listens to {heard.name}.", "robot", figures)
+        text = f"{heard.name} is {found} on the robot; needed is {heard.type}."
+        return Refusal("wrong_type", text, "robot", figures | {"found": found})
+
+
+def goal_topic(topic: Topic) -> Topic:
+    """The topic that takes the input itself: an action's goals, or the topic as it is."""
+    if topic.type.endswith("Action"):
+        return Topic(f"{topic.name}/goal", f"{topic.type}Goal")
+    return topic

@@ -1,0 +1,51 @@
+"""What the robot offers besides driving, as pages hear it: on connecting, when it changed, and when they ask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from robots import wire
+from robots.bridge.choices import Choices
+from robots.bridge.config import BridgeConfig
+
+
+class Catalogue:
+    """The newest offers of one robot. `announce` hands them to every link."""
+
+    def __init__(
+        self, config: BridgeConfig, choices: Choices, announce: Callable[[wire.Offers], None]
+    ) -> None:
+        self._languages = config.topics.languages if config.topics.speech else []
+        self._publishable = {
+            allowed.name: allowed.type for allowed in config.allowed if allowed.what == "publish"
+        }
+        self._choices = choices
+        self._announce = announce
+        self._motions: dict[str, tuple[Sequence[wire.MotionOffer], str]] = {}  # by action
+        self._told: wire.Offers | None = None
+
+    def read(self, action: str, motions: Sequence[wire.MotionOffer], text: str) -> None:
+        """The motions that an action of the robot's offers; why there is none."""
+        self._motions[action] = (motions, text)
+        self.tell()
+
+    def asked(self) -> None:
+        """Tell also what has not changed, once it was read again."""
+        self._told = None
+
+    def tell(self) -> None:
+        """Tell what has changed."""
+        offers = self.now()
+        if offers != self._told:
+            self._told = offers
+            self._announce(offers)
+
+    def now(self) -> wire.Offers:
+        """What is on offer."""
+        uses = self._choices.uses
+        motions: Sequence[wire.MotionOffer] = ()
+        text = "This robot has no recorded motions."
+        if "motions" in uses:
+            not_read = ((), "The robot's motions have not been read yet.")
+            motions, text = self._motions.get(self._choices.topic("motions"), not_read)
+        return wire.Offers(list(motions), text, self._languages, uses, self._publishable)

@@ -1,0 +1,43 @@
+"""Work that asks the robot's master or its nodes, and so may take a while: never on the control loop's thread."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import logging
+import threading
+from collections.abc import Callable
+
+import rospy
+
+from robots.bridge.ros.master import MasterError
+
+log = logging.getLogger(__name__)
+
+Errand = Callable[[], None]
+
+
+class Errands:
+    """One thing after another, in a thread of its own that ends with the process."""
+
+    def __init__(self, name: str) -> None:
+        self._waiting: list[Errand] = []
+        self._news = threading.Condition()
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    def do(self, errand: Errand) -> None:
+        """Do it, after what was asked for before; once, if it waits already. Returns at once."""
+        with self._news:
+            if errand not in self._waiting:
+                self._waiting.append(errand)
+                self._news.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._waiting)
+                errand = self._waiting.pop(0)
+            try:
+                errand()
+            except (rospy.ROSException, MasterError, OSError):
+                log.exception("something that was asked of the robot failed")
