@@ -193,6 +193,7 @@ def test_a_bridge_on_the_network_without_its_settings_is_refused_by_their_names(
     assert programs.lines() == []
 
 
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="locks the file of the database")
 @pytest.mark.django_db(transaction=True)
 def test_a_locked_database_holds_no_bridge_up(programs: FakePrograms, robot: Robot) -> None:
     wait_shortly()
