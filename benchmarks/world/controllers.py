@@ -13,6 +13,7 @@ from robots.bridge.gate.depth import DepthImage, Lens, Transform, picture_of_ima
 from robots.bridge.gate.depth_camera import frame_of
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import AT_HOME
+from robots.bridge.gate.scan import Malformed
 from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
 from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
 
@@ -99,8 +100,12 @@ class Ours:
             return
         lens = Lens(FOCAL_PX, FOCAL_PX, WIDTH / 2.0, HEIGHT / 2.0)
         image = DepthImage(WIDTH, HEIGHT, "32FC1", False, 4 * WIDTH, metres.tobytes())
-        frame = frame_of(picture_of_image(image, lens), to_base, view)
-        self.gate.observe_depth(frame, stamp_s, arrival_s)
+        try:
+            frame = frame_of(picture_of_image(image, lens), to_base, view)
+        except Malformed as error:
+            self.gate.observe_bad_depth(str(error))
+        else:
+            self.gate.observe_depth(frame, stamp_s, arrival_s)
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
         if asked == STILL:

@@ -47,6 +47,10 @@ FAULTS: dict[str, Fault] = {
         f"{ms} ms later": Fault(Conditions(late_s=ms / 1000.0), LATE, "the robot answers")
         for ms in (200, 300, 400, 500)
     },
+    **{
+        f"link slows by {ms} ms": Fault(Conditions(slows_to_s=ms / 1000.0), LATE, "the robot answers")
+        for ms in (200, 400)
+    },
     "60 % brake": Fault(Conditions(faults=((0.0, Faults(brake_share=0.6)),)), HELD),
     "wheels slip 30 %": Fault(Conditions(faults=((0.0, Faults(slip_share=0.3)),)), HELD),
     "head away": Fault(Conditions(head_pan=1.3), frozenset({"head_away"})),

@@ -42,6 +42,7 @@ SCAN_TICKS = 5
 SONAR_TICKS = 10
 DEPTH_TICKS = 10
 GAP_EVERY = 4  # decisions; to measure the gap takes longer than to decide
+SLOWS = 0.2  # seconds a second
 GHOST_SHARE = 0.0005  # of beams: something single that is not there
 LOOKS_DOWN = -0.68  # tilt of the head, radians: as after "look ahead", towards the floor where the robot goes
 INPUT = "key_vel"
@@ -71,6 +72,7 @@ class Conditions:
     blanked: bool = False  # PAL's /scan: nothing within +-0.30 m of the base
     faults: tuple[tuple[float, Faults], ...] = ()  # from this second on
     late_s: float = 0.0  # commands come this much later
+    slows_to_s: float = 0.0  # messages and commands come later and later, up to this
     clock_s: float = 0.0  # the robot's clock is this far off
     head_pan: float | None = (
         None  # where the head is turned to, and stays; else it follows the turn of the drive
@@ -309,7 +311,7 @@ class Loop:
         )
 
     def _later(self, now_s: float, delay_s: float, event: Callable[[float], None]) -> None:
-        at_s = now_s + delay_s + self._delays.jitter_s * float(self._random.random())
+        at_s = now_s + delay_s + self._slowed_s(now_s) + self._delays.jitter_s * float(self._random.random())
         heapq.heappush(self._events, (at_s, next(self._numbers), event))
 
     # --- to the robot ----------------------------------------------------------------------------
@@ -351,7 +353,12 @@ class Loop:
     def _arrives_s(self, now_s: float) -> float:
         delays = self._delays
         jitter_s = delays.jitter_s * float(self._random.random())
-        return now_s + delays.command_s + self.case.conditions.late_s + jitter_s
+        late_s = self.case.conditions.late_s + self._slowed_s(now_s)
+        return now_s + delays.command_s + late_s + jitter_s
+
+    def _slowed_s(self, now_s: float) -> float:
+        """What a link whose queue fills adds to every delay."""
+        return min(SLOWS * (now_s - STARTS_S), self.case.conditions.slows_to_s)
 
     def _obey(self, velocity: Velocity, now_s: float) -> None:
         if self._mux.passes(INPUT, now_s):

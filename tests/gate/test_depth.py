@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -448,6 +449,40 @@ def test_a_camera_that_falls_silent_means_blind_speed_after_half_a_second():
     assert verdict.text == "held to 0.3 m/s: the depth camera's picture is 0.6 s old"
     assert looker.decide(-0.2).velocity.vx == pytest.approx(-0.2)
     assert looker.sensor().text == "nothing new for 0.6 s"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 0.0, 0.1, 60.0])
+def test_pictures_that_show_neither_floor_nor_anything_on_it_vouch_for_nothing(value):
+    with pytest.raises(Malformed, match="neither the floor nor what stands on it"):
+        frame_of(picture_of_image(image(np.full((HEIGHT, WIDTH), value)), LENS), camera(), VIEW)
+
+
+@pytest.mark.parametrize(("shown_share", "usable"), [(0.4, True), (0.2, False)])
+def test_of_a_dark_floor_a_third_is_enough(shown_share, usable):
+    depth = drawn([FLOOR], camera(-0.3))
+    depth[np.random.default_rng(3).random(depth.shape) > shown_share] = math.nan
+    with nullcontext() if usable else pytest.raises(Malformed):
+        frame_of(picture_of_image(image(depth), LENS), camera(-0.3), VIEW)
+
+
+def test_a_wall_before_the_floor_is_shown_and_one_that_fills_the_picture_too():
+    for wall in (WALL, ((0.8, -5.0, 0.0), (0.9, 5.0, 2.5))):
+        frame_of(picture([FLOOR, wall], camera(-0.3)), camera(-0.3), VIEW)
+
+
+def test_a_camera_that_is_not_where_tf_says_shows_no_floor():
+    with pytest.raises(Malformed):
+        frame_of(picture([FLOOR], camera(-0.3)), camera(-0.6), VIEW)
+
+
+def test_a_camera_that_looks_up_is_not_judged_by_its_floor():
+    frame_of(picture([FLOOR], camera(0.5)), camera(0.5), VIEW)
+
+
+@pytest.mark.parametrize("wrong", [{"fx": 0.0}, {"fy": -1.0}, {"cx": math.nan}, {"cy": math.inf}])
+def test_a_lens_that_makes_no_sense_shows_nothing(wrong):
+    with pytest.raises(Malformed, match="lens"):
+        picture_of_image(image(drawn([FLOOR], camera())), LENS._replace(**wrong))
 
 
 def test_frozen_stamps_are_no_pictures():

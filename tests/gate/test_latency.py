@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robots.bridge.gate.latency import ADDED_S, ENOUGH, LEAST_S, LONGEST_S, Latency
+from robots.bridge.gate.latency import (
+    ADDED_S,
+    ENOUGH,
+    JITTER_S,
+    LEAST_S,
+    LONGEST_S,
+    MOST_BACKLOG_S,
+    Latency,
+)
 from robots.bridge.gate.values import Limits, Velocity
 
 LIMITS = Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944)
@@ -163,3 +171,70 @@ def test_an_operator_far_away_drives_slower_and_is_told(tiago):
     verdict = tiago.decide(1.0)
     assert (verdict.code, verdict.velocity.vx) == ("operator_late", pytest.approx(0.77, abs=0.01))
     assert verdict.text == "held to 0.8 m/s: the page answers after 0.80 s"
+
+
+# --- messages that come later and later ---------------------------------------------------------------
+
+
+def came(latency, delays_s, begin_s=50.0, clock_s=3600.0, source="odometry", period_s=0.05):
+    """Messages with these delays, from a robot whose clock is an hour off; when the last one came."""
+    for number, delay_s in enumerate(delays_s):
+        stamp_s = begin_s + number * period_s
+        latency.arrived(source, stamp_s + clock_s, stamp_s + delay_s)
+    return stamp_s + delay_s
+
+
+def counted(*delays_s):
+    latency = Latency(LIMITS, ASSUMED_S)
+    return latency.in_force_s(came(latency, delays_s)) - ASSUMED_S
+
+
+def test_messages_that_come_later_and_later_count_both_ways_though_none_is_missing():
+    growing = np.linspace(0.03, 0.53, 100)
+    assert counted(*growing, *[0.53] * 20) == pytest.approx(2 * (0.5 - JITTER_S), abs=0.03)
+
+
+def test_a_steady_delay_is_none_whatever_the_clock_says_nor_is_one_late_message():
+    assert counted(*[0.4] * 100) == 0.0
+    assert counted(*[0.03] * 50, 0.3, *[0.03] * 5) == 0.0
+
+
+def test_jitter_is_no_delay():
+    jitter_s = np.random.default_rng(2).uniform(0.02, 0.10, 400)
+    assert counted(*jitter_s) < 0.02
+
+
+def test_a_delay_that_lasts_is_taken_for_usual_after_minutes_and_one_that_ends_at_once():
+    lasting = [0.03] * 20 + [0.13] * 1000
+    assert counted(*lasting[:100]) > 0.1
+    assert counted(*lasting) < 0.1
+    assert counted(*lasting[:100], *[0.03] * 2) == 0.0
+
+
+def test_the_slowest_source_counts_and_no_backlog_for_more_than_a_second():
+    latency = Latency(LIMITS, ASSUMED_S)
+    came(latency, [0.03] * 100)
+    now_s = came(latency, np.linspace(0.03, 4.0, 100), source="laser")
+    assert latency.in_force_s(now_s) == ASSUMED_S + 2 * MOST_BACKLOG_S
+
+
+@pytest.mark.parametrize("set_by_s", [3600.0, -3600.0])
+def test_a_clock_that_is_set_is_no_delay(set_by_s):
+    latency = Latency(LIMITS, ASSUMED_S)
+    came(latency, [0.03] * 50)
+    now_s = came(latency, [0.03] * 50, begin_s=52.5, clock_s=3600.0 + set_by_s)
+    assert latency.in_force_s(now_s) == ASSUMED_S
+
+
+@pytest.mark.parametrize("source", ["odometry", "scan"])
+def test_the_gate_hears_of_messages_that_come_later_and_says_so(tiago, source):
+    for number in range(60):
+        tiago.now_s += 0.05
+        later_s = min(0.01 * number, 0.15)
+        for kind in ("odometry", "scan"):
+            tiago.clock_offset_s = -later_s if kind == source else 0.0
+            getattr(tiago, kind)()
+    verdict = tiago.decide(1.0)
+    assert verdict.code == "robot_late"
+    assert "the robot answers after 0.4" in verdict.text
+    assert 0.8 < verdict.velocity.vx < 0.9

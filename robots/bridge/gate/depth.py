@@ -32,6 +32,8 @@ NOISE_SIGMAS = 1.5  # of what noise along the ray leaves in the height
 ABOVE_CAMERA_M = 0.08  # the head's top, and a margin: what hangs higher than this is passed below
 CELL_M = 0.05
 HITS = 3  # in one cell; fewer are noise
+LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; shiny and dark floors are measured in parts
+LEAST_FLOOR_SHARE = 0.05  # of a picture; one with less floor within reach is not judged by it
 BEHIND_M = 0.10  # what is measured this far behind a place passed through it
 HEIGHTS = 4  # of a column that are looked at to see through it
 
@@ -46,6 +48,11 @@ class Lens(NamedTuple):
     fy: float
     cx: float
     cy: float
+
+    @property
+    def makes_sense(self) -> bool:
+        """Whether a camera can have it: one that nobody has calibrated tells zeros."""
+        return all(map(math.isfinite, self)) and self.fx > 0.0 and self.fy > 0.0
 
     @classmethod
     def seeing(cls, fov: float, width: int, height: int) -> Lens:
@@ -105,6 +112,8 @@ def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
     if image.encoding not in kinds:
         raise Malformed(f"its pictures are {image.encoding[:20]!r}, only 32FC1 and 16UC1 are understood")
     _check_size(image.width, image.height)
+    if not lens.makes_sense:
+        raise Malformed("its lens makes no sense")
     kind = np.dtype((">" if image.big_endian else "<") + kinds[image.encoding])
     if image.step < image.width * kind.itemsize:
         raise Malformed("the rows of its pictures are too short")
@@ -199,21 +208,50 @@ def top_m(to_base: Transform, height_m: float) -> float:
     return max(height_m, float(to_base[2, 3]) + ABOVE_CAMERA_M)
 
 
+def check_shown(picture: Picture, to_base: Transform) -> None:
+    """Malformed if of the floor that is within reach neither itself nor something before it is shown.
+
+    Else a covered lens, a picture of nothing but NaN, or a camera whose pose is wrong would be a free way.
+    """
+    per_metre = _rise(picture, to_base)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        to_floor = -float(to_base[2, 3]) / per_metre
+        floor = (to_floor > NEAREST_M) & (to_floor < FARTHEST_M)
+        depth_below = -(picture.ahead * per_metre + np.float32(to_base[2, 3]))
+        shown = floor & (picture.ahead > NEAREST_M) & (depth_below < _floor_error(picture.ahead))
+    expected = np.count_nonzero(floor)
+    if expected > LEAST_FLOOR_SHARE * floor.size and np.count_nonzero(shown) < LEAST_SHOWN_SHARE * expected:
+        raise Malformed("its pictures show neither the floor nor what stands on it")
+
+
 def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:
     """What stands above the floor and below the robot's own height, in cells of 5 cm with three hits at least."""
     ahead = picture.ahead
     turned = to_base.astype(np.float32)
-    per_metre = turned[2, 0] * picture.right + (turned[2, 1] * picture.down + turned[2, 2])[:, None]
     with np.errstate(invalid="ignore", over="ignore"):
-        height = ahead * per_metre + turned[2, 3]
-        floor = FLOOR_M + ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead)
-        hit = (height > floor) & (height < highest_m) & (ahead > NEAREST_M) & (ahead < FARTHEST_M)
+        height = ahead * _rise(picture, to_base) + turned[2, 3]
+        hit = (
+            (height > _floor_error(ahead)) & (height < highest_m) & (ahead > NEAREST_M) & (ahead < FARTHEST_M)
+        )
     hits = np.flatnonzero(hit)
     rows, columns = np.divmod(hits, ahead.shape[1])
     far, right, down = ahead.ravel()[hits], picture.right[columns], picture.down[rows]
     x = far * (turned[0, 0] * right + turned[0, 1] * down + turned[0, 2]) + turned[0, 3]
     y = far * (turned[1, 0] * right + turned[1, 1] * down + turned[1, 2]) + turned[1, 3]
     return _counted(x, y, height.ravel()[hits])
+
+
+def _rise(picture: Picture, to_base: Transform) -> Floats:
+    """How much higher each pixel's ray gets for each metre ahead."""
+    up = to_base[2].astype(np.float32)
+    rise: Floats = up[0] * picture.right + (up[1] * picture.down + up[2])[:, None]
+    return rise
+
+
+def _floor_error(ahead: Floats) -> Floats:
+    """How far from the floor what is measured of it may seem to be, metres."""
+    error: Floats = FLOOR_M + ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead)
+    return error
 
 
 def _counted(x: Floats, y: Floats, height: Floats) -> Columns:

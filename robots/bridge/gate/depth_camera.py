@@ -12,7 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.bridge.gate.depth import Columns, Floats, Picture, Transform, columns_of, seen_through, top_m
+from robots.bridge.gate.depth import (
+    Columns,
+    Floats,
+    Picture,
+    Transform,
+    check_shown,
+    columns_of,
+    seen_through,
+    top_m,
+)
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, Layer, Memory
@@ -40,7 +49,10 @@ class Frame(NamedTuple):
 
 
 def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
-    """All that needs no odometry. It is the costly part, and may be done on another thread."""
+    """All that needs no odometry; Malformed if the picture shows nothing. It is the costly part, and may be done on
+    another thread.
+    """
+    check_shown(picture, to_base)
     return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
 
 

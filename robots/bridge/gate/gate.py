@@ -138,6 +138,7 @@ class Gate:
             return False
         self._trail.add(stamp_s, pose, velocity)
         self._velocity = velocity
+        self.latency.arrived("odometry", stamp_s, arrival_s)
         self.latency.moved(velocity, arrival_s)
         return True
 
@@ -157,6 +158,7 @@ class Gate:
         if laser and laser.observe(
             stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
         ):
+            self.latency.arrived(source, stamp_s, arrival_s)
             self._memories[source].learn(self._trail, arrival_s)
             self._look_for_movers(laser)
 

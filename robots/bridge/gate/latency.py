@@ -4,6 +4,9 @@ Each time the commands change by enough, what the odometry did after it is set b
 accelerations would have done with these commands, each of them late by d; the d that fits best is one measurement. A
 base that is slower than its profile says counts as later, which errs on the safe side; one that does something else (a
 joystick in somebody's hand has the say, wheels slip) fits badly and is no measurement.
+
+Between two such changes a link may grow slow: every message still comes, one a period, but each of them later. That
+shows in the stamps, whatever the robot's clock says: arrival less stamp rises above the least that it was.
 """
 
 from __future__ import annotations
@@ -29,6 +32,13 @@ _CHANGE = (0.12, 0.30)  # m/s, rad/s: what is enough of a change
 _RESPONSE = (0.03, 0.08)  # m/s, rad/s: from here on the base has begun to obey
 _MISFIT = 0.2  # of the change: a worse fit is no measurement
 
+LATELY_S = 0.5  # of these the quickest message counts: one that is late by itself is jitter
+JITTER_S = 0.02  # of the quickest
+# Seconds a second: so slowly a lasting delay is taken for what is usual, and a clock that runs slow for one in step.
+ACCEPTED = 0.002
+MOST_BACKLOG_S = 1.0
+BOTH_WAYS = 2.0  # commands go the way that messages come
+
 Sample = tuple[float, float]  # seconds, m/s or rad/s
 
 
@@ -43,6 +53,11 @@ class Latency:
         )
         self._measured: deque[float] = deque(maxlen=KEPT)
         self._in_force_s = assumed_s
+        self._backlogs: dict[str, Backlog] = {}
+
+    def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
+        """Something new came from a source: odometry, or a laser."""
+        self._backlogs.setdefault(source, Backlog()).arrived(stamp_s, arrival_s)
 
     def sent(self, velocity: Velocity, now_s: float) -> None:
         """A twist was published."""
@@ -63,13 +78,45 @@ class Latency:
         return self._in_force_s if len(self._measured) >= ENOUGH else None
 
     def in_force_s(self, now_s: float) -> float:
-        """The latency to reckon with: measured, else assumed; longer while the robot lets us wait for longer."""
+        """The latency to reckon with: measured, else assumed; longer while the robot lets us wait for longer, and
+        while its messages come later than at best.
+        """
         waited_s = max(axis.waited_s(now_s) for axis in self._axes)
-        return max(self._in_force_s, min(waited_s, LONGEST_S))
+        later_s = max((backlog.later_s for backlog in self._backlogs.values()), default=0.0)
+        return max(self._in_force_s, min(waited_s, LONGEST_S)) + BOTH_WAYS * later_s
 
     def _from_measurements(self) -> float:
         late_s = float(np.quantile(self._measured, SHARE, method="higher")) + ADDED_S
         return max(late_s, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
+
+
+class Backlog:
+    """How much later than at best the messages of one source come, by their stamps."""
+
+    def __init__(self) -> None:
+        self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
+        self._best_s = math.inf
+        self._stamp_s = -math.inf
+
+    def arrived(self, stamp_s: float, arrival_s: float) -> None:
+        """Something new came. Stamps go back only where a clock was set."""
+        passed_s = arrival_s - self._lately[-1][0] if self._lately else 0.0
+        if stamp_s < self._stamp_s:
+            self._lately.clear()
+            self._best_s = math.inf
+        self._stamp_s = stamp_s
+        self._lately.append((arrival_s, arrival_s - stamp_s))
+        while arrival_s - self._lately[0][0] > LATELY_S:
+            self._lately.popleft()
+        self._best_s = min(self._best_s + ACCEPTED * max(passed_s, 0.0), arrival_s - stamp_s)
+
+    @property
+    def later_s(self) -> float:
+        """By how much even the quickest message of late came later than the best one, jitter apart."""
+        if not self._lately:
+            return 0.0
+        quickest_s = min(after_s for _, after_s in self._lately)
+        return min(max(quickest_s - self._best_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
 
 class _Axis:

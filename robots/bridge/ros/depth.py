@@ -105,9 +105,9 @@ class DepthTopics:
         """Camera info comes with each picture and stays the same."""
         if self._info is None:
             info = CameraInfo().deserialize(raw)
-            fx, fy = info.K[0], info.K[4]
-            if info.width > 0 and info.height > 0 and fx > 0.0 and fy > 0.0:
-                self._info = (info.width, info.height, Lens(fx, fy, info.K[2], info.K[5]))
+            lens = Lens(info.K[0], info.K[4], info.K[2], info.K[5])
+            if info.width > 0 and info.height > 0 and lens.makes_sense:
+                self._info = (info.width, info.height, lens)
 
     def _receive(self, raw: bytes) -> None:
         arrival_s = time.monotonic()
