@@ -12,6 +12,7 @@ import urllib.parse
 import urllib.request
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from itertools import count
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -24,6 +25,7 @@ from script.stack.stack import Account, Certificate
 
 RENEW_BEFORE_S = 3.0  # of the term's end
 DRIVE_PERIOD_S = 0.05
+ANSWER_S = 10.0
 _CSRF = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
 
 FromConsole = (
@@ -39,6 +41,9 @@ FromConsole = (
     | wire.View
 )
 _from_console = msgspec.json.Decoder(FromConsole)
+
+FromTopics = wire.Answer | wire.Shown | wire.BridgeGone | wire.Notice | wire.Pong
+_from_topics = msgspec.json.Decoder(FromTopics)
 
 
 class Console(Protocol):
@@ -88,6 +93,20 @@ def trust(console: Console) -> ssl.SSLContext | None:
     return ssl.create_default_context(cafile=str(console.certificate.authority))
 
 
+def open_socket(console: Console, path: str, cookie: str, port: int | None = None) -> connect:
+    """A WebSocket of the console, as a page of its own opens it."""
+    return connect(
+        f"{console.url.replace('http', 'ws', 1)}{path}",
+        origin=console.url,  # type: ignore[arg-type]
+        additional_headers={"Cookie": cookie},
+        compression=None,
+        ping_interval=None,
+        ssl=trust(console),
+        host=console.hosts[0],
+        port=port or console.port,
+    )
+
+
 class Driver:
     """One open control page: keeps what the console said last, draws nothing.
 
@@ -105,6 +124,7 @@ class Driver:
         self.control: wire.Control | None = None
         self.view: wire.View | None = None
         self.gone: wire.BridgeGone | None = None
+        self.offers: wire.Offers | None = None
         self.refused: list[wire.Refused] = []
         self.notices: list[wire.Notice] = []
         self.on_frame: Callable[[bytes], Any] | None = None  # every message as it comes
@@ -112,22 +132,13 @@ class Driver:
         self._console = console
         self._slug = slug
         self._cookie = cookie
-        self._port = port or console.port
+        self._port = port
+        self._answers: dict[tuple[str, int], asyncio.Future[wire.Accepted | wire.Refused]] = {}
         self._news = asyncio.Condition()
 
     async def __aenter__(self) -> Driver:
-        address = f"{self._console.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
-        headers = {"Cookie": self._cookie}
-        self.socket: ClientConnection = await connect(
-            address,
-            origin=self._console.url,  # type: ignore[arg-type]
-            additional_headers=headers,
-            compression=None,
-            ping_interval=None,
-            ssl=trust(self._console),
-            host=self._console.hosts[0],
-            port=self._port,
-        )
+        path = f"/ws/robots/{self._slug}/"
+        self.socket: ClientConnection = await open_socket(self._console, path, self._cookie, self._port)
         self._reader = asyncio.create_task(self._read())
         self._renewer = asyncio.create_task(self._renew())
         await self.send(wire.Hello(self.tab))
@@ -174,6 +185,17 @@ class Driver:
                 raise TimeoutError(f"{timeout_s:g} s of driving were not enough; {self.said_last()}")
             await self.drive(x, w, share)
             await asyncio.sleep(DRIVE_PERIOD_S)
+
+    async def order(self, order: wire.Order) -> wire.Accepted | wire.Refused:
+        """Send an order under the next number; returns its one answer."""
+        self.seq += 1
+        key = wire.kind_of(order), self.seq
+        answer = self._answers[key] = asyncio.get_running_loop().create_future()
+        try:
+            await self.send(msgspec.structs.replace(order, seq=self.seq))
+            return await asyncio.wait_for(answer, ANSWER_S)
+        finally:
+            del self._answers[key]
 
     async def stop(self) -> None:
         """Press the emergency stop."""
@@ -254,10 +276,20 @@ class Driver:
                 self.robot = message.robot
             case wire.BridgeGone():
                 self.gone = message
+            case wire.Accepted():
+                self._answered(message)
             case wire.Refused():
                 self.refused.append(message)
+                self._answered(message)
+            case wire.Offers():
+                self.offers = message
             case wire.Notice():
                 self.notices.append(message)
+
+    def _answered(self, message: wire.Accepted | wire.Refused) -> None:
+        answer = self._answers.get((message.of, message.seq or 0))
+        if answer is not None and not answer.done():
+            answer.set_result(message)
 
     async def _renew(self) -> None:
         """Ask for a fresh term before ours ends, as a page does."""
@@ -266,3 +298,97 @@ class Driver:
             remaining_s = self.control.remaining_s if self.fence and self.control else None
             if remaining_s is not None:
                 await self.send(wire.Renew())
+
+
+class Topics:
+    """One open connection to a robot's topics: keeps the newest message of each that it looks at.
+
+    async with Topics(stack, "tiago-1", cookie) as topics:
+        graph = await topics.ask(wire.ListTopics())
+        await topics.look("/mobile_base_controller/odom")
+        await topics.until(lambda: topics.shown)
+    """
+
+    def __init__(self, console: Console, slug: str, cookie: str) -> None:
+        self.shown: dict[str, wire.Shown] = {}
+        self.refused: list[wire.Refused] = []
+        self.gone: wire.BridgeGone | None = None
+        self._console = console
+        self._slug = slug
+        self._cookie = cookie
+        self._numbers = count(1)
+        self._answers: dict[int, asyncio.Future[wire.Answer]] = {}
+        self._news = asyncio.Condition()
+
+    async def __aenter__(self) -> Topics:
+        path = f"/ws/robots/{self._slug}/topics/"
+        self.socket: ClientConnection = await open_socket(self._console, path, self._cookie)
+        self._reader = asyncio.create_task(self._read())
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.socket.close()
+        self._reader.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._reader
+
+    async def ask(self, question: wire.Question) -> wire.Answer:
+        """Ask one question; returns its answer, which may be a refusal."""
+        seq = next(self._numbers)
+        answer = self._answers[seq] = asyncio.get_running_loop().create_future()
+        try:
+            await self._send(msgspec.structs.replace(question, seq=seq))
+            return await asyncio.wait_for(answer, ANSWER_S)
+        finally:
+            del self._answers[seq]
+
+    async def look(self, topic: str, rate_hz: float = 5.0) -> None:
+        """Look at a topic from now on."""
+        await self._send(wire.Look(topic, rate_hz))
+
+    async def look_away(self, topic: str) -> None:
+        """Look at it no more."""
+        await self._send(wire.Unlook(topic))
+        self.shown.pop(topic, None)
+
+    async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
+        """Wait until `condition()` is true; it is asked again after every message."""
+
+        async def become() -> None:
+            async with self._news:
+                await self._news.wait_for(condition)
+
+        try:
+            await asyncio.wait_for(become(), timeout_s)
+        except asyncio.TimeoutError:
+            raise TimeoutError(
+                f"Waited {timeout_s:g} s in vain; refused: {self.refused}; no bridge: {self.gone}"
+            ) from None
+
+    async def _send(self, message: msgspec.Struct) -> None:
+        await self.socket.send(wire.encode(message), text=True)
+
+    async def _read(self) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                message: FromTopics = _from_topics.decode(await self.socket.recv(decode=False))
+                if isinstance(message, wire.Shown):
+                    await self._send(wire.Ack())
+                async with self._news:
+                    self._keep(message)
+                    self._news.notify_all()
+
+    def _keep(self, message: FromTopics) -> None:
+        if isinstance(message, wire.Answer):
+            answer = self._answers.get(message.seq or 0)
+            if answer is not None and not answer.done():
+                answer.set_result(message)
+        match message:
+            case wire.Shown():
+                self.shown[message.topic] = message
+            case wire.Refused():
+                self.refused.append(message)
+            case wire.BridgeGone():
+                self.gone = message
