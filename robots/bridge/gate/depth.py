@@ -250,8 +250,9 @@ def _rise(picture: Picture, to_base: Transform) -> Floats:
 
 def _floor_error(ahead: Floats) -> Floats:
     """How far from the floor what is measured of it may seem to be, metres."""
-    error: Floats = FLOOR_M + ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead)
-    return error
+    return (ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead) + FLOOR_M).astype(
+        np.float32, copy=False
+    )
 
 
 def _counted(x: Floats, y: Floats, height: Floats) -> Columns:
