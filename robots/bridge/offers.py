@@ -22,21 +22,23 @@ class Catalogue:
         self._choices = choices
         self._announce = announce
         self._motions: dict[str, tuple[Sequence[wire.MotionOffer], str]] = {}  # by action
-        self._told: wire.Offers | None = None
+        self._asked = False
+        self._told = self.now()
+
+    def asked(self) -> None:
+        """Somebody wants to hear it, also if nothing has changed, once it was read again."""
+        self._asked = True
 
     def read(self, action: str, motions: Sequence[wire.MotionOffer], text: str) -> None:
         """The motions that an action of the robot's offers; why there is none."""
         self._motions[action] = (motions, text)
-        self.tell()
+        self.tell(self._asked)
+        self._asked = False
 
-    def asked(self) -> None:
-        """Tell also what has not changed, once it was read again."""
-        self._told = None
-
-    def tell(self) -> None:
-        """Tell what has changed."""
+    def tell(self, anyway: bool = False) -> None:
+        """Tell what is on offer, if it has changed or `anyway`."""
         offers = self.now()
-        if offers != self._told:
+        if anyway or offers != self._told:
             self._told = offers
             self._announce(offers)
 

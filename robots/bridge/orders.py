@@ -131,11 +131,11 @@ class Orders:
 
     def refresh(self) -> None:
         """Read again what the robot offers, and tell it."""
-        self.catalogue.asked()
         if "motions" in self.choices.uses:
+            self.catalogue.asked()
             self._performer.read_motions()
         else:
-            self.catalogue.tell()
+            self.catalogue.tell(anyway=True)
 
     def why_stand(self, now_s: float) -> Refusal | None:
         """Why the base must stand: a motion runs."""
@@ -156,6 +156,7 @@ class Orders:
         self._watch_speech(now_s)
         busy = {"speech": self.speaking.topic, "motions": self.motions.topic}
         self.choices.tick({use: topic for use, topic in busy.items() if topic is not None}, now_s)
+        self.catalogue.tell()
         self._move_head(sent, now_s)
 
     def stopped(self, by: str, now_s: float) -> None:

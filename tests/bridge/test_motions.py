@@ -4,7 +4,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.gate.values import STILL, SensorHealth, Velocity
-from robots.bridge.motions import recorded
+from robots.bridge.motions import offered, recorded
 from tests.bridge.support import Bench
 
 AHEAD = ((0.6, 0.0, 0.2),)
@@ -81,7 +81,10 @@ def test_what_cannot_be_recorded_is_not_done(bench):
     [
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s), "motion_running"),
+        (
+            lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s),
+            "motion_running",
+        ),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
         (lambda bench: bench.driving(), "base_moving"),
         (lambda bench: bench.gate.seen.append((0.6, 0.1)), "motion_blocked"),
@@ -269,3 +272,31 @@ def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
     assert bench.base.cancelled_goals == [goal_id]
     assert ends(bench, goal_id).text == "Cancelled by Sue Supervisor."
     assert bench.core.orders.cancel("motion", "Sue Supervisor").code == "no_motion"
+
+
+def test_motions_are_offered_in_the_robots_own_words_with_how_long_they_take():
+    points = [{"positions": [0.1], "time_from_start": 0.5}, {"positions": [0.2], "time_from_start": 3.25}]
+    meta = {"name": "Wave", "usage": "demo", "description": "Wave the hand"}
+    told = {
+        "wave": {"joints": ["a"], "points": points, "meta": meta},
+        "odd": {"joints": ["a"], "points": [], "meta": {"name": 5}},
+        "old": {"joints": ["a"], "points": points},
+    }
+    wave = wire.MotionOffer("wave", "Wave", "demo", "Wave the hand", 3.2)
+    assert offered(told) == [
+        wire.MotionOffer("odd", "odd"),
+        wire.MotionOffer("old", "old", duration_s=3.2),
+        wave,
+    ]
+    listed = {"wave": 0.0, "new": 2.0}
+    assert offered(told, listed) == [wire.MotionOffer("new", "new", duration_s=2.0), wave]
+    assert list(recorded(told, listed)) == ["new", "wave"]
+    assert recorded(told, listed)["new"] is None
+    assert offered(None) == []
+
+
+def test_an_older_word_of_the_motion_that_ended_is_nobody_elses_motion(bench):
+    goal_id = begun(bench)
+    ends(bench, goal_id, "succeeded")
+    bench.core.orders.motions.running("/play_motion", [goal_id], bench.now_s)
+    assert ask(bench, "nod") is None

@@ -126,3 +126,12 @@ async def test_every_order_gets_one_answer_with_its_number(door):
     answers = [report for report in link.reports if isinstance(report, wire.Accepted | wire.Refused)]
     assert [(answer.of, answer.seq) for answer in answers] == [("play", 0), ("play", 1), ("play", 2)]
     assert {answer.refusal.code for answer in answers} == {"robot_offline"}
+
+
+async def test_a_web_process_hears_what_the_robot_offers_at_once_and_again_when_it_asks(door, bench):
+    link = Wire(1)
+    door.opened(link)
+    assert [type(report) for report in link.reports] == [wire.BridgeHello, wire.Offers]
+    await door.received(link, wire.encode(wire.Refresh(seq=4)))
+    assert link.reports[-1] == wire.Accepted("refresh", 4)
+    assert bench.base.readings == 1

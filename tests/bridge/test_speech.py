@@ -1,8 +1,15 @@
 """What a robot is asked to say: one text at a time, on record, finished even when its holder goes."""
 
+import msgspec
 import pytest
 
-from robots.bridge.speech import LONGEST_CHARACTERS, why_not_speakable
+from robots import wire
+from robots.bridge.config import Allowed
+from robots.bridge.speech import LONGEST_CHARACTERS, Utterance, why_not_speakable, word_said
+from tests.bridge.support import CONFIG, Bench
+
+SECOND = Allowed("choose", "/second_tts", "pal_interaction_msgs/TtsAction", "speech")
+ALLOWING = msgspec.structs.replace(CONFIG, allowed=(SECOND,))
 
 
 @pytest.mark.parametrize(
@@ -27,3 +34,282 @@ def test_a_text_that_is_too_long_is_refused_with_both_lengths():
 def test_control_characters_are_refused_with_their_place(character):
     refusal = why_not_speakable(f"one{character}two")
     assert (refusal.code, refusal.figures) == ("control_characters", {"position": 3})
+
+
+# --- what becomes of a text that is asked for --------------------------------------------------------
+
+
+@pytest.fixture
+def bench():
+    bench = Bench(config=ALLOWING).online()
+    bench.granted().pass_time(0.3)
+    return bench
+
+
+def ask(bench, text="Hola a todos", topic=None, fence=1, language="es-ES"):
+    """The answers so far."""
+    answers = []
+    order = wire.Say(fence, text, language, topic)
+    bench.core.orders.take(order, 1, bench.now_s, answers.append)
+    return answers
+
+
+def settled(bench):
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+
+
+def begun(bench, text="Hola a todos"):
+    """The robot says it; the id of the goal."""
+    answers = ask(bench, text)
+    settled(bench)
+    assert answers == [None]
+    goal_id, said = bench.base.said[-1]
+    assert said.text == text
+    told(bench, {goal_id: "speaking"})
+    return goal_id
+
+
+def told(bench, goals, topic="/tts"):
+    bench.core.orders.speaking.running(topic, goals, bench.now_s)
+
+
+def passes(bench, goal_id, seconds):
+    """Time in which the robot speaks of the goal."""
+    for _ in range(round(seconds / 0.1)):
+        told(bench, {goal_id: "speaking"})
+        bench.pass_time(0.1)
+
+
+def ends(bench, goal_id, outcome="done", text=""):
+    bench.core.orders.speaking.ended(goal_id, outcome, text, bench.now_s)
+    bench.recorded()
+    kind, end = bench.sink.records[-1]
+    assert kind == "speech.end"
+    return end
+
+
+def shown(bench):
+    return bench.core.state(bench.now_s, []).speech
+
+
+def test_it_is_said_and_answered_once_it_is_on_record_and_its_end_is_recorded(bench):
+    bench.sink.open.clear()
+    answers = ask(bench)
+    bench.core.tick(bench.now_s)
+    assert (answers, bench.base.said) == ([], [])
+    bench.sink.open.set()
+    settled(bench)
+    assert answers == [None]
+    [(goal_id, said)] = bench.base.said
+    assert said == Utterance("Hola a todos", "es-ES", "/tts")
+    passes(bench, goal_id, 3.0)
+    end = ends(bench, goal_id)
+    assert (end.outcome, end.text) == ("done", "")
+    assert end.duration_s == pytest.approx(3.0, abs=0.1)
+    assert bench.sink.records[0] == (
+        "speech.start",
+        {"text": "Hola a todos", "language": "es-ES", "topic": "/tts"},
+    )
+    assert bench.base.cancelled_goals == []
+
+
+def test_what_cannot_be_recorded_is_not_said_and_that_is_the_answer(bench):
+    bench.sink.fails = "disk full"
+    answers = ask(bench)
+    settled(bench)
+    assert [refusal.code for refusal in answers] == ["not_recorded"]
+    assert bench.base.said == []
+    bench.sink.fails = None
+    assert begun(bench)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "text", "code"),
+    [
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "hola", "no_lease"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "hola", "stopped"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "hola", "robot_offline"),
+        (lambda bench: told(bench, {"other": "speaking"}), "hola", "speaking"),
+        (lambda bench: bench.core.orders.choices.surveyed({}, bench.now_s), "hola", "no_listener"),
+        (lambda bench: None, "", "empty_text"),
+    ],
+)
+def test_a_text_that_must_not_be_said_is_refused_and_not_recorded(bench, spoil, text, code):
+    spoil(bench)
+    [refusal] = ask(bench, text)
+    assert refusal.code == code
+    settled(bench)
+    assert bench.base.said == []
+    assert "speech.start" not in bench.sink.kinds
+
+
+def test_a_robot_without_a_voice_says_so():
+    topics = msgspec.structs.replace(CONFIG.topics, speech=None)
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics)).online().granted()
+    [refusal] = ask(bench)
+    assert refusal.code == "not_offered"
+
+
+def test_a_second_text_is_refused_with_who_says_what(bench):
+    begun(bench)
+    [refusal] = ask(bench, "y otra vez")
+    assert refusal.code == "speaking"
+    assert refusal.figures == {"who": "Ann", "text": "Hola a todos"}
+
+
+def test_it_may_be_said_while_the_robot_drives(bench):
+    bench.driving()
+    assert begun(bench)
+
+
+def test_pages_see_how_far_it_is(bench):
+    answers = ask(bench)
+    settled(bench)
+    goal_id, _ = bench.base.said[-1]
+    assert answers == [None]
+    assert shown(bench).status == "sent"
+    told(bench, {goal_id: "accepted"})
+    assert shown(bench).status == "accepted"
+    bench.pass_time(0.5)
+    told(bench, {goal_id: "speaking"})
+    bench.core.orders.speaking.said(goal_id, "Hola a", bench.now_s)
+    assert shown(bench) == wire.Speech(
+        number=1, text="Hola a todos", language="es-ES", topic="/tts", who="Ann", status="speaking",
+        since_s=0.5, word=(5, 6),
+    )  # fmt: skip
+    ends(bench, goal_id)
+    state = bench.core.state(bench.now_s, [])
+    assert (state.speech, state.speech_ended) == (None, wire.SpeechEnd(1, "done", ""))
+
+
+def test_its_holder_cancels_it_by_its_goals_id(bench):
+    assert bench.order(wire.SayCancel(1)).code == "no_speech"
+    goal_id = begun(bench)
+    assert bench.order(wire.SayCancel(2)).code == "unknown_fence"
+    assert bench.order(wire.SayCancel(1)) is None
+    assert bench.base.cancelled_goals == [goal_id]
+    end = ends(bench, goal_id, "cancelled", "the robot's own words")
+    assert (end.outcome, end.text) == ("cancelled", "Its holder cancelled it.")
+
+
+def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
+    goal_id = begun(bench)
+    assert bench.core.orders.cancel("speech", "Sue Supervisor") is None
+    assert ends(bench, goal_id, "cancelled").text == "Cancelled by Sue Supervisor."
+
+
+def test_the_stop_ends_it(bench):
+    goal_id = begun(bench)
+    bench.core.stop("Bob", "", bench.now_s)
+    assert bench.base.cancelled_goals == [goal_id]
+    assert ends(bench, goal_id, "cancelled").outcome == "stopped"
+
+
+def test_a_text_whose_holder_goes_is_said_to_its_end(bench):
+    goal_id = begun(bench)
+    bench.core.link_lost(1, bench.now_s)
+    passes(bench, goal_id, 3.0)
+    bench.core.revoke(1, "over", bench.now_s)
+    passes(bench, goal_id, 1.0)
+    assert bench.base.cancelled_goals == []
+    assert ends(bench, goal_id).outcome == "done"
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda bench: bench.core.revoke(1, "over", bench.now_s),
+        lambda bench: bench.core.stop("Bob", "", bench.now_s),
+        lambda bench: bench.order(wire.SayCancel(1)),
+        lambda bench: setattr(bench.base, "listeners", 0),
+    ],
+)
+def test_what_comes_in_between_request_and_record_keeps_it_from_being_said(bench, spoil):
+    bench.sink.open.clear()
+    ask(bench)
+    spoil(bench)
+    bench.sink.open.set()
+    settled(bench)
+    bench.recorded()
+    assert bench.base.said == []
+    assert bench.sink.kinds == ["speech.start", "speech.end"]
+
+
+def test_a_text_of_which_the_robot_never_speaks_is_given_up(bench):
+    goal_id = begun(bench)
+    bench.pass_time(2.2)
+    bench.recorded()
+    assert bench.base.cancelled_goals == [goal_id]
+    assert bench.sink.records[-1][1].outcome == "unheard"
+    assert shown(bench) is None
+
+
+def test_a_plain_topic_tells_nothing_and_the_next_text_may_follow_at_once(bench):
+    bench.base.tells = False
+    answers = ask(bench)
+    settled(bench)
+    bench.recorded()
+    assert answers == [None]
+    assert bench.sink.records[-1][1].outcome == "sent"
+    assert ask(bench, "y otra vez") == []
+
+
+def test_the_end_of_the_bridge_lets_it_speak_and_puts_that_on_record(bench):
+    begun(bench)
+    bench.core.close(bench.now_s)
+    bench.recorded()
+    assert bench.base.cancelled_goals == []
+    assert bench.sink.records[-1][1].outcome == "unheard"
+
+
+def test_an_older_word_of_the_text_that_ended_is_nobody_elses_text(bench):
+    goal_id = begun(bench)
+    ends(bench, goal_id)
+    told(bench, {goal_id: "speaking"})
+    assert begun(bench, "y otra vez")
+
+
+def test_a_text_may_go_to_the_topic_that_an_earlier_one_went_to(bench):
+    [refusal] = ask(bench, topic="/other_tts")
+    assert refusal.code == "not_allowed"
+    answers = ask(bench, topic="/second_tts")
+    settled(bench)
+    assert answers == [None]
+    assert bench.base.said == []  # it is being connected
+    bench.core.tick(bench.now_s)
+    assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
+    bench.core.orders.choices.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
+    bench.core.tick(bench.now_s)
+    [(goal_id, said)] = bench.base.said
+    assert said.topic == "/second_tts"
+    ends(bench, goal_id)
+    bench.core.tick(bench.now_s)
+    assert bench.base.attended[-1] == ("speech", {"/tts"})
+    assert bench.core.state(bench.now_s, []).chosen == {}
+
+
+def test_a_text_whose_topic_cannot_be_connected_is_given_up(bench):
+    ask(bench, topic="/second_tts")
+    settled(bench)
+    bench.pass_time(2.2)
+    bench.recorded()
+    assert bench.base.said == []
+    assert bench.sink.records[-1][1].outcome == "unheard"
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "after", "word"),
+    [
+        ("hello lab", "hello", 0, (0, 5)),
+        ("hello  lab", "hello lab", 0, (7, 10)),
+        ("no no no", "no no", 2, (3, 5)),
+        ("no no no", "no", 2, (3, 5)),  # robots that tell only the newest word
+        ("one, two", "two", 4, (5, 8)),
+        ("hello lab", "", 0, None),
+        ("hello lab", "elsewhere", 0, None),
+        ("Ho a to", "ho a", 0, (3, 4)),  # which spell it their way
+    ],
+)
+def test_the_word_that_is_spoken_is_found_in_the_text(text, said, after, word):
+    assert word_said(text, said, after) == word

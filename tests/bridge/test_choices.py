@@ -1,0 +1,306 @@
+"""Input goes where its holder chose: what the allow-list has, of the right type, stopped first, for a while."""
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge.choices import PARTING_S
+from robots.bridge.config import Allowed
+from robots.bridge.gate.values import STILL, Velocity
+from tests.bridge.support import CONFIG, Bench
+
+TTS, PLAY, TWIST = (
+    "pal_interaction_msgs/TtsAction",
+    "play_motion_msgs/PlayMotionAction",
+    "geometry_msgs/Twist",
+)
+ALLOWED = (
+    Allowed("choose", "/phone_vel", TWIST, "drive"),
+    Allowed("choose", "/nav_vel", TWIST, "drive", role="supervisor"),
+    Allowed("choose", "/second_tts", TTS, "speech"),
+    Allowed("choose", "/second_play", PLAY, "motions"),
+    Allowed("publish", "/notes", "std_msgs/String"),
+)
+LISTENED = {
+    "/key_vel": TWIST,
+    "/phone_vel": TWIST,
+    "/nav_vel": "geometry_msgs/TwistStamped",
+    "/tts/goal": f"{TTS}Goal",
+    "/second_tts/goal": f"{TTS}Goal",
+    "/play_motion/goal": f"{PLAY}Goal",
+    "/second_play/goal": f"{PLAY}Goal",
+}
+
+
+@pytest.fixture
+def bench():
+    bench = Bench(config=msgspec.structs.replace(CONFIG, allowed=ALLOWED)).online()
+    bench.core.orders.choices.surveyed(LISTENED, bench.now_s)
+    bench.base.sweeps = {"nod": ()}
+    bench.granted().pass_time(0.3)
+    return bench
+
+
+def ask(bench, use, topic, fence=1):
+    """The answers so far."""
+    answers = []
+    bench.core.orders.take(wire.Choose(fence, use, topic), 1, bench.now_s, answers.append)
+    return answers
+
+
+def settled(bench):
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+
+
+def connects(bench):
+    """The robot's topics that were asked for last are connected."""
+    use, topics = bench.base.attended[-1]
+    bench.core.orders.choices.attended(use, topics, bench.now_s)
+
+
+def choose(bench, use, topic):
+    answers = ask(bench, use, topic)
+    settled(bench)
+    if not answers:
+        connects(bench)
+    assert answers == [None]
+
+
+def chosen(bench):
+    return bench.core.state(bench.now_s, []).chosen
+
+
+def test_a_chosen_topic_is_on_record_then_connected_then_takes_the_input(bench):
+    bench.sink.open.clear()
+    answers = ask(bench, "speech", "/second_tts")
+    bench.core.tick(bench.now_s)
+    assert bench.base.attended == []
+    bench.sink.open.set()
+    settled(bench)
+    assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
+    assert (answers, chosen(bench)) == ([], {})
+    connects(bench)
+    assert (answers, chosen(bench)) == ([None], {"speech": "/second_tts"})
+    assert bench.sink.records == [
+        ("topic.choose", {"use": "speech", "from": "/tts", "to": "/second_tts"}),
+    ]
+    bench.order(wire.LookAhead(1))
+    bench.core.orders.take(wire.Say(1, "hola", "es-ES"), 1, bench.now_s, answers.append)
+    settled(bench)
+    assert bench.base.said[-1][1].topic == "/second_tts"
+
+
+def test_a_motion_is_performed_by_the_chosen_action_and_cancelled_there(bench):
+    choose(bench, "motions", "/second_play")
+    assert bench.order(wire.Play(1, "nod")) is None
+    settled(bench)
+    assert bench.sink.records[-1] == ("motion.start", {"motion": "nod", "topic": "/second_play"})
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.core.tick(bench.now_s)
+    assert chosen(bench) == {}
+    assert ("motions", {"/play_motion"}) not in bench.base.attended  # its cancel must still get there
+    [(goal_id, _)] = bench.base.played
+    bench.core.orders.motions.ended(goal_id, "cancelled", "", bench.now_s)
+    bench.core.tick(bench.now_s)
+    assert bench.base.attended[-1] == ("motions", {"/play_motion"})
+
+
+def test_the_old_drive_topic_gets_its_zero_before_the_new_one_gets_anything(bench):
+    choose(bench, "drive", "/phone_vel")
+    [(topic, sent)] = bench.base.switched
+    assert topic == "/phone_vel"
+    assert bench.base.sent[sent - 1] == STILL
+    assert bench.core.state(bench.now_s, []).neutral_needed == "input goes to /phone_vel now"
+    assert bench.stick(0.5).code == "neutral_needed"
+    bench.stick(0.0)
+    bench.driving()
+
+
+@pytest.mark.parametrize(
+    ("use", "topic", "code"),
+    [
+        ("drive", "/mobile_base_controller/cmd_vel", "not_allowed"),
+        ("drive", "/second_tts", "not_allowed"),
+        ("speech", "/notes", "not_allowed"),
+        ("drive", "/nav_vel", "wrong_type"),
+    ],
+)
+def test_what_may_not_be_chosen_is_refused_and_not_recorded(bench, use, topic, code):
+    [refusal] = ask(bench, use, topic)
+    assert refusal.code == code
+    settled(bench)
+    assert bench.sink.kinds == []
+    assert bench.base.attended == []
+
+
+def test_a_topic_that_nobody_listens_to_is_refused(bench):
+    bench.core.orders.choices.surveyed(LISTENED | {"/phone_vel": "x/Y"}, bench.now_s)
+    [refusal] = ask(bench, "drive", "/phone_vel")
+    assert refusal.text == "/phone_vel is x/Y on the robot; needed is geometry_msgs/Twist."
+    bench.core.orders.choices.surveyed({}, bench.now_s)
+    [refusal] = ask(bench, "motions", "/second_play")
+    assert (refusal.code, refusal.text) == (
+        "no_listener",
+        "Nothing on the robot listens to /second_play/goal.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.driving(), "base_moving"),
+        (lambda bench: bench.odometry(Velocity(0.1, 0.0, 0.0)), "base_moving"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+    ],
+)
+def test_a_drive_topic_is_changed_by_its_holder_while_the_base_stands_and_at_no_other_time(
+    bench, spoil, code
+):
+    spoil(bench)
+    [refusal] = ask(bench, "drive", "/phone_vel")
+    assert refusal.code == code
+    assert bench.base.switched == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.odometry(Velocity(0.1, 0.0, 0.0)), "base_moving"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+    ],
+)
+@pytest.mark.parametrize("stage", ["recording", "connecting"])
+def test_what_comes_in_between_keeps_it_from_being_changed(bench, spoil, code, stage):
+    answers = ask(bench, "drive", "/phone_vel")
+    if stage == "connecting":
+        settled(bench)
+    spoil(bench)
+    settled(bench)
+    if stage == "connecting":
+        bench.core.orders.choices.attended("drive", {"/key_vel", "/phone_vel"}, bench.now_s)
+    assert [refusal.code for refusal in answers] == [code]
+    assert (bench.base.switched, chosen(bench)) == ([], {})
+
+
+def test_a_choice_that_cannot_be_recorded_is_not_made(bench):
+    bench.sink.fails = "disk full"
+    answers = ask(bench, "speech", "/second_tts")
+    settled(bench)
+    assert [refusal.code for refusal in answers] == ["not_recorded"]
+    assert bench.base.attended == []
+
+
+def test_the_newest_of_two_choices_counts_and_both_are_answered(bench):
+    first, second = ask(bench, "drive", "/phone_vel"), ask(bench, "drive", "/phone_vel")
+    assert [refusal.code for refusal in first] == ["overtaken"]
+    settled(bench)
+    connects(bench)
+    assert second == [None]
+
+
+def test_one_press_goes_back_to_the_default_also_where_nobody_listens(bench):
+    choose(bench, "speech", "/second_tts")
+    bench.core.orders.choices.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
+    choose(bench, "speech", None)
+    assert chosen(bench) == {}
+    bench.core.tick(bench.now_s)
+    assert bench.base.attended[-1] == ("speech", {"/tts"})
+
+
+def test_what_is_chosen_already_is_chosen_without_ado(bench):
+    choose(bench, "drive", "/key_vel")
+    choose(bench, "drive", None)
+    assert (bench.sink.kinds, bench.base.switched) == ([], [])
+
+
+def test_a_chosen_topic_that_vanishes_halts_the_base_and_input_goes_to_the_default_again(bench):
+    choose(bench, "drive", "/phone_vel")
+    bench.stick(0.0)
+    bench.driving()
+    left = {name: kind for name, kind in LISTENED.items() if name != "/phone_vel"}
+    bench.core.orders.choices.surveyed(left, bench.now_s)
+    topic, sent = bench.base.switched[-1]
+    assert (topic, bench.base.sent[sent - 1]) == ("/key_vel", STILL)
+    state = bench.core.state(bench.now_s, [])
+    assert state.chosen == {}
+    assert state.neutral_needed == "/phone_vel is gone: input goes to /key_vel again"
+
+
+def test_choices_end_with_control_and_a_rolling_base_gets_its_zeros_where_it_got_its_speed(bench):
+    choose(bench, "speech", "/second_tts")
+    choose(bench, "drive", "/phone_vel")
+    bench.stick(0.0)
+    bench.driving()
+    bench.odometry(Velocity(0.3, 0.0, 0.0))
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.pass_time(0.2)
+    assert chosen(bench) == {"drive": "/phone_vel"}
+    assert bench.last == STILL
+    bench.odometry(STILL)
+    bench.pass_time(0.4)
+    assert chosen(bench) == {}
+    assert [topic for topic, _ in bench.base.switched] == ["/phone_vel", "/key_vel"]
+
+
+def test_a_base_of_which_nothing_is_known_gets_zeros_for_a_while_and_no_longer(bench):
+    choose(bench, "drive", "/phone_vel")
+    bench.odometry(Velocity(0.3, 0.0, 0.0))
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.pass_time(PARTING_S + 0.2)
+    assert chosen(bench) == {}
+
+
+def test_pages_are_told_what_may_be_chosen(bench):
+    offers = bench.core.orders.catalogue.now()
+    assert offers.uses["drive"] == wire.UseOffer(
+        "/key_vel", TWIST, {"/phone_vel": "operator", "/nav_vel": "supervisor"}
+    )
+    assert offers.uses["speech"] == wire.UseOffer("/tts", TTS, {"/second_tts": "operator"})
+    assert offers.languages == ["en-GB", "es-ES"]
+    assert offers.publishable == {"/notes": "std_msgs/String"}
+
+
+# --- offers ------------------------------------------------------------------------------------------
+
+NOD = wire.MotionOffer("nod", "Nod", "demo", "", 1.5)
+
+
+def told(bench):
+    return [report for report in bench.told if isinstance(report, wire.Offers)]
+
+
+def test_motions_are_told_when_they_changed_and_when_somebody_asks(bench):
+    read = bench.core.orders.catalogue.read
+    assert bench.core.orders.catalogue.now().motions_text == "The robot's motions have not been read yet."
+    read("/play_motion", [NOD], "")
+    read("/play_motion", [NOD], "")
+    assert [offers.motions for offers in told(bench)] == [[NOD]]
+    bench.core.orders.refresh()
+    assert bench.base.readings == 1
+    read("/play_motion", [NOD], "")
+    assert len(told(bench)) == 2
+    read("/play_motion", [], "/play_motion offers no motions.")
+    assert told(bench)[-1].motions_text == "/play_motion offers no motions."
+
+
+def test_motions_are_those_of_the_chosen_action(bench):
+    bench.core.orders.catalogue.read("/play_motion", [NOD], "")
+    wave = wire.MotionOffer("wave", "Wave")
+    choose(bench, "motions", "/second_play")
+    bench.core.orders.catalogue.read("/second_play", [wave], "")
+    assert told(bench)[-1].motions == [wave]
+    choose(bench, "motions", None)
+    bench.core.tick(bench.now_s)
+    assert told(bench)[-1].motions == [NOD]
+
+
+def test_a_robot_without_motions_tells_that_when_asked():
+    topics = msgspec.structs.replace(CONFIG.topics, motions=None, speech=None)
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics))
+    bench.core.orders.refresh()
+    [offers] = told(bench)
+    assert (offers.motions_text, offers.languages) == ("This robot has no recorded motions.", [])
+    assert list(offers.uses) == ["drive"]
