@@ -72,7 +72,8 @@ async def round_of(stack: Stack, victims: list[str], pause_s: float) -> None:
         if timing.still_s > STANDSTILL_S:
             raise RuleBrokenError(f"the base stood only after {timing.still_s:.2f} s")
         scene.observer.forget()
-        await asyncio.to_thread(mend, stack, victims)
+        revive(stack, victims)
+        await asyncio.to_thread(stack.wait_ready, READY_S)
         await asyncio.sleep(SETTLED_S)
         fastest = max((abs(seen.w) + abs(seen.vx) for seen in scene.observer.odometry), default=0.0)
         if fastest > STILL_RADPS:
@@ -93,7 +94,7 @@ def kill(stack: Stack, scene: Scene, victim: str) -> None:
                 os.kill(bridge, signal.SIGKILL)
 
 
-def mend(stack: Stack, victims: list[str]) -> None:
+def revive(stack: Stack, victims: list[str]) -> None:
     """Start again what does not start itself. The robot starts with its master, as a real one does."""
     robot = stack.robots[ROBOT]
     if "master" in victims:
@@ -106,7 +107,6 @@ def mend(stack: Stack, victims: list[str]) -> None:
     if "web" in victims:
         stack.release(stack.web)
         stack.start_web()
-    stack.wait_ready(READY_S)
 
 
 if __name__ == "__main__":

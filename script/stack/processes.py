@@ -14,6 +14,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
@@ -50,6 +51,8 @@ class Child:
         log: Path | None = None,
         fds: Sequence[int] = (),
     ) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            raise RuntimeError(f"{name} would end with the thread that starts it: start it from the main thread")
         self.name = name
         self.log = log
         with log.open("ab") if log else nullcontext() as output:
