@@ -745,6 +745,7 @@ class Called(Struct, frozen=True, tag_field="t", tag="called"):
     service: str
     fields: dict[str, Any]
     seq: int = 0
+    shortened: list[str] = []  # as in `Shown`
 
 
 Answer = Graph | Described | Parameters | Parameter | Called | Refused

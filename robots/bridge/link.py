@@ -49,6 +49,7 @@ class Link:
         self._socket = socket
         self._reports: deque[bytes] = deque()
         self._view: bytes | None = None
+        self._seen: dict[str, bytes] = {}
         self._news = asyncio.Event()
         self._ending = False
 
@@ -66,13 +67,18 @@ class Link:
         self._view = view
         self._news.set()
 
+    def see(self, topic: str, seen: bytes) -> None:
+        """Make `seen`, a whole report, the next that is said of `topic`; an older one not yet sent is dropped."""
+        self._seen[topic] = seen
+        self._news.set()
+
     def end(self) -> None:
         """Close, after what was reported before."""
         self._ending = True
         self._news.set()
 
     async def write(self) -> None:
-        """Send reports, then the newest view, for as long as the link lives."""
+        """Send reports, then the newest view, then what is seen of topics, for as long as the link lives."""
         while True:
             await self._news.wait()
             self._news.clear()
@@ -84,6 +90,9 @@ class Link:
             if self._view is not None:
                 view, self._view = self._view, None
                 await self._socket.send(view)
+            if self._seen:
+                await self._socket.send(self._seen.pop(next(iter(self._seen))), text=True)
+                self._news.set()  # whatever else came meanwhile goes first
 
 
 class LinkServer:

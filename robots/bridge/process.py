@@ -10,7 +10,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from msgspec import Struct
@@ -20,6 +19,7 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
+from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.link import LinkServer
 from robots.bridge.reception import Reception
@@ -40,17 +40,6 @@ EXIT_ALREADY_RUNNING = 3
 EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
 
 
-class _Mute:
-    """Publishes nothing."""
-
-    def check(self, order: wire.Publish, then: Callable[[wire.Refusal | None, float], None]) -> None:
-        then(wire.Refusal("not_offered", "This robot does not do that.", "robot"), time.monotonic())
-
-    def publish(self, order: wire.Publish) -> None: ...
-
-    def publish_stop(self, topic: str) -> None: ...
-
-
 class Bridge:
     """Everything of one bridge process."""
 
@@ -61,9 +50,12 @@ class Bridge:
         gate = Gate(config.gate)
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000
-        self._core = Core(config, self._base, gate, self._drives, left, self._announce, _Mute(), stops_before)
+        self._inspection = Inspection(config, self._publishing_lost)
+        self._core = Core(
+            config, self._base, gate, self._drives, left, self._announce, self._inspection, stops_before
+        )
         self._leasing = Leasing(self._core, store, left.fence)
-        door = Reception(self._core, self._leasing)
+        door = Reception(self._core, self._leasing, self._inspection)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed)
         self._ended = asyncio.Event()
         self._exit_code = 0
@@ -89,7 +81,10 @@ class Bridge:
             now_s = time.monotonic()
             self._core.close(now_s)
             self._base.stop()
-            await asyncio.to_thread(self._drives.close, now_s)  # after it, no record calls the loop
+            await asyncio.gather(
+                self._inspection.close(),
+                asyncio.to_thread(self._drives.close, now_s),  # after it, no record calls the loop
+            )
             await self._links.close()
             self._leasing.close()
         return self._exit_code
@@ -117,7 +112,15 @@ class Bridge:
         self._view(_VIEW_LATEST_S)
         state = self._state(now_s)
         watchers = (*state.watchers, state.watchers_more)
-        key = (state.phase, state.text, state.stop, state.fence, state.neutral_needed, watchers)
+        key = (
+            state.phase,
+            state.text,
+            state.stop,
+            state.fence,
+            state.neutral_needed,
+            watchers,
+            _under_way(state),
+        )
         if key != self._last_key or count % _STATUS_TICKS == 0:
             self._last_key = key
             self._announce(wire.Status(state))
@@ -155,6 +158,9 @@ class Bridge:
         os.set_blocking(lifeline, False)
         loop.add_reader(lifeline, self._lifeline, lifeline)
 
+    def _publishing_lost(self) -> None:
+        self._core.orders.publishings.halt("inspector ended", time.monotonic())
+
     def _name_lost(self) -> None:
         self._exit_code = EXIT_NAME_LOST
         self._ended.set()
@@ -166,6 +172,13 @@ class Bridge:
             log.info("the supervisor is gone: stopping")
             asyncio.get_running_loop().remove_reader(lifeline)
             self._ended.set()
+
+
+def _under_way(state: wire.State) -> tuple[object, ...]:
+    """What of the state besides driving must be told at once."""
+    motion = state.motion and state.motion.name
+    speech = state.speech and (state.speech.number, state.speech.status, state.speech.word)
+    return motion, state.motion_ended, speech, state.speech_ended, state.chosen, state.publishing
 
 
 def run(config: BridgeConfig, sink: RecordSink) -> int:

@@ -14,6 +14,7 @@ from functools import partial
 from robots import wire
 from robots.bridge.core import Core
 from robots.bridge.flood import Budget
+from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.link import Link
 
@@ -29,9 +30,10 @@ _FLOOD = wire.Refusal(
 class Reception:
     """The door of one bridge."""
 
-    def __init__(self, core: Core, leasing: Leasing) -> None:
+    def __init__(self, core: Core, leasing: Leasing, inspection: Inspection) -> None:
         self._core = core
         self._leasing = leasing
+        self._inspection = inspection
         self._drives: dict[Link, Budget] = {}
         self._answered: dict[str, float] = {}  # when, by code
 
@@ -45,6 +47,7 @@ class Reception:
         """A web process is gone: what was controlled through it stops."""
         del self._drives[link]
         self._leasing.forget(link)
+        self._inspection.forget(link)
         self._core.link_lost(link.number, time.monotonic())
 
     async def received(self, link: Link, raw: bytes) -> None:
@@ -77,6 +80,10 @@ class Reception:
             case wire.Refresh():
                 self._answer(link, message, None)
                 self._core.orders.refresh()
+            case wire.Inspect():
+                self._inspection.ask(link, message)
+            case wire.LookAt(topics=topics):
+                self._inspection.look_at(link, topics)
             case wire.LinkCancel():
                 self._answer(link, message, self._core.orders.cancel(message.what, message.by))
             case order if isinstance(order, wire.Order):

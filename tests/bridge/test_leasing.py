@@ -10,6 +10,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import LinkAddress
+from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.link import LinkServer
 from robots.bridge.reception import Reception
@@ -152,7 +153,7 @@ async def test_a_number_that_cannot_be_written_is_not_given(leasing, core, disk)
 
 
 async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(leasing, core, disk, tmp_path):
-    door = Reception(core, leasing)
+    door = Reception(core, leasing, Inspection(core.config, lambda: None))
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 
 from robots import wire
+from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.reception import DRIVES_AT_ONCE, REFUSAL_GAP_S, Reception
 from robots.bridge.store import Store
@@ -26,7 +27,7 @@ def bench():
 @pytest.fixture
 def door(bench, tmp_path):
     leasing = Leasing(bench.core, Store(tmp_path, "robot"), 0)
-    yield Reception(bench.core, leasing)
+    yield Reception(bench.core, leasing, Inspection(bench.core.config, lambda: None))
     leasing.close()
 
 

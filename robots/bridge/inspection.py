@@ -1,0 +1,348 @@
+"""The bridge's way to its inspector: a process that is there only while somebody looks, asks or publishes.
+
+Questions and looks of all links go in, answers and messages come out and are handed to the links that wanted them. All
+of it is bytes in a pipe: the control loop decodes no message of the robot's, and waits for nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any, Protocol
+
+import msgspec
+from msgspec import Struct
+
+from robots import wire
+from robots.bridge.config import BridgeConfig
+from robots.wire import Refusal
+
+log = logging.getLogger(__name__)
+
+COMMAND = (sys.executable, "-m", "robots.bridge.ros.inspector")
+LINGER_S = 60.0  # an inspector that nobody needs ends after this
+ANSWER_S = 2.0  # a question is answered within this, or refused
+START_S = 10.0  # the same, while the process still starts
+SILENCE_S = 1.0  # a publishing ends within this, or the process does
+RESTART_S = (1.0, 10.0)  # the pause before another process, doubled while none lives for as long
+END_S = 2.0  # after its stdin was closed
+MOST_ASKED = 32  # questions of one link under way
+MOST_UNSENT = 200  # requests, while there is no process
+LARGEST_LINE = 4 * 1024 * 1024  # bytes
+LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
+
+
+class Check(Struct, frozen=True, tag_field="t", tag="check"):
+    """Do the fields of this order fit its definition? Answer: `Done`."""
+
+    number: int
+    order: wire.Publish
+
+
+class Silence(Struct, frozen=True, tag_field="t", tag="silence"):
+    """Publish no more there. Answer: `Done`."""
+
+    number: int
+    topic: str
+
+
+Request = wire.Inspect | wire.LookAt | Check | wire.Publish | Silence
+
+
+class Ready(Struct, frozen=True, tag_field="t", tag="ready"):
+    """The inspector's first word."""
+
+
+class Done(Struct, frozen=True, tag_field="t", tag="done"):
+    """What `number` asked for was done, or why not."""
+
+    number: int
+    refusal: Refusal | None = None
+
+
+Report = Ready | Done | wire.Inspected | wire.Seen
+
+_report = msgspec.json.Decoder(Report)
+
+
+class Viewer(Protocol):
+    """Who looks: a `Link`."""
+
+    def report(self, message: Struct) -> None:
+        """Queue an answer."""
+
+    def see(self, topic: str, seen: bytes) -> None:
+        """Make this the topic's next message; an older one not yet sent is dropped."""
+
+
+class _Waiting:
+    """Something that the inspector was asked, and who wants to know."""
+
+    def __init__(
+        self, viewer: Viewer | None, answer: Callable[[Any], None], timer: asyncio.TimerHandle
+    ) -> None:
+        self.viewer = viewer
+        self.answer = answer  # with a `Refusal`, or what the report holds
+        self.timer = timer
+
+
+class Inspection:
+    """The inspector of one robot. Lives on the event loop; `lost` is called when what was published ended by itself."""
+
+    def __init__(
+        self,
+        config: BridgeConfig,
+        lost: Callable[[], None],
+        command: Sequence[str] = COMMAND,
+        linger_s: float = LINGER_S,
+    ) -> None:
+        self._config = config
+        self._lost = lost
+        self._command = command
+        self._linger_s = linger_s
+        self._looks: dict[Viewer, Mapping[str, float]] = {}
+        self._talking: set[str] = set()  # topics that are published on at a rate
+        self._waiting: dict[int, _Waiting] = {}
+        self._count = 0
+        self._unsent: deque[bytes] = deque(maxlen=MOST_UNSENT)  # until the process is there
+        self._process: asyncio.subprocess.Process | None = None
+        self._stdin: asyncio.StreamWriter | None = None
+        self._ready = False
+        self._running: asyncio.Task[None] | None = None
+        self._idle: asyncio.TimerHandle | None = None
+        self._closing = asyncio.Event()
+
+    # --- who looks -----------------------------------------------------------------------------------
+
+    def ask(self, viewer: Viewer, inspect: wire.Inspect) -> None:
+        """A question; its answer is reported to the viewer within `ANSWER_S`."""
+
+        def answer(given: msgspec.Raw | Refusal) -> None:
+            if isinstance(given, Refusal):
+                refused = wire.Refused(wire.kind_of(inspect.ask), given, inspect.ask.seq)
+                given = msgspec.Raw(wire.encode(refused))
+            viewer.report(wire.Inspected(inspect.seq, given))
+
+        if sum(waiting.viewer is viewer for waiting in self._waiting.values()) >= MOST_ASKED:
+            text = f"More than {MOST_ASKED} questions at once: wait for the answers."
+            answer(Refusal("busy", text, "wire", {"limit": MOST_ASKED}))
+            return
+        number = self._expect(viewer, answer)
+        self._send(wire.Inspect(number, inspect.ask))
+
+    def look_at(self, viewer: Viewer, topics: Mapping[str, float]) -> None:
+        """Exactly these topics are looked at through this viewer now, each at so many messages a second."""
+        before = self._wanted()
+        self._looks[viewer] = topics
+        self._look_anew(before)
+
+    def forget(self, viewer: Viewer) -> None:
+        """The viewer is gone."""
+        before = self._wanted()
+        self._looks.pop(viewer, None)
+        for number in [number for number, waiting in self._waiting.items() if waiting.viewer is viewer]:
+            self._waiting.pop(number).timer.cancel()
+        self._look_anew(before)
+
+    # --- what is published (`robots.bridge.publishings.Publisher`) --------------------------------------
+
+    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
+        """Whether the fields fit the definition; `then` is called once, with what does not, and the time."""
+        number = self._expect(None, lambda given: then(given, time.monotonic()))
+        self._send(Check(number, order))
+
+    def publish(self, order: wire.Publish) -> None:
+        """Send it now, or from now on. Without a process nothing is sent, also not later."""
+        if self._stdin is None:
+            log.warning("the inspector is gone: nothing is published on %s", order.topic)
+            asyncio.get_running_loop().call_soon(self._lost)
+            return
+        if order.rate_hz:
+            self._talking.add(order.topic)
+        self._send(order)
+
+    def publish_stop(self, topic: str) -> None:
+        """Send no more there. A process that does not say so in time is killed."""
+        if topic in self._talking and self._process is not None:
+            self._talking.discard(topic)
+            number = self._expect(None, self._silent, SILENCE_S)
+            self._send(Silence(number, topic))
+
+    def _silent(self, given: Refusal | None) -> None:
+        if given is not None:
+            self._kill("it does not stop publishing")
+
+    # --- what it says -----------------------------------------------------------------------------------
+
+    def _hear(self, line: bytes) -> None:
+        match _report.decode(line):
+            case wire.Seen(topic=topic):
+                seen = line.rstrip()  # as it came: the link's report is the same
+                for viewer, topics in self._looks.items():
+                    if topic in topics:
+                        viewer.see(topic, seen)
+            case wire.Inspected(seq=number, answer=raw):
+                self._answer(number, raw)
+            case Done(number=number, refusal=refusal):
+                self._answer(number, refusal)
+            case Ready():
+                self._ready = True
+
+    def _expect(
+        self, viewer: Viewer | None, answer: Callable[[Any], None], within_s: float | None = None
+    ) -> int:
+        """A number whose answer goes to `answer`: a refusal, if there is none in time."""
+        self._need()
+        self._count += 1
+        within_s = within_s or (ANSWER_S if self._ready else START_S)
+        refusal = Refusal(
+            "inspector_silent", "The robot's inspector did not answer in time: ask again.", "robot"
+        )
+        loop = asyncio.get_running_loop()
+        timer = loop.call_later(within_s, partial(self._answer, self._count, refusal))
+        self._waiting[self._count] = _Waiting(viewer, answer, timer)
+        return self._count
+
+    def _answer(self, number: int, given: Any) -> None:
+        waiting = self._waiting.pop(number, None)
+        if waiting is not None:  # else too late
+            waiting.timer.cancel()
+            waiting.answer(given)
+
+    # --- the process ------------------------------------------------------------------------------------
+
+    def _wanted(self) -> dict[str, float]:
+        """All topics that anybody looks at, with the highest rate."""
+        wanted: dict[str, float] = {}
+        for topics in self._looks.values():
+            for topic, rate_hz in topics.items():
+                wanted[topic] = max(rate_hz, wanted.get(topic, 0.0))
+        return wanted
+
+    def _look_anew(self, before: dict[str, float]) -> None:
+        wanted = self._wanted()
+        if wanted != before:
+            self._need()
+            if self._stdin is not None:  # else it is told when it starts
+                self._send(wire.LookAt(wanted))
+
+    def _send(self, request: Request) -> None:
+        line = wire.encode(request) + b"\n"
+        if self._stdin is None:
+            self._unsent.append(line)
+        elif self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
+            self._kill("it does not read")
+        else:
+            self._stdin.write(line)
+
+    def _need(self) -> None:
+        """Have a process, for another while."""
+        loop = asyncio.get_running_loop()
+        if self._idle is not None:
+            self._idle.cancel()
+        self._idle = loop.call_later(self._linger_s, self._let_go)
+        if self._running is None and not self._closing.is_set():
+            self._running = loop.create_task(self._run())
+
+    def _let_go(self) -> None:
+        self._idle = None
+        if not self._needed():
+            self._end()
+
+    def _needed(self) -> bool:
+        return (
+            bool(self._wanted() or self._talking or self._waiting or self._idle)
+            and not self._closing.is_set()
+        )
+
+    async def _run(self) -> None:
+        """One process after the other, for as long as one is needed."""
+        pause_s, longest_s = RESTART_S
+        try:
+            while self._needed():
+                began_s = time.monotonic()
+                try:
+                    await self._one()
+                except (OSError, ValueError):  # it cannot be started, or does not speak as it should
+                    log.exception("the inspector broke")
+                lived_s = time.monotonic() - began_s
+                pause_s = RESTART_S[0] if lived_s > longest_s else min(2 * pause_s, longest_s)
+                if self._needed():
+                    with suppress(asyncio.TimeoutError):
+                        await asyncio.wait_for(self._closing.wait(), pause_s)
+        finally:
+            self._running = None
+
+    async def _one(self) -> None:
+        """A process from its beginning to its end."""
+        pipe = asyncio.subprocess.PIPE
+        process = await asyncio.create_subprocess_exec(
+            *self._command, stdin=pipe, stdout=pipe, limit=LARGEST_LINE
+        )
+        assert process.stdin is not None and process.stdout is not None  # noqa: S101  (they are pipes)
+        self._process, self._stdin = process, process.stdin
+        try:
+            self._stdin.write(msgspec.json.encode(self._config) + b"\n")
+            self._send(wire.LookAt(self._wanted()))
+            while self._unsent:
+                self._stdin.write(self._unsent.popleft())
+            while line := await process.stdout.readline():
+                self._hear(line)
+        finally:
+            self._process = self._stdin = None
+            self._ready = False
+            process.stdin.close()
+            await _ended(process)
+            self._forget_publishing()
+
+    def _forget_publishing(self) -> None:
+        """What was published ended with the process, and nothing begins again by itself."""
+        if self._talking:
+            self._talking.clear()
+            self._lost()
+
+    def _end(self) -> None:
+        """Close its stdin, at which it ends; insist after a while."""
+        process = self._process
+        if self._stdin is not None:
+            self._stdin.close()
+            self._stdin = None
+        if process is not None:
+            asyncio.get_running_loop().call_later(END_S, partial(_kill, process))
+
+    def _kill(self, why: str) -> None:
+        log.error("the inspector is killed: %s", why)
+        if self._process is not None:
+            _kill(self._process)
+
+    async def close(self) -> None:
+        """The bridge ends."""
+        self._closing.set()
+        for waiting in self._waiting.values():
+            waiting.timer.cancel()
+        if self._idle is not None:
+            self._idle.cancel()
+        self._end()
+        if self._running is not None:
+            await self._running
+
+
+async def _ended(process: asyncio.subprocess.Process) -> None:
+    """It has closed its stdout: it ends, or is made to."""
+    try:
+        await asyncio.wait_for(process.wait(), END_S)
+    except asyncio.TimeoutError:
+        _kill(process)
+        await process.wait()
+
+
+def _kill(process: asyncio.subprocess.Process) -> None:
+    if process.returncode is None:
+        with suppress(ProcessLookupError):
+            process.kill()

@@ -1,0 +1,276 @@
+"""``python -m robots.bridge.ros.inspector``: the bridge's config on the first line of stdin, then its requests.
+
+One JSON line each way. When stdin ends, or the robot's master dies, this process ends: the bridge starts another if it
+needs one, so that nothing here has to register anything again.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import logging
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from robots import wire
+from robots.bridge.config import BridgeConfig
+from robots.bridge.fields import BadField, fitted
+from robots.bridge.inspection import Check, Done, Ready, Report, Request, Silence
+from robots.bridge.never import admissible
+from robots.bridge.packing import Broken
+from robots.bridge.ros.inspector import graph, services
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import Definition, Definitions
+from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.tcpros import connect_to_publisher, read_header
+from robots.ending import leave_within
+
+if TYPE_CHECKING:
+    from robots.bridge.ros.inspector.node import Node
+
+log = logging.getLogger(__name__)
+
+NICE = 5  # commands to the robot go first
+MOST_QUESTIONS = 16  # at once
+END_S = 1.5  # from the end of stdin
+
+_request = msgspec.json.Decoder(Request)
+
+
+class Inspector:
+    """Answers what one line asks."""
+
+    def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
+        self._config = config
+        self._allowed = admissible(config.allowed, config.topics)
+        self._master = Master(config.master_uri, graph.OWN)
+        self._definitions = Definitions(Path(config.state_dir) / "definitions")
+        self._say = say
+        self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
+        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
+
+    @cached_property
+    def _node(self) -> Node:
+        """The rospy node. Made when it is needed: most questions are answered without, and sooner."""
+        from robots.bridge.ros.inspector.node import Node
+
+        return Node(self._config, self._master, self._definitions, self._seen)
+
+    def hear(self, line: bytes) -> None:
+        """One request. Never waits, so that the end of stdin is always heard."""
+        match _request.decode(line):
+            case wire.Inspect(seq=number, ask=ask):
+                self._aside(partial(self._answer, number, ask))
+            case Check(number=number, order=order):
+                self._aside(partial(self._check, number, order))
+            case wire.LookAt(topics=topics):
+                self._work.put(partial(self._look_at, topics))
+            case wire.Publish() as order:
+                self._work.put(partial(self._publish, order))
+            case Silence(number=number, topic=topic):
+                self._work.put(partial(self._silence, number, topic))
+
+    def run(self) -> None:
+        """Do what concerns the rospy node, one after the other."""
+        while True:
+            self._work.get()()
+
+    def close(self) -> None:
+        """Off the master's books."""
+        if "_node" in self.__dict__:
+            self._node.close()
+
+    def _look_at(self, topics: dict[str, float]) -> None:
+        if not topics and "_node" not in self.__dict__:
+            return
+        try:
+            self._node.looks.look_at(topics)
+        except OSError:
+            text = f"No ROS master answers at {self._config.master_uri}."
+            refusal = wire.Refusal("robot_offline", text, "robot")
+            for topic in topics:
+                shown = wire.Shown(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+                self._seen(topic, wire.encode(shown))
+            raise
+
+    def _silence(self, number: int, topic: str) -> None:
+        self._node.publishings.stop(topic)
+        self._report(Done(number))
+
+    # --- saying ---------------------------------------------------------------------------------------
+
+    def _report(self, report: Report) -> None:
+        self._say(wire.encode(report))
+
+    def _seen(self, topic: str, shown: bytes) -> None:
+        self._report(wire.Seen(topic, msgspec.Raw(shown)))
+
+    # --- questions ------------------------------------------------------------------------------------
+
+    def _aside(self, work: Callable[[], None]) -> None:
+        """On a thread of its own, for it may take a second; with no room, it stays unanswered and so refused."""
+
+        def run() -> None:
+            try:
+                work()
+            finally:
+                self._room.release()
+
+        if self._room.acquire(blocking=False):
+            threading.Thread(target=run, daemon=True).start()
+        else:
+            log.warning("more than %s questions at once: one is not answered", MOST_QUESTIONS)
+
+    def _answer(self, number: int, ask: wire.Question) -> None:
+        answer: wire.Answer
+        try:
+            answer = self._answered(ask)
+        except Exception as error:  # noqa: BLE001  (a question's end: every one gets its answer)
+            answer = wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq)
+        self._report(wire.Inspected(number, msgspec.Raw(wire.encode(answer))))
+
+    def _answered(self, ask: wire.Question) -> wire.Answer:
+        match ask:
+            case wire.ListTopics(seq=seq):
+                return graph.graph(self._master, seq)
+            case wire.Describe(type=type_name, topic=topic, seq=seq):
+                return _described(self._definition(type_name, topic), seq)
+            case wire.DescribeService(service=name, seq=seq):
+                return _described(services.find(self._master, name).request, seq)
+            case wire.ListParameters(seq=seq):
+                return graph.parameter_names(self._master, seq)
+            case wire.GetParameter(name=name, seq=seq):
+                return graph.parameter(self._master, name, seq)
+            case wire.SetParameter(name=name, value=value, seq=seq):
+                self._require("set", name)
+                return graph.set_parameter(self._master, name, value, seq)
+            case wire.CallService(service=name, fields=fields, seq=seq):
+                service = services.find(self._master, name)
+                self._require("call", name, service.type)
+                called, shortened = services.call(service, fields)
+                return wire.Called(name, called, seq, shortened)
+
+    def _require(self, what: str, name: str, type_name: str = "") -> None:
+        """What the allow-list has not, nobody does. Who asks, the web process has checked, and the bridge."""
+        wanted = (what, name, type_name)
+        if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
+            raise Declined(
+                "not_allowed", f"Nobody may {what} {name}: the allow-list does not have it.", name=name
+            )
+
+    def _definition(self, type_name: str, topic: str | None) -> Definition:
+        """As a publisher of the topic has it, if there is one of this type; else as known here."""
+        for told in self._publishers(topic) if topic else ():
+            if told.get("type") == type_name:
+                return self._definitions.of_connection(told)
+        return self._definitions.of_type(type_name)
+
+    def _publishers(self, topic: str) -> list[dict[str, str]]:
+        """What the first publisher that can be reached says of itself."""
+        for node in self._master.system_state().publishers.get(topic, []):
+            uri = None if node.startswith(graph.OWN) else self._master.node_uri(node)
+            try:
+                if uri:
+                    with connect_to_publisher(topic, uri, graph.OWN) as connection:
+                        return [read_header(connection)]
+            except (OSError, MasterError, ValueError) as error:
+                log.info("%s says nothing of %s: %s", node, topic, error)
+        return []
+
+    # --- publishing -------------------------------------------------------------------------------------
+
+    def _check(self, number: int, order: wire.Publish) -> None:
+        try:
+            self._require("publish", order.topic, order.type)
+            definition = self._definition(order.type, order.topic)
+            fitted(definition.fields, order.fields)
+            self._checked[order.topic, order.type] = definition
+            refusal = None
+        except Exception as error:  # noqa: BLE001  (as above)
+            refusal = _refusal(error)
+        self._report(Done(number, refusal))
+
+    def _publish(self, order: wire.Publish) -> None:
+        definition = self._checked.get((order.topic, order.type)) or self._definition(order.type, order.topic)
+        values = fitted(definition.fields, order.fields)
+        self._node.publishings.publish(
+            order.topic, definition, lambda: definition.layout.write(values, _now()), order.rate_hz
+        )
+
+
+def _refusal(error: Exception) -> wire.Refusal:
+    """Why a question has no better answer."""
+    match error:
+        case BadField() | Declined():
+            return error.refusal
+        case MasterError() | OSError():
+            return wire.Refusal("robot_offline", str(error), "robot")
+        case Broken():
+            return wire.Refusal("broken", str(error), "robot")
+        case _:
+            log.error("a question found a fault", exc_info=error)
+            return wire.Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
+
+
+def _described(definition: Definition, seq: int) -> wire.Described:
+    return wire.Described(
+        definition.type, definition.md5, definition.fields, definition.text, definition.known, seq
+    )
+
+
+def _now() -> tuple[int, int]:
+    secs, nsecs = divmod(time.time_ns(), 1_000_000_000)
+    return secs, nsecs
+
+
+class Lines:
+    """Writes whole lines to stdout, from any thread; blocks while nobody reads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    def __call__(self, line: bytes) -> None:
+        with self._lock:
+            sys.stdout.buffer.write(line + b"\n")
+            sys.stdout.buffer.flush()
+
+
+def main() -> None:
+    """Until stdin ends."""
+    logging.basicConfig(level=logging.INFO, format="inspector: %(message)s")
+    for number in (signal.SIGTERM, signal.SIGINT):  # they are for the bridge, whose end closes our stdin
+        signal.signal(number, signal.SIG_IGN)
+    os.nice(NICE)
+    config = msgspec.json.decode(sys.stdin.buffer.readline(), type=BridgeConfig)
+    say = Lines()
+    inspector = Inspector(config, say)
+    threading.Thread(target=_or_end, args=(inspector.run,), name="node", daemon=True).start()
+    say(wire.encode(Ready()))
+    for line in sys.stdin.buffer:
+        inspector.hear(line)
+    leave_within(END_S)
+    inspector.close()
+
+
+def _or_end(work: Callable[[], None]) -> None:
+    """A node that fails ends the process: the bridge starts another."""
+    try:
+        work()
+    except Exception as error:
+        log.error("the inspector ends: %s", error, exc_info=not isinstance(error, OSError))
+        os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,203 @@
+"""Message definitions: of the packages that are installed here, of ours, and in the words of whoever publishes.
+
+A definition is taken at its md5 sum: text whose sum is not the one that its publisher claims describes other bytes
+than those that come. What is not installed here is kept on disk by (type, md5), for publishers that send no text.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import re
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import genmsg
+from genmsg.gentools import compute_md5
+from genmsg.msg_loader import load_msg_from_string
+from genmsg.msgs import is_builtin, parse_type
+
+from robots.bridge.fields import FLOATS, INTEGERS
+from robots.bridge.packing import HEADER, Layout
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.types import UnknownTypeError, message_class
+from robots.wire import Field
+
+EMBEDDED = re.compile(r"^={80}\nMSG: (\S+)\n", re.MULTILINE)  # before each type that a text embeds
+LARGEST_TEXT = 256 * 1024  # characters of a definition
+MOST_FIELDS = 3000  # of a definition, nested ones counted wherever they stand
+DEEPEST = 20
+LONGEST_ARRAY = 100_000  # elements, of those that a definition fixes
+MOST_KEPT = 1000  # definitions on disk
+
+_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*")
+_MD5 = re.compile(r"[0-9a-f]{32}")
+
+
+@dataclass(frozen=True)
+class Definition:
+    """One type at one md5 sum. `known`: from a package here, else built from the publisher's own words."""
+
+    type: str
+    md5: str
+    text: str  # with the embedded types' texts after it, as genpy has it
+    known: bool
+    fields: list[Field] = field(repr=False)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """How its messages lie in bytes."""
+        return Layout(self.fields)
+
+
+def parsed(type_name: str, text: str, known: bool = False) -> Definition:
+    """The definition that `text` is, with its own md5 sum. Raises Declined."""
+    if len(text) > LARGEST_TEXT or not _TYPE.fullmatch(type_name):
+        raise _bad(type_name, "it is too long, or its type has no proper name")
+    context = genmsg.MsgContext.create_default()
+    try:
+        own, *embedded = EMBEDDED.split(text)
+        for name, words in zip(embedded[::2], embedded[1::2], strict=True):
+            load_msg_from_string(context, words, name)
+        spec = load_msg_from_string(context, own, type_name)
+        fields = list(_Tree(context).fields(spec, DEEPEST))  # before the sum, which trusts that it ends
+        return Definition(type_name, compute_md5(context, spec), text, known, fields)
+    except (genmsg.InvalidMsgSpec, KeyError, ValueError, IndexError) as error:
+        raise _bad(type_name, str(error)) from error
+
+
+class _Tree:
+    """A definition's fields, counted, so that a few lines cannot mean millions of them."""
+
+    def __init__(self, context: genmsg.MsgContext) -> None:
+        self._context = context
+        self._left = MOST_FIELDS
+
+    def fields(self, spec: genmsg.MsgSpec, deeper: int) -> Iterator[Field]:
+        for type_name, name in zip(spec.types, spec.names, strict=True):
+            self._left -= 1
+            if not deeper or self._left < 0:
+                raise ValueError("it nests too deeply, or has too many fields")
+            bare, is_array, length = parse_type(type_name)
+            bare = HEADER if bare == "Header" else bare
+            nested = (
+                [] if is_builtin(bare) else list(self.fields(self._context.get_registered(bare), deeper - 1))
+            )
+            array = None if not is_array else -1 if length is None else length
+            if array is not None and array > LONGEST_ARRAY:
+                raise ValueError(f"{name} has {array} elements")
+            yield Field(name, bare, array, _constants(spec, bare), nested)
+
+
+def _constants(spec: genmsg.MsgSpec, type_name: str) -> dict[str, float | int | str | bool]:
+    """Constants of the field's own type are meant for it, as far as a definition can say so."""
+    if type_name not in INTEGERS and type_name not in FLOATS:
+        return {}
+    return {constant.name: constant.val for constant in spec.constants if constant.type == type_name}
+
+
+def installed(type_name: str) -> Definition | None:
+    """As the packages here have it."""
+    try:
+        found = message_class(type_name)
+    except UnknownTypeError:
+        return None
+    return parsed(type_name, found._full_text, known=True)
+
+
+class Definitions:
+    """Every definition that was met. Safe to use from several threads."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._found: dict[tuple[str, str], Definition | Declined] = {}
+        self._lock = threading.Lock()
+
+    def of_connection(self, header: dict[str, str]) -> Definition:
+        """What the publisher behind a connection header sends. Raises Declined."""
+        type_name, md5 = header.get("type", ""), header.get("md5sum", "")
+        with self._lock:
+            key = (type_name, md5)
+            if key not in self._found:
+                try:
+                    self._found[key] = self._find(type_name, md5, header.get("message_definition", ""))
+                except Declined as error:
+                    self._found[key] = error
+            found = self._found[key]
+        if isinstance(found, Declined):
+            raise found
+        return found
+
+    def of_type(self, type_name: str) -> Definition:
+        """As known here: installed, else one that a publisher once told. Raises Declined."""
+        found = installed(type_name) or next(self._kept(type_name), None)
+        if found is None:
+            raise _unknown(type_name)
+        return found
+
+    def _find(self, type_name: str, md5: str, text: str) -> Definition:
+        if not (_TYPE.fullmatch(type_name) and _MD5.fullmatch(md5)):
+            raise _bad(type_name, "its publisher names no proper type and md5 sum")
+        here = installed(type_name)
+        if here is not None and here.md5 == md5:
+            return here
+        if text.strip() or here is None:
+            return self._told(type_name, md5, text)
+        raise _unknown(type_name, md5)
+
+    def _told(self, type_name: str, md5: str, text: str) -> Definition:
+        """In the publisher's words, or in those that another used for the same sum."""
+        if not text.strip():
+            for kept in self._kept(type_name, md5):
+                return kept
+            if md5 != parsed(type_name, "").md5:  # an empty text is a whole definition, too
+                raise _unknown(type_name, md5)
+        told = parsed(type_name, text)
+        if told.md5 != md5:
+            raise Declined(
+                "definition_differs",
+                f"The publisher's definition of {type_name} is not the one of its md5 sum: "
+                "what its messages hold cannot be told.",
+                type=type_name,
+                claimed_md5=md5,
+                definition_md5=told.md5,
+            )
+        self._keep(told)
+        return told
+
+    # --- on disk --------------------------------------------------------------------------------------
+
+    def _kept(self, type_name: str, md5: str = "*") -> Iterator[Definition]:
+        """The newest first. What somebody changed there has another sum, and is not it."""
+        pattern = f"{type_name.replace('/', '--')}--{md5}.msg"
+        if not _TYPE.fullmatch(type_name):
+            return
+        files = sorted(self._folder.glob(pattern), key=lambda file: file.stat().st_mtime, reverse=True)
+        for file in files:
+            try:
+                kept = parsed(type_name, file.read_text())
+            except (Declined, OSError, UnicodeError):
+                continue
+            if file.stem.endswith(kept.md5):
+                yield kept
+
+    def _keep(self, told: Definition) -> None:
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        file = self._folder / f"{told.type.replace('/', '--')}--{told.md5}.msg"
+        if file.exists() or sum(1 for _ in self._folder.iterdir()) >= MOST_KEPT:
+            return
+        draft = file.with_suffix(".draft")
+        draft.write_text(told.text)
+        draft.replace(file)
+
+
+def _unknown(type_name: str, md5: str = "") -> Declined:
+    text = f"Nothing here knows {type_name}, and its publisher sends no definition."
+    return Declined("type_unknown", text, type=type_name, md5=md5)
+
+
+def _bad(type_name: str, why: str) -> Declined:
+    return Declined("bad_definition", f"The definition of {type_name} cannot be read: {why}.", type=type_name)

@@ -1,0 +1,103 @@
+"""What is there: the robot's topics, actions, services and parameters, as its master has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from robots import wire
+from robots.bridge.fields import BadField
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.master import Master
+
+PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
+LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON
+LONGEST_TEXT = 16 * 1024  # characters of one text in it
+OWN = "/fleet_inspector"  # what this console's inspectors are called: they are no part of the robot
+
+
+def graph(master: Master, seq: int) -> wire.Graph:
+    """Everything that is on the master's books, by name."""
+    published, subscribed, provided = master.call("getSystemState")
+    types = dict(master.call("getTopicTypes"))
+    publishers, subscribers = _of_the_robot(published), _of_the_robot(subscribed)
+    topics = [
+        wire.TopicRow(name, types.get(name, "*"), publishers.get(name, []), subscribers.get(name, []))
+        for name in sorted(publishers.keys() | subscribers.keys())
+    ]
+    services = [wire.ServiceRow(name, nodes[0]) for name, nodes in sorted(_of_the_robot(provided).items())]
+    return wire.Graph(topics, list(_actions(topics)), services, seq)
+
+
+def _of_the_robot(rows: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
+    found = {name: sorted(node for node in nodes if not node.startswith(OWN)) for name, nodes in rows}
+    return {name: nodes for name, nodes in found.items() if nodes}
+
+
+def _actions(topics: list[wire.TopicRow]) -> Iterator[wire.ActionRow]:
+    """Where somebody takes goals and tells the status, there is an action."""
+    rows = {topic.name: topic for topic in topics}
+    for name in sorted(row.removesuffix("/goal") for row in rows if row.endswith("/goal")):
+        parts = {part: rows.get(f"{name}/{part}") for part in PARTS}
+        status = parts["status"]
+        if all(parts.values()) and status and status.publishers:
+            yield wire.ActionRow(name, _action_type(parts))
+
+
+def _action_type(parts: dict[str, wire.TopicRow | None]) -> str:
+    for part in ("goal", "result", "feedback"):
+        row, ending = parts[part], part.capitalize()
+        if row is not None and row.type.endswith(f"Action{ending}"):
+            return row.type.removesuffix(ending)
+    return "*"
+
+
+# --- parameters ----------------------------------------------------------------------------------
+
+
+def parameter_names(master: Master, seq: int) -> wire.Parameters:
+    """All of them."""
+    return wire.Parameters(sorted(master.call("getParamNames")), seq)
+
+
+def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
+    """A value, or the tree below `name`. Raises MasterError or Declined."""
+    if not master.call("hasParam", name):
+        raise Declined("no_parameter", f"The robot has no parameter {name}.", name=name)
+    value = _plain(master.call("getParam", name))
+    size = len(msgspec.json.encode(value))
+    if size > LARGEST_VALUE:
+        text = f"{name} is too large to be shown ({size} bytes): ask for a branch of it."
+        raise Declined("too_large", text, bytes=size, limit_bytes=LARGEST_VALUE)
+    return wire.Parameter(name, value, seq)
+
+
+def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Parameter:
+    """Set it; what the master then has is the answer. Raises BadField for what XML-RPC cannot carry."""
+    try:
+        master.call("setParam", name, value)
+    except (TypeError, OverflowError) as error:
+        raise BadField(
+            name, f"{name}: a parameter is a text, a number, true or false, or made of these."
+        ) from error
+    return parameter(master, name, seq)
+
+
+def _plain(value: Any) -> Any:
+    """As JSON has it: XML-RPC also knows NaN, dates and bytes; long texts are cut."""
+    match value:
+        case dict():
+            return {str(key): _plain(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_plain(inner) for inner in value]
+        case str() if len(value) > LONGEST_TEXT:
+            return f"{value[:LONGEST_TEXT]}… ({len(value)} characters)"
+        case float() if not math.isfinite(value):
+            return str(value)
+        case None | bool() | int() | float() | str():
+            return value
+        case _:
+            return str(value)

@@ -1,0 +1,188 @@
+"""The live view: of each topic that is looked at the newest message, read in part, at the pace that is wanted.
+
+rospy's threads only keep the newest bytes and count. One thread of ours decides what is due, and decodes just that: a
+topic of 100 Hz that is shown five times a second is decoded five times, and one that nobody looks at is not subscribed.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+import rospy
+from msgspec.structs import replace
+
+from robots import wire
+from robots.bridge.packing import Broken, Limits
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import Definition, Definitions
+
+log = logging.getLogger(__name__)
+
+LARGEST_SHOWN = 16 * 1024  # bytes of a `Shown`
+LEVELS = (Limits(32, 16, 500), Limits(8, 4, 100), Limits(2, 1, 40))  # of detail; the first that fits is shown
+FIGURES_S = 1.0  # without a message, the figures are shown anew this often, where they changed
+RATE_WINDOW_S = 10.0
+RATE_SAMPLES = 2000
+
+Figures = tuple[int, float | None, int]  # number of the message, rate (Hz), publishers
+
+_encode = msgspec.json.Encoder().encode
+
+
+class Look:
+    """One topic that is looked at."""
+
+    def __init__(self, topic: str, rate_hz: float, awake: threading.Condition) -> None:
+        self.topic = topic
+        self.gap_s = 1.0 / rate_hz
+        self.shown_s = (
+            time.monotonic() - self.gap_s
+        )  # the first message at once; a word on silence after a while
+        self._awake = awake
+        self._arrivals: deque[float] = deque(maxlen=RATE_SAMPLES)
+        self._newest: rospy.AnyMsg | None = None
+        self._newest_wall_s = 0.0
+        self._number = 0
+        self._shown: Figures = (0, None, -1)  # as they were shown last
+        self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message, queue_size=1)
+
+    def close(self) -> None:
+        """Look no more."""
+        self._subscriber.unregister()
+
+    def _on_message(self, message: rospy.AnyMsg) -> None:
+        self._arrivals.append(time.monotonic())
+        with self._awake:
+            self._newest, self._newest_wall_s = message, time.time()
+            self._number += 1
+            self._awake.notify()
+
+    def due_s(self) -> float:
+        """When it is to be shown next: as soon as its pace allows if something came, else for its figures' sake."""
+        fresh = self._number != self._shown[0]
+        return self.shown_s + (self.gap_s if fresh else max(self.gap_s, FIGURES_S))
+
+    def show(self, definitions: Definitions, now_s: float) -> bytes | None:
+        """The `Shown` of now; None if nothing changed since the last."""
+        self.shown_s = now_s
+        with self._awake:
+            message, number, wall_s = self._newest, self._number, self._newest_wall_s
+        figures = (number, self._rate_hz(now_s), self._subscriber.get_num_connections())
+        if figures == self._shown:
+            return None
+        self._shown = figures
+        return self._shown_message(message, wall_s, figures, definitions)
+
+    def _shown_message(
+        self,
+        message: rospy.AnyMsg | None,
+        wall_s: float,
+        figures: Figures,
+        definitions: Definitions,
+    ) -> bytes:
+        number, rate_hz, publishers = figures
+        silence = _silence(self.topic, number, publishers)
+        shown = wire.Shown(self.topic, "*", number, rate_hz, 0, None, publishers, {}, refusal=silence)
+        if message is None:
+            return _encode(shown)
+        header, data = message._connection_header, message._buff
+        shown = replace(shown, type=header.get("type", "*"), bytes=len(data))
+        try:
+            return _filled(shown, definitions.of_connection(header), data, wall_s)
+        except Declined as error:
+            return _encode(replace(shown, refusal=error.refusal))
+        except Broken as error:
+            return _encode(replace(shown, refusal=wire.Refusal("broken", str(error), "robot")))
+
+    def _rate_hz(self, now_s: float) -> float | None:
+        """Of the last seconds; None for fewer than two messages."""
+        arrivals = [arrival_s for arrival_s in self._arrivals.copy() if arrival_s > now_s - RATE_WINDOW_S]
+        if len(arrivals) < 2 or arrivals[-1] == arrivals[0]:
+            return None
+        return round((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), 1)
+
+
+def _filled(shown: wire.Shown, definition: Definition, data: bytes, wall_s: float) -> bytes:
+    """With as much detail as fits."""
+    for limits in LEVELS:
+        fields, shortened = definition.layout.read(data, limits)
+        encoded = _encode(replace(shown, fields=fields, shortened=shortened, age_s=_age_s(fields, wall_s)))
+        if len(encoded) <= LARGEST_SHOWN:
+            return encoded
+    text = f"A message of {shown.type} has too many fields to be shown."
+    return _encode(replace(shown, refusal=wire.Refusal("too_large", text, "robot")))
+
+
+def _age_s(fields: Mapping[str, Any], wall_s: float) -> float | None:
+    """From its stamp to its arrival, by the console's clock."""
+    header = fields.get("header")
+    stamp = header.get("stamp") if isinstance(header, dict) else None
+    if not isinstance(stamp, dict) or not stamp.get("secs"):
+        return None
+    age_s: float = wall_s - stamp["secs"] - stamp["nsecs"] * 1e-9
+    return round(age_s, 3)
+
+
+def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
+    if publishers == 0:
+        text = f"Nobody publishes on {topic}{' any more' if number else ''}, or nobody who can be reached from here."
+        return wire.Refusal("no_publisher", text, "robot")
+    if number == 0:
+        return wire.Refusal("no_message", f"Nothing has come on {topic} yet.", "robot")
+    return None
+
+
+class Looks:
+    """All that is looked at. `send` hands on a topic and its `Shown`; while it blocks, nothing is decoded."""
+
+    def __init__(self, definitions: Definitions, send: Callable[[str, bytes], None]) -> None:
+        self._definitions = definitions
+        self._send = send
+        self._wanted: Mapping[str, float] = {}
+        self._looks: dict[str, Look] = {}
+        self._awake = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="looks", daemon=True)
+        self._thread.start()
+
+    def look_at(self, topics: Mapping[str, float]) -> None:
+        """Exactly these topics from now on, at most so many messages a second of each."""
+        with self._awake:
+            self._wanted = topics
+            self._awake.notify()
+
+    def _run(self) -> None:
+        while True:
+            try:
+                self._subscribe()
+                self._show_due(time.monotonic())
+            except Exception:  # a topic that breaks this must not end the view of the others
+                log.exception("a topic cannot be shown")
+            with self._awake:
+                if self._wanted.keys() == self._looks.keys():
+                    due_s = min((look.due_s() for look in self._looks.values()), default=None)
+                    self._awake.wait(None if due_s is None else max(due_s - time.monotonic(), 0.0))
+
+    def _show_due(self, now_s: float) -> None:
+        for look in self._looks.values():
+            if look.due_s() <= now_s and (shown := look.show(self._definitions, now_s)):
+                self._send(look.topic, shown)
+
+    def _subscribe(self) -> None:
+        """Make the subscriptions those that are wanted. Asks the master, so it is done on this thread."""
+        with self._awake:
+            wanted = self._wanted
+        for topic in self._looks.keys() - wanted.keys():
+            self._looks.pop(topic).close()
+        for topic, rate_hz in wanted.items():
+            if topic in self._looks:
+                self._looks[topic].gap_s = 1.0 / rate_hz
+            else:
+                self._looks[topic] = Look(topic, rate_hz, self._awake)

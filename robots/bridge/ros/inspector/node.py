@@ -1,0 +1,63 @@
+"""The inspector's rospy node: there once something is looked at or published."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import logging
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import rospy
+
+from robots.bridge.config import BridgeConfig
+from robots.bridge.ros.inspector.definitions import Definitions
+from robots.bridge.ros.inspector.graph import OWN
+from robots.bridge.ros.inspector.looks import Looks
+from robots.bridge.ros.inspector.publishing import Publishings
+from robots.bridge.ros.master import DeathWatch, Master
+
+log = logging.getLogger(__name__)
+
+WATCH_S = 5.0
+
+
+class Node:
+    """Subscribes and publishes at one robot. When its master dies, so does this process."""
+
+    def __init__(
+        self,
+        config: BridgeConfig,
+        master: Master,
+        definitions: Definitions,
+        send: Callable[[str, bytes], None],
+    ) -> None:
+        os.environ["ROS_MASTER_URI"] = config.master_uri
+        os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).parent.with_name("logging.yaml"))
+        os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
+        watch = DeathWatch(config.master_uri)
+        # A name of its own: other consoles have inspectors, too.
+        rospy.init_node(
+            OWN.strip("/"),
+            argv=[],
+            anonymous=True,
+            disable_signals=True,
+            disable_rostime=True,
+            disable_rosout=True,
+        )
+        threading.Thread(target=_end_with_the_master, args=(watch,), name="master", daemon=True).start()
+        self.looks = Looks(definitions, send)
+        self.publishings = Publishings(master)
+
+    def close(self) -> None:
+        """Off the master's books."""
+        rospy.signal_shutdown("nobody looks")
+
+
+def _end_with_the_master(watch: DeathWatch) -> None:
+    while not watch.wait(WATCH_S):
+        pass
+    log.warning("the robot's ROS master is gone")
+    os._exit(1)

@@ -1,0 +1,132 @@
+"""Messages of any type to the robot: once, or at a rate until told otherwise.
+
+Whether it may be published was decided before (`robots.bridge.orders`); here its bytes are made and sent.
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+import rospy
+
+from robots.bridge.ros.inspector.definitions import Definition
+from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.publishing import publish
+
+LISTENERS_S = 1.0  # a single message waits so long for those who listen to connect
+WAITING = 20  # messages on their way to one topic, at most
+LINGER_S = 10.0  # a topic stays advertised after its last message, so that the next need not wait
+
+Bytes = Callable[[], bytes]
+
+
+class _Talk:
+    """One topic that we publish on, from a thread of its own."""
+
+    def __init__(self, topic: str, definition: Definition, master: Master) -> None:
+        self.definition = definition
+        self._topic = topic
+        self._master = master
+        self._once: deque[Bytes] = deque(maxlen=WAITING)
+        self._repeated: tuple[Bytes, float] | None = None  # and its rate (Hz)
+        self._news = threading.Condition()
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name=f"publish {topic}", daemon=True)
+        self._thread.start()
+
+    def say(self, data: Bytes, rate_hz: float) -> bool:
+        """Send this. False: the topic is being closed, nothing is sent there any more."""
+        with self._news:
+            if rate_hz:
+                self._repeated = (data, rate_hz)
+            else:
+                self._once.append(data)
+            self._news.notify()
+            return not self._closed
+
+    def silence(self) -> None:
+        """Send no more, also of what waits."""
+        with self._news:
+            self._once.clear()
+            self._repeated = None
+            self._news.notify()
+
+    def close(self) -> None:
+        """Send no more, and leave the master's books."""
+        with self._news:
+            self._closed = True
+            self._news.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        publisher = rospy.Publisher(self._topic, _message_class(self.definition), queue_size=WAITING)
+        try:
+            self._await_listeners(publisher)
+            self._talk(publisher)
+        finally:
+            publisher.unregister()
+
+    def _await_listeners(self, publisher: rospy.Publisher) -> None:
+        """What is sent before they are connected, they never hear."""
+        deadline_s = time.monotonic() + LISTENERS_S
+        try:
+            known = len(self._master.system_state().subscribers.get(self._topic, []))
+        except MasterError:
+            return
+        while publisher.get_num_connections() < known and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+
+    def _talk(self, publisher: rospy.Publisher) -> None:
+        with self._news:
+            while not self._closed:
+                while self._once:
+                    _send(publisher, self._once.popleft()())
+                if self._repeated is not None:
+                    data, rate_hz = self._repeated
+                    _send(publisher, data())
+                    self._news.wait(1.0 / rate_hz)
+                elif not self._news.wait(LINGER_S) and not self._once and self._repeated is None:
+                    self._closed = True
+
+
+def _send(publisher: rospy.Publisher, data: bytes) -> None:
+    publish(publisher, publisher.data_class().deserialize(data))
+
+
+class Publishings:
+    """All that is published, by topic."""
+
+    def __init__(self, master: Master) -> None:
+        self._master = master
+        self._talks: dict[str, _Talk] = {}
+
+    def publish(self, topic: str, definition: Definition, data: Bytes, rate_hz: float) -> None:
+        """Send `data()` once (`rate_hz` 0), or at a rate until `stop`."""
+        talk = self._talks.get(topic)
+        if talk is not None and talk.definition.md5 == definition.md5 and talk.say(data, rate_hz):
+            return
+        if talk is not None:
+            talk.close()
+        self._talks[topic] = _Talk(topic, definition, self._master)
+        self._talks[topic].say(data, rate_hz)
+
+    def stop(self, topic: str) -> None:
+        """Send no more there."""
+        if topic in self._talks:
+            self._talks[topic].silence()
+
+
+def _message_class(definition: Definition) -> type[rospy.AnyMsg]:
+    """What rospy wants of a type: its names; the bytes are ours."""
+    names = {
+        "_type": definition.type,
+        "_md5sum": definition.md5,
+        "_full_text": definition.text,
+        "__slots__": [],
+    }
+    return type("Message", (rospy.AnyMsg,), names)

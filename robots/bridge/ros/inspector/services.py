@@ -1,0 +1,106 @@
+"""Services: what one takes, and one call of it, over a connection of our own that gives up in time."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import socket
+import struct
+import time
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+from robots.bridge.fields import fitted
+from robots.bridge.packing import Limits
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import Definition, parsed
+from robots.bridge.ros.master import Master
+from robots.bridge.ros.tcpros import connect, read, read_header, read_length
+from robots.bridge.ros.types import UnknownTypeError, service_class
+
+CALLER = "/fleet_inspector"
+CALL_S = 1.5  # until a service must have answered
+LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
+SHOWN = Limits(whole=64, first=32, text=2000)  # of an answer
+
+
+@dataclass(frozen=True)
+class Service:
+    """One service as it says of itself, with the definition that the packages here have for it."""
+
+    name: str
+    type: str
+    md5: str
+    address: tuple[str, int]
+    request: Definition
+    response: Definition
+
+
+def find(master: Master, name: str) -> Service:
+    """Ask the service what it is. Raises MasterError or Declined."""
+    uri = urlsplit(master.call("lookupService", name))
+    address = (uri.hostname or "", uri.port or 0)
+    said = _ask(name, address, {"md5sum": "*", "probe": "1"})
+    type_name, md5 = said.get("type", ""), said.get("md5sum", "")
+    try:
+        here = service_class(type_name)
+    except UnknownTypeError:
+        text = f"Nothing here knows the service type {type_name}, and services do not tell their definition."
+        raise Declined("type_unknown", text, type=type_name) from None
+    if here._md5sum != md5:
+        text = (
+            f"The robot has another version of {type_name} than the console: it cannot be called from here."
+        )
+        raise Declined("definition_differs", text, type=type_name, robot_md5=md5, console_md5=here._md5sum)
+    parts = [
+        parsed(part._type, part._full_text, known=True)
+        for part in (here._request_class, here._response_class)
+    ]
+    return Service(name, type_name, md5, address, parts[0], parts[1])
+
+
+def call(service: Service, given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Its answer, and which arrays of it were shortened. Raises BadField before anything is sent, Declined after."""
+    now = divmod(time.time_ns(), 1_000_000_000)
+    request = service.request.layout.write(fitted(service.request.fields, given), now)
+    try:
+        with _connected(
+            service.address, service.name, {"md5sum": service.md5, "type": service.type}
+        ) as connection:
+            read_header(connection)
+            connection.sendall(struct.pack("<I", len(request)) + request)
+            succeeded, answer = read(connection, 1), _answer(connection)
+    except TimeoutError:
+        text = f"{service.name} did not answer within {CALL_S} s: whether it was carried out is not known."
+        raise Declined("service_silent", text, service=service.name) from None
+    except OSError as error:
+        raise Declined("service_lost", f"{service.name}: {error}", service=service.name) from error
+    if succeeded != b"\x01":
+        said = answer.decode(errors="replace")[:300] or "without a word why"
+        raise Declined("service_failed", f"{service.name} said no: {said}", service=service.name)
+    return service.response.layout.read(answer, SHOWN)
+
+
+def _answer(connection: socket.socket) -> bytes:
+    length = read_length(connection)
+    if length > LARGEST_ANSWER:
+        raise OSError(f"its answer has {length} bytes")
+    return read(connection, length)
+
+
+def _ask(name: str, address: tuple[str, int], wanted: dict[str, str]) -> dict[str, str]:
+    try:
+        with _connected(address, name, wanted) as connection:
+            said = read_header(connection)
+    except (OSError, ValueError) as error:
+        raise Declined("service_lost", f"{name} cannot be reached: {error}", service=name) from error
+    if "error" in said:
+        raise Declined("service_failed", f"{name}: {said['error']}", service=name)
+    return said
+
+
+def _connected(address: tuple[str, int], name: str, wanted: dict[str, str]) -> socket.socket:
+    connection = connect(*address, {"callerid": CALLER, "service": name, **wanted}, CALL_S)
+    connection.settimeout(CALL_S)
+    return connection
