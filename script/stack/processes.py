@@ -52,7 +52,9 @@ class Child:
         fds: Sequence[int] = (),
     ) -> None:
         if threading.current_thread() is not threading.main_thread():
-            raise RuntimeError(f"{name} would end with the thread that starts it: start it from the main thread")
+            raise RuntimeError(
+                f"{name} would end with the thread that starts it: start it from the main thread"
+            )
         self.name = name
         self.log = log
         with log.open("ab") if log else nullcontext() as output:
