@@ -16,6 +16,9 @@ from robots.wire import Refusal
 _OPEN_TIMEOUT_S = 2.0
 _PING_S = 1.0
 _CLOSE_S = 0.2
+_LARGEST_REPORT_BYTES = (
+    8 * 1024 * 1024
+)  # far above any: what the robot has to tell must not cut off its driver
 
 DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
 
@@ -24,7 +27,11 @@ def open_link(address: LinkAddress) -> connect:
     """A connection for as long as it holds."""
     if address.unix_path:
         return unix_connect(
-            address.unix_path, compression=None, open_timeout=_OPEN_TIMEOUT_S, ping_interval=None
+            address.unix_path,
+            compression=None,
+            open_timeout=_OPEN_TIMEOUT_S,
+            ping_interval=None,
+            max_size=_LARGEST_REPORT_BYTES,
         )
     return connect(
         _uri(address),
@@ -34,6 +41,7 @@ def open_link(address: LinkAddress) -> connect:
         open_timeout=_OPEN_TIMEOUT_S,
         ping_interval=_PING_S,
         ping_timeout=_PING_S,
+        max_size=_LARGEST_REPORT_BYTES,
     )
 
 

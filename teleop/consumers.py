@@ -116,7 +116,7 @@ class RobotConsumer(RobotSocket):
             await self.refuse("drive", refusal, drive.seq, drive.fence)
 
     async def _refresh(self, refresh: wire.Refresh) -> None:
-        refusal = self.room.refresh()
+        refusal = self.room.refresh(self)
         kind = kind_of(refresh)
         await self.answer(Refused(kind, refusal, refresh.seq) if refusal else Accepted(kind, refresh.seq))
 

@@ -117,14 +117,16 @@ class Room:
         """Tell the bridge who looks."""
         self.link.watch(self, {member.name for member in self.members.values() if member.looks})
 
-    def refresh(self) -> Refusal | None:
-        """Have the robot read again what it offers. Returns why that cannot be."""
+    def refresh(self, member: Member) -> Refusal | None:
+        """Have the robot read again what it offers; if it has just done so, `member` is told. Returns why not."""
         if not self.link.up:
             return self.link.refusal
         now_s = time.monotonic()
         if now_s - self._refreshed_s >= REFRESH_S:
             self._refreshed_s = now_s
             self.link.send(Refresh())
+        elif self.link.offers:
+            member.offered(self.link.offers)
         return None
 
     def _look_at(self, topics: Mapping[str, float]) -> None:

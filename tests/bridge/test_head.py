@@ -74,7 +74,10 @@ def test_a_request_ends_with_the_control_under_which_it_was_made(bench):
     [
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s), "motion_running"),
+        (
+            lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s),
+            "motion_running",
+        ),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )

@@ -219,6 +219,16 @@ async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
     assert remote.watchers == []
 
 
+async def test_a_large_answer_does_not_cut_the_link(link, bridge):
+    [remote] = bridge.server.links
+    asking = asyncio.ensure_future(link.ask(wire.ListTopics()))
+    await link.stop(wire.LinkStop("Ann"))  # the question is there by now
+    large = wire.encode(wire.Parameter("/large", "x" * 3_000_000))
+    remote.report(wire.Inspected(1, msgspec.Raw(large)))
+    assert await asking == large.decode()
+    assert link.up
+
+
 async def test_a_crowd_of_onlookers_with_long_names_fits_into_a_message(link, bridge):
     [remote] = bridge.server.links
     link.watch(link.follower, [f"{number:03} " + "Ü" * 190 for number in range(500)])

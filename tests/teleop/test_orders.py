@@ -254,7 +254,10 @@ async def test_a_page_is_told_what_the_robot_offers_and_what_it_offers_now(open_
     assert (await late.hears("offers"))["motions_text"].startswith("No motions")
 
 
-async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(open_page, bridge):
+async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(
+    open_page, bridge, monkeypatch
+):
+    monkeypatch.setattr("teleop.rooms.REFRESH_S", 60.0)
     page = await open_page("observer")
     for seq in range(1, 6):
         await page.say("refresh", seq=seq)
@@ -263,6 +266,10 @@ async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(o
     await page.hears("pong")
     await bridge.hears(wire.Refresh)
     assert len(bridge.all(wire.Refresh)) == 1
+    bridge.say(wire.Offers(languages=["es"]))
+    await page.hears("offers")
+    await page.say("refresh", seq=6)  # too soon: what was read then is told
+    assert (await page.hears("offers"))["languages"] == ["es"]
 
 
 async def test_offers_are_not_read_again_while_the_bridge_is_away(open_page, bridge):
