@@ -1,4 +1,4 @@
-"""/tts behaves as PAL's, through real actionlib messages."""
+"""/tts behaves as PAL's, through real actionlib messages, and the bridge has it say what its holder asks for."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 
 # isort: split
 import itertools
+from contextlib import contextmanager
 
+import msgspec
 import pytest
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from std_msgs.msg import String
 
+from robots import wire
+from robots.bridge.config import Topic
 from robots.bridge.ros.types import message_class
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.support import until
 
 FEEDBACK = message_class("pal_interaction_msgs/TtsFeedback")
 _numbers = itertools.count()
@@ -90,3 +97,133 @@ def test_a_newer_text_takes_over(voice):
     newer = voice.say("yes")
     assert voice.result(older).status.status == GoalStatus.PREEMPTED
     assert voice.result(newer).status.status == GoalStatus.SUCCEEDED
+
+
+# --- through the bridge --------------------------------------------------------------------------------
+
+TTS = Topic("/tts", "pal_interaction_msgs/TtsAction")
+LONG = "una frase muy larga " * 10
+
+
+@contextmanager
+def bridge(master, folder, speech=TTS):
+    """A bridge of a robot that speaks, a hand that has control, and its records so far."""
+    config = tiago_config(master, folder)
+    topics = msgspec.structs.replace(config.topics, speech=speech, languages=["es-ES", "en-GB"])
+    process = BridgeProcess(msgspec.structs.replace(config, topics=topics), master, folder)
+    hand = process.link()
+    try:
+        hand.state_until(lambda state: state.phase == "online", "a robot online")
+        hand.take_control(1)
+        yield hand, lambda: process.records.read_text().splitlines()
+    finally:
+        hand.close()
+        process.stop()
+
+
+@pytest.fixture(scope="class")
+def talk(robot, rosmaster, tmp_path_factory):
+    """A hand on a robot with PAL's voice, and the records. A master takes one bridge at a time."""
+    with bridge(rosmaster, tmp_path_factory.mktemp("bridge")) as talk:
+        yield talk
+
+
+def answered(hand, order):
+    """The one answer to an order."""
+    hand.send(order)
+    return hand.until(
+        lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == order.seq,
+        f"an answer to {order}",
+    )
+
+
+def word_of(hand, text, language="es-ES"):
+    """Have it say `text`; what pages see once a word was begun."""
+    assert isinstance(answered(hand, wire.Say(1, text, language, seq=next(_numbers))), wire.Accepted)
+    return hand.state_until(
+        lambda state: state.speech and state.speech.text == text and state.speech.word, f"a word of {text}"
+    ).speech
+
+
+def end_of(hand, number):
+    """How the text of that number ended."""
+    return hand.state_until(
+        lambda state: state.speech_ended and state.speech_ended.number == number, f"the end of {number}"
+    ).speech_ended
+
+
+class TestPalsVoice:
+    def test_a_sentence_is_said_with_its_words_marked_and_is_on_record(self, talk):
+        hand, records = talk
+        said = word_of(hand, "hola a todos")
+        assert (said.who, said.topic, said.status) == ("Ann", "/tts", "speaking")
+        hand.state_until(lambda state: state.speech and state.speech.word == (7, 12), "the last word")
+        assert end_of(hand, said.number).outcome == "done"
+        expected = ["speech.start hola a todos es-ES /tts", "speech.end done"]
+        until(lambda: records()[-2:] == expected, "both on record")
+
+    def test_a_cancelled_sentence_ends_and_nobody_elses(self, ros, voice, talk):
+        hand, _ = talk
+        said = word_of(hand, LONG)
+        refused = answered(hand, wire.Say(1, "another one", "en-GB", seq=next(_numbers)))
+        assert refused.refusal.figures == {"who": "Ann", "text": LONG}
+        hand.send(wire.LinkCancel("speech", "Sue"))
+        ended = end_of(hand, said.number)
+        assert (ended.outcome, ended.text) == ("cancelled", "Cancelled by Sue.")
+        with ros.listen("/tts/status", GoalStatusArray) as status:
+            others = voice.say(LONG)
+            status.until(lambda message: any(told.goal_id.id == others for told in message.status_list))
+            status.settle()
+            assert answered(hand, wire.SayCancel(1, seq=next(_numbers))).refusal.code == "no_speech"
+            refused = answered(hand, wire.Say(1, "hello", "en-GB", seq=next(_numbers)))
+            assert refused.refusal.text == "The robot says something that others asked for: wait."
+            voice.cancels.publish(GoalID(id=others))
+            status.until(
+                lambda message: all(told.status != GoalStatus.ACTIVE for told in message.status_list)
+            )
+            status.settle()
+
+    def test_what_the_robot_will_not_say_fails_in_its_own_words(self, talk):
+        hand, records = talk
+        hand.send(wire.Say(1, "hello", "en"))
+        ended = hand.state_until(
+            lambda state: state.speech_ended and state.speech_ended.outcome == "failed", "its end"
+        ).speech_ended
+        assert "lang_id" in ended.text
+        until(lambda: records()[-1] == "speech.end failed", "its end on record")
+
+    def test_the_stop_silences_it(self, voice, talk):
+        hand, _ = talk
+        said = word_of(hand, f"alto {LONG}")
+        hand.send(wire.LinkStop("Bob"))
+        assert end_of(hand, said.number).outcome == "stopped"
+        voice.results.until(lambda message: message.status.status == GoalStatus.PREEMPTED)
+
+
+def test_a_robot_that_takes_plain_messages_gets_them(ros, rosmaster, tmp_path):
+    with (
+        ros.listen("/say", String) as heard,
+        bridge(rosmaster, tmp_path, Topic("/say", "std_msgs/String")) as (hand, records),
+    ):
+        ros.connected(heard)
+        hand.send(wire.Say(1, "good morning", "en-GB"))
+        assert heard.next().data == "good morning"
+        ended = hand.state_until(lambda state: state.speech_ended, "its end").speech_ended
+        assert ended.outcome == "sent"
+        until(lambda: records()[-1] == "speech.end sent", "its end on record")
+
+
+def test_a_robot_with_sound_play_says_it_and_the_stop_silences_it(ros, rosmaster, tmp_path):
+    kind = message_class("sound_play/SoundRequest")
+    with (
+        ros.listen("/robotsound", kind) as heard,
+        bridge(rosmaster, tmp_path, Topic("/robotsound", "sound_play/SoundRequest")) as (hand, _),
+    ):
+        ros.connected(heard)
+        hand.send(wire.Say(1, "good morning", "en-GB"))
+        request = heard.next()
+        assert (request.sound, request.command, request.arg) == (kind.SAY, kind.PLAY_ONCE, "good morning")
+        assert request.volume == 1.0
+        hand.send(wire.LinkStop("Bob"))
+        request = heard.next()
+        assert (request.sound, request.command) == (kind.ALL, kind.PLAY_STOP)
