@@ -18,24 +18,23 @@ from msgspec import Struct
 
 from robots.bridge.config import ArmSource, DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import Parameters
+from robots.bridge.never import USE_TYPES
 from robots.bridge.stick import STEADYING, STEPS, StickStep
 
 T = TypeVar("T", bound=Struct)
 V = TypeVar("V")
 
-DRIVE_TYPES = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped")
 UNDERSTOOD_TYPES = {
-    "drive": DRIVE_TYPES,
+    **USE_TYPES,
     "odometry": ("nav_msgs/Odometry",),
     "depth": ("sensor_msgs/Image", "sensor_msgs/PointCloud2"),
     "joint_states": ("sensor_msgs/JointState",),
     "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),
     "charging": ("std_msgs/Bool",),
-    "speech": ("pal_interaction_msgs/TtsAction",),
-    "motions": ("play_motion_msgs/PlayMotionAction",),
     "camera": ("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
 }
 
+LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
 _TOPIC = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 _HOST = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*\.?")
 _PLACE = re.compile(r"(?P<what>.*?)(?: - at `(?:key in )?\$(?P<path>.*)`)?", re.DOTALL)
@@ -182,6 +181,9 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _sonar_problems(sonar, f"sonars[{index}]")
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
+    for index, language in enumerate(topics.languages):
+        if not LANGUAGE.fullmatch(language):
+            yield f"languages[{index}]: {language!r} is not a language code such as en-GB"
     yield from _doublets([scan.topic for scan in topics.scans], "scans", "topic")
     yield from _doublets([sonar.frame_id for sonar in topics.sonars], "sonars", "frame_id")
 

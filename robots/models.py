@@ -1,4 +1,4 @@
-"""The registry: kinds of robots, robots, who may do what with them, and how their bridges fare."""
+"""The registry: kinds of robots, robots, who may do what with them, what they say, and how their bridges fare."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from django.core.validators import MaxValueValidator, MinValueValidator, RegexVa
 from django.db import models
 from django.utils.functional import cached_property
 
-from robots import described, effective
+from robots import described, effective, phrases
 from robots.bridge import stick
+from robots.bridge.never import USE_TYPES, why_never
 
 T = TypeVar("T")
 
@@ -126,8 +127,8 @@ class RobotProfile(models.Model):
     )
     drive_type = models.CharField(
         max_length=80,
-        choices=[(name, name) for name in described.DRIVE_TYPES],
-        default=described.DRIVE_TYPES[0],
+        choices=[(name, name) for name in USE_TYPES["drive"]],
+        default=USE_TYPES["drive"][0],
     )
     footprint = models.JSONField(
         help_text='Metres, base frame: {"radius_m": 0.27} or {"outline": [[0.3, 0.2], [-0.3, 0.2], ...]}, '
@@ -135,7 +136,7 @@ class RobotProfile(models.Model):
     )
     topics = models.JSONField(
         help_text="The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
-        "charging, speech, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres "
+        "charging, speech, languages, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres "
         "and radians. Leave out what the robot does not have."
     )
     gate = models.JSONField(
@@ -153,6 +154,7 @@ class RobotProfile(models.Model):
         "steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways.",
     )
     shipped = models.JSONField(default=dict, editable=False)  # as last taken from a data file
+    shipped_phrases = models.JSONField(default=list, editable=False)  # likewise: `phrases.Line`s
     updated_at = models.DateTimeField(auto_now=True)
 
     class Meta:
@@ -328,6 +330,175 @@ class RobotRole(models.Model):
 
     def __str__(self) -> str:
         return f"{self.user} is {self.role} of {self.robot}"
+
+
+class OfProfileOrRobot(models.Model):
+    """What a whole kind of robot has, or one robot in addition."""
+
+    profile = models.ForeignKey(
+        RobotProfile, null=True, blank=True, on_delete=models.CASCADE, related_name="%(class)ss"
+    )
+    robot = models.ForeignKey(
+        Robot, null=True, blank=True, on_delete=models.CASCADE, related_name="%(class)ss"
+    )
+
+    class Meta:
+        abstract = True
+        constraints = [
+            models.CheckConstraint(
+                condition=models.Q(profile__isnull=False) ^ models.Q(robot__isnull=False),
+                name="%(class)s_of_profile_or_robot",
+                violation_error_message="Name either a profile or a robot.",
+            )
+        ]
+
+    @property
+    def owner(self) -> RobotProfile | Robot:
+        """Whose it is."""
+        owner = self.profile or self.robot
+        if owner is None:
+            raise ValueError(f"this {self._meta.verbose_name} belongs to no profile and to no robot")
+        return owner
+
+
+def check_phrase_language(code: str) -> None:
+    if why := phrases.why_no_language(code):
+        raise ValidationError(why)
+
+
+def check_phrase_text(text: str) -> None:
+    if why := phrases.why_no_phrase(text):
+        raise ValidationError(why)
+
+
+class Phrase(OfProfileOrRobot):
+    """A ready-made message."""
+
+    text = models.TextField(
+        validators=[check_phrase_text], help_text="One line, at most 500 characters, in its own script."
+    )
+    language = models.CharField(
+        max_length=35, validators=[check_phrase_language], help_text="Such as en-GB (BCP 47)."
+    )
+    order = models.PositiveIntegerField(default=0, help_text="Small numbers come first.")
+    tags = models.CharField(
+        max_length=phrases.LONGEST_TAGS, blank=True, help_text="Words to find it by, separated by commas."
+    )
+
+    class Meta(OfProfileOrRobot.Meta):
+        ordering = ["order", "id"]
+
+    def __str__(self) -> str:
+        return f"{self.language}: {self.text}"
+
+    def clean(self) -> None:
+        """Languages and tags in their usual form."""
+        self.language = phrases.in_usual_case(self.language)
+        self.tags = ", ".join(phrases.tags_in(self.tags))
+
+    @property
+    def line(self) -> phrases.Line:
+        """As in a file."""
+        return phrases.Line(self.text, self.language, phrases.tags_in(self.tags))
+
+
+class Allowance(OfProfileOrRobot):
+    """An entry of the allow-list: what is not there, nobody may. `robots.bridge.never` says what may not be there."""
+
+    class What(models.TextChoices):
+        """What is done with the name."""
+
+        CHOOSE = "choose", "choose: input goes to this topic or action"
+        PUBLISH = "publish", "publish on this topic"
+        CALL = "call", "call this service (staff only)"
+        SET = "set", "set this parameter (staff only)"
+
+    class Use(models.TextChoices):
+        """Whose input."""
+
+        DRIVE = "drive", "driving"
+        SPEECH = "speech", "speech"
+        MOTIONS = "motions", "motions"
+
+    what = models.CharField(max_length=8, choices=What.choices)
+    use = models.CharField(
+        max_length=8,
+        choices=Use.choices,
+        blank=True,
+        help_text="Of what is chosen: which input goes there. For driving it decides what wins over the console. On "
+        "TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab's joystick and every lock "
+        "win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and /tab_vel (100, not "
+        "masked by emergency_brake) and a controller's own topic are refused here.",
+    )
+    name = models.CharField(
+        max_length=200,
+        validators=[_topic_name],
+        help_text="Of the topic, action, service or parameter, in full.",
+    )
+    type = models.CharField(
+        max_length=120,
+        blank=True,
+        validators=[
+            RegexValidator(
+                r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$",
+                "Write package and type, such as std_msgs/String.",
+            )
+        ],
+        help_text="What is published needs it, such as std_msgs/String. Otherwise leave it empty.",
+    )
+    role = models.CharField(
+        max_length=16,
+        choices=[choice for choice in Role.choices if choice[0] != Role.OBSERVER.value],
+        default=Role.OPERATOR,
+        help_text="The lowest that may. Services and parameters are for staff, whatever is chosen here.",
+    )
+
+    class Meta(OfProfileOrRobot.Meta):
+        ordering = ["what", "use", "name"]
+        constraints = [
+            *OfProfileOrRobot.Meta.constraints,
+            models.UniqueConstraint(
+                fields=["profile", "what", "use", "name"], name="one_allowance_per_profile_and_name"
+            ),
+            models.UniqueConstraint(
+                fields=["robot", "what", "use", "name"], name="one_allowance_per_robot_and_name"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.name}"
+
+    def clean(self) -> None:
+        """Fill in what follows from the rest; refuse what no allow-list admits."""
+        if self.what in (self.What.CALL, self.What.SET):
+            self.role = Role.STAFF
+        errors: dict[str, str] = {}
+        if (self.what == self.What.CHOOSE) != bool(self.use):
+            errors["use"] = (
+                "Say which input goes there." if not self.use else "Only for what is chosen: leave it empty."
+            )
+        if self.what == self.What.PUBLISH and not self.type:
+            errors["type"] = "What is published needs its type."
+        if errors:
+            raise ValidationError(errors)
+        self._judge()
+
+    def _judge(self) -> None:
+        """By what its owner is; of an owner whose own entry is wrong, nothing can be said."""
+        try:
+            if self.robot is not None:
+                topics = effective.topics(self.robot)
+            elif self.profile is not None:
+                topics = effective.profile_topics(self.profile)
+            else:
+                return
+        except described.Problems:
+            return
+        if self.use and not self.type:
+            default = getattr(topics, self.use)
+            self.type = default.type if default else ""
+        if why := why_never(self.what, self.name, self.type, topics, self.use):
+            raise ValidationError({"name": f"No allow-list admits {self.name}: {why}."})
 
 
 class BridgeStatus(models.Model):

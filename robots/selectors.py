@@ -9,15 +9,16 @@ from urllib.parse import urlsplit
 from uuid import UUID
 
 from django.conf import settings
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 
 from fleet.audit.models import Record
 from robots import effective
-from robots.bridge.config import BridgeConfig, LinkAddress, SonarSource
+from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, SonarSource
 from robots.bridge.gate.values import Limits as GateLimits
+from robots.bridge.never import admissible
 from robots.bridge.stick import StickStep, in_words
 from robots.described import Problems
-from robots.models import Robot, RobotProfile, RobotRole, Role
+from robots.models import Allowance, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.wire import Limits, RobotFacts, SonarPose
 
 if TYPE_CHECKING:
@@ -50,6 +51,28 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
     if not user.is_active:
         return robots.none()
     return robots if user.is_staff else robots.filter(roles__user=user)
+
+
+def phrases_of(robot: Robot) -> list[Phrase]:
+    """What the robot can be made to say at a press: its kind's phrases, then its own."""
+    kinds = Phrase.objects.filter(profile=robot.profile_id)
+    return [*kinds, *Phrase.objects.filter(robot=robot)]
+
+
+def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
+    """The allow-list of a robot, whose own entries replace those of its kind.
+
+    What no list admits is left out: an edit of the profile may have made it so. `Problems` if the entry is wrong.
+    """
+    kinds = Q(profile=robot.profile_id)
+    entries = Allowance.objects.filter(kinds | Q(robot=robot))
+    by_name = {
+        (entry.what, entry.use, entry.name): Allowed(
+            entry.what, entry.name, entry.type, entry.use, entry.role
+        )
+        for entry in sorted(entries, key=lambda entry: entry.robot_id is not None)
+    }
+    return admissible((by_name[key] for key in sorted(by_name)), effective.topics(robot))
 
 
 def last_editor(entry: Robot | RobotProfile) -> str:
@@ -100,6 +123,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         gate=effective.gate_profile(robot),
         reverse_steering=robot.profile.reverse_steering,
         link=link_address(robot),
+        allowed=allowed_on(robot),
         stick=effective.stick(robot),
         state_dir=str(settings.FLEET_VAR / "bridges"),
         last_fence=robot.fence,

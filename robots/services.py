@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 from uuid import UUID
 
 from django.db import models, transaction
 from django.utils import timezone
+from msgspec import convert, to_builtins
 
 from fleet.audit import record
 from robots import shipped
-from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
+from robots.phrases import Line
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
 log = logging.getLogger(__name__)
-NOT_ENTERED = {"id", "fence", "updated_at", "shipped"}  # columns that people do not fill in
+# Columns that people do not fill in, or that a record has already.
+NOT_ENTERED = {"id", "fence", "updated_at", "shipped", "shipped_phrases", "robot"}
+ORDER_STEP = 10  # between phrases of a file, so that others find room
 
 
 @transaction.atomic
@@ -59,6 +64,7 @@ def profile_take_shipped(*, profile: RobotProfile, actor: User | None) -> bool:
     if file is None:
         return False
     _take(profile, file, actor)
+    _take_phrases(profile, file.phrase_lines(), actor)
     return True
 
 
@@ -75,6 +81,25 @@ def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
             log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
         elif profile.shipped != file.columns():
             _take(profile, file, actor=None)
+        _load_phrases(profile, file.phrase_lines(directory))
+
+
+def _load_phrases(profile: RobotProfile, lines: list[Line]) -> None:
+    """Bring a profile's phrases up to the file, unless they were edited here."""
+    last = convert(profile.shipped_phrases, list[Line])
+    if last == lines:
+        return
+    if [phrase.line for phrase in profile.phrases.all()] in (last, lines):
+        _take_phrases(profile, lines, actor=None)
+    else:
+        log.warning("Phrases of profile %s were edited here; the shipped ones were not taken.", profile.slug)
+
+
+def _take_phrases(profile: RobotProfile, lines: list[Line], actor: User | None) -> None:
+    """Make a stored profile's phrases those of the file."""
+    phrases_import(owner=profile, lines=lines, actor=actor, replace=True)
+    profile.shipped_phrases = to_builtins(lines)
+    profile.save(update_fields=["shipped_phrases"])
 
 
 def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: User | None) -> None:
@@ -98,7 +123,8 @@ def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, A
     before, after = _entered(stored), _entered(entry)
     changed = [name for name in after if after[name] != before[name]]
     if changed:
-        entry.save(update_fields=[*changed, "updated_at"])
+        saved_at = ["updated_at"] if hasattr(entry, "updated_at") else []
+        entry.save(update_fields=[*changed, *saved_at])
     return [{"field": name, "from": before[name], "to": after[name]} for name in changed]
 
 
@@ -109,6 +135,73 @@ def _entered(entry: models.Model) -> dict[str, Any]:
         for field in entry._meta.concrete_fields
         if field.name not in NOT_ENTERED
     }
+
+
+@transaction.atomic
+def entry_save(*, entry: Phrase | Allowance, actor: User | None) -> None:
+    """Create an entry of a profile or robot, or save what was changed in it; `ValidationError` if it is not right."""
+    entry.full_clean()
+    kind = entry._meta.model_name
+    if entry._state.adding:
+        entry.save(force_insert=True)
+        record(f"{kind}.create", actor=actor, **_of(entry.owner, _entered(entry)))
+    elif changes := _save_changes(entry, type(entry)._default_manager.select_for_update().get(pk=entry.pk)):
+        record(f"{kind}.change", actor=actor, **_of(entry.owner, {"entry": str(entry), "changes": changes}))
+
+
+@transaction.atomic
+def entry_delete(*, entry: Phrase | Allowance, actor: User | None) -> None:
+    """Delete an entry of a profile or robot."""
+    record(f"{entry._meta.model_name}.delete", actor=actor, **_of(entry.owner, _entered(entry)))
+    entry.delete()
+
+
+@transaction.atomic
+def phrases_import(
+    *, owner: RobotProfile | Robot, lines: list[Line], actor: User | None, replace: bool = False
+) -> int:
+    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new."""
+    type(owner)._default_manager.select_for_update().get(slug=owner.slug)  # one import at a time
+    held = [phrase.line for phrase in owner.phrases.all()]
+    if replace and held == lines:
+        return 0
+    removed = [line for line in held if line not in lines] if replace else []
+    if replace:
+        owner.phrases.all().delete()
+    known = set() if replace else {(line.language, line.text) for line in held}
+    wanted = [line for line in lines if (line.language, line.text) not in known]
+    last = max((phrase.order for phrase in owner.phrases.all()), default=0)
+    Phrase.objects.bulk_create(_phrases(owner, wanted, last))
+    added = [line for line in wanted if line not in held]
+    if wanted or removed:
+        told = {"replaced": replace, "added": to_builtins(added), "removed": to_builtins(removed)}
+        record("phrase.import", actor=actor, **_of(owner, told))
+    return len(added)
+
+
+def _phrases(owner: RobotProfile | Robot, lines: list[Line], after: int) -> Iterator[Phrase]:
+    whose = "robot" if isinstance(owner, Robot) else "profile"
+    for number, line in enumerate(lines, start=1):
+        yield Phrase(
+            **{whose: owner},
+            text=line.text,
+            language=line.language,
+            tags=", ".join(line.tags),
+            order=after + number * ORDER_STEP,
+        )
+
+
+class _Of(TypedDict, total=False):
+    robot_id: UUID
+    robot_name: str
+    parameters: dict[str, Any]
+
+
+def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
+    """What a record says of an entry and of whose it is."""
+    if isinstance(owner, Robot):
+        return {**_named(owner), "parameters": parameters}
+    return {"parameters": {**parameters, "profile": owner.slug}}
 
 
 @transaction.atomic

@@ -2,6 +2,7 @@
 
 After each migration `robots.services.profiles_load_shipped` brings into the database what is new, or what nobody has
 edited. A profile that was edited here is left alone; the admin says that the shipped one differs and offers to take it.
+A profile's phrases, a text file beside it, go the same way for themselves.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from robots.bridge.config import Topic
 from robots.bridge.gate.values import Limits
 from robots.bridge.stick import DEFAULT, StickStep
 from robots.models import RobotProfile
+from robots.phrases import Line, read_file
 
 DIRECTORY = Path(__file__).parent / "profiles"
 
@@ -37,6 +39,11 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     topics: dict[str, Any]
     gate: dict[str, float]
     stick: tuple[StickStep, ...] = DEFAULT
+    phrases: str | None = None  # name of a file beside this one
+
+    def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
+        """The phrases of its own that it comes with."""
+        return read_file(directory / self.phrases) if self.phrases else []
 
     def columns(self) -> dict[str, Any]:
         """The values of the profile's columns, the slug apart."""

@@ -97,7 +97,7 @@ def _why_never_chosen(name: str, type: str, topics: Topics, use: str) -> str | N
 def _reasons(what: str, name: str, type: str, topics: Topics) -> Iterator[str]:
     if name in _own(topics):
         yield "the console itself works with it"
-    yield from _by_name(name, _OVERRIDING | _CHAIN | _POINTS)
+    yield from _by_name(name, _OVERRIDING | _CHAIN | ({} if what == "call" else _POINTS))
     yield from _by_type(type, _SENT_TYPES if what == "publish" else _CALLED_TYPES)
 
 

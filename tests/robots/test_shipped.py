@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
+import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 
+from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.models import RobotProfile
-from robots.services import profiles_load_shipped
-from robots.shipped import DIRECTORY
+from robots.services import profile_take_shipped, profiles_load_shipped
+from robots.shipped import DIRECTORY, profile_files
 
 pytestmark = pytest.mark.django_db
 
@@ -24,7 +26,20 @@ def update(tmp_path: Path) -> Path:
         if content["slug"] == "tiago":
             content["limits"]["turn_radps"] = 1.5
         (tmp_path / file.name).write_text(yaml.safe_dump(content))
+    shutil.copy(DIRECTORY / "phrases.txt", tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def more_phrases(update: Path) -> Path:
+    """The files of a later version, with one phrase more."""
+    with (update / "phrases.txt").open("a", encoding="utf-8") as phrases:
+        phrases.write("it-IT\tBuongiorno!\n")
+    return update
+
+
+def texts(profile: RobotProfile) -> list[str]:
+    return list(profile.phrases.values_list("text", flat=True))
 
 
 def test_an_update_reaches_a_profile_that_nobody_edited(tiago: RobotProfile, update: Path) -> None:
@@ -46,7 +61,7 @@ def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, up
 
 def test_what_the_console_brings_along_is_on_record_from_the_start(tmp_path: Path) -> None:
     content = yaml.safe_load((DIRECTORY / "tiago.yaml").read_text())
-    (tmp_path / "new.yaml").write_text(yaml.safe_dump({**content, "slug": "tiago-new"}))
+    (tmp_path / "new.yaml").write_text(yaml.safe_dump({**content, "slug": "tiago-new", "phrases": None}))
     profiles_load_shipped(directory=tmp_path)
     profiles_load_shipped(directory=tmp_path)
     (record,) = Record.objects.filter(kind="profile.create", parameters__slug="tiago-new")
@@ -70,3 +85,49 @@ def test_a_deleted_shipped_profile_comes_back(tiago: RobotProfile) -> None:
     tiago.delete()
     profiles_load_shipped()
     assert RobotProfile.objects.filter(slug="tiago").exists()
+
+
+def test_a_kind_of_robot_that_speaks_comes_with_24_phrases_in_its_six_languages(tiago: RobotProfile) -> None:
+    phrases = list(tiago.phrases.all())
+    languages = list(dict.fromkeys(phrase.language for phrase in phrases))
+    assert (len(phrases), languages) == (24, tiago.topics["languages"])
+    assert "مرحبًا! سعدتُ بلقائكم." in texts(tiago)
+    for phrase in phrases:
+        phrase.full_clean()
+    assert not RobotProfile.objects.get(slug="pmb2").phrases.exists()
+
+
+def test_new_phrases_come_with_an_update_once_and_are_on_record(
+    tiago: RobotProfile, more_phrases: Path
+) -> None:
+    profiles_load_shipped(directory=more_phrases)
+    profiles_load_shipped(directory=more_phrases)
+    assert texts(tiago)[-1] == "Buongiorno!"
+    assert tiago.phrases.count() == 25
+    record = Record.objects.filter(kind="phrase.import").latest("id")
+    assert record.parameters["profile"] == "tiago"
+    assert record.parameters["added"] == [{"text": "Buongiorno!", "language": "it-IT", "tags": []}]
+    assert Record.objects.filter(kind="phrase.import").count() == 2
+
+
+def test_phrases_that_were_edited_here_stay_so(
+    tiago: RobotProfile, more_phrases: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    tiago.phrases.filter(language="ca-ES").delete()
+    with caplog.at_level(logging.WARNING, "robots.services"):
+        profiles_load_shipped(directory=more_phrases)
+    assert tiago.phrases.count() == 20
+    assert "Phrases of profile tiago were edited here" in caplog.text
+
+
+def test_phrases_that_were_deleted_here_do_not_come_back(tiago: RobotProfile) -> None:
+    tiago.phrases.all().delete()
+    profiles_load_shipped()
+    assert not tiago.phrases.exists()
+
+
+def test_who_takes_the_shipped_version_takes_its_phrases_too(tiago: RobotProfile, staff: User) -> None:
+    tiago.phrases.all().delete()
+    assert profile_take_shipped(profile=tiago, actor=staff)
+    (file,) = (file for file in profile_files() if file.slug == "tiago")
+    assert [phrase.line for phrase in tiago.phrases.all()] == file.phrase_lines()
