@@ -22,6 +22,8 @@ from robots.bridge.gate.sweep import Motion
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
+FARTHEST = 100.0  # rad or m: no joint of an arm goes there
+CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
 
 
@@ -80,8 +82,13 @@ def _recorded(told: Any) -> Motion | None:
     except msgspec.ValidationError:
         return None
     points = tuple(tuple(point.positions) for point in motion.points)
-    fit = all(len(point) == len(motion.joints) and all(map(math.isfinite, point)) for point in points)
+    fit = all(len(point) == len(motion.joints) and all(map(_possible, point)) for point in points)
     return Motion(tuple(motion.joints), points) if points and fit else None
+
+
+def _possible(position: float) -> bool:
+    """Whether a joint can be there; not if it is no number."""
+    return abs(position) <= FARTHEST
 
 
 def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
@@ -124,6 +131,7 @@ class _Playing:
     goal_id: str | None = None
     heard_s: float = math.inf
     cancelled: tuple[str, str] | None = None  # outcome, and why in words
+    cancel_sent_s: float | None = None  # no later than this
 
 
 class Motions:
@@ -213,11 +221,19 @@ class Motions:
             self._end(outcome, text, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Give up a goal of which the robot does not speak any more."""
+        """Repeat a cancel until the robot obeys; give up a goal of which it does not speak any more."""
         playing = self._playing
-        if playing is not None and now_s - playing.heard_s > UNHEARD_S:
+        if playing is None:
+            return
+        if now_s - playing.heard_s > UNHEARD_S:
             self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
             self._end("cancelled", "", now_s)
+        elif playing.cancelled is not None and playing.goal_id is not None:
+            if playing.cancel_sent_s is None:
+                playing.cancel_sent_s = now_s
+            elif now_s - playing.cancel_sent_s >= CANCEL_AGAIN_S:
+                playing.cancel_sent_s = now_s
+                self._player.cancel(playing.goal_id, playing.action)
 
     def close(self, now_s: float) -> None:
         """The bridge ends, and with it whoever could watch the motion."""

@@ -6,7 +6,6 @@ Metres and radians.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -19,6 +18,7 @@ LARGEST = 8_000_000  # characters
 MOST_JOINTS = 2_000
 
 Matrix = NDArray[np.float64]
+Position = float | Matrix  # of a joint: one, or one for each of several moments
 
 
 class BadDescription(ValueError):
@@ -52,12 +52,16 @@ class Tree:
         """The joints that move any of `links`. BadDescription if a link hangs on nothing."""
         return {joint.name for link in links for joint in self._chain(link) if joint.kind != "fixed"}
 
-    def places(self, links: Sequence[str], positions: Mapping[str, float]) -> Matrix:
-        """Where the links' origins are, (N, 3), in the frame of the root. KeyError names a joint without a position."""
-        frames: dict[str, Matrix] = {}
-        return np.array([self._frame(link, positions, frames)[:3, 3] for link in links])
+    def places(self, links: Sequence[str], positions: Mapping[str, Position]) -> Matrix:
+        """Where the links' origins are in the frame of the root, (N, 3); with joints that move, (moments, N, 3).
 
-    def _frame(self, link: str, positions: Mapping[str, float], frames: dict[str, Matrix]) -> Matrix:
+        KeyError names a joint without a position.
+        """
+        frames: dict[str, Matrix] = {}
+        origins = [self._frame(link, positions, frames)[..., :3, 3] for link in links]
+        return np.stack(np.broadcast_arrays(*origins), axis=-2)
+
+    def _frame(self, link: str, positions: Mapping[str, Position], frames: dict[str, Matrix]) -> Matrix:
         """The link's frame; `frames` keeps those behind each joint, which its neighbours share."""
         frame = np.eye(4)
         for joint in reversed(self._chain(link)):
@@ -112,18 +116,19 @@ def _rotation(roll: float, pitch: float, yaw: float) -> Matrix:
     return _about((0.0, 0.0, 1.0), yaw) @ _about((0.0, 1.0, 0.0), pitch) @ _about((1.0, 0.0, 0.0), roll)
 
 
-def _about(axis: Sequence[float] | Matrix, angle: float) -> Matrix:
+def _about(axis: Sequence[float] | Matrix, angle: Position) -> Matrix:
     """Rodrigues' formula: R = I + sin(angle) K + (1 - cos(angle)) K^2, K the axis' cross product."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Matrix = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    sin, cos = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
+    turned: Matrix = np.eye(3) + sin * cross + (1.0 - cos) * (cross @ cross)
     return turned
 
 
-def _motion(joint: _Joint, position: float) -> Matrix:
-    moved = np.eye(4)
+def _motion(joint: _Joint, position: Position) -> Matrix:
+    moved = np.broadcast_to(np.eye(4), (*np.shape(position), 4, 4)).copy()
     if joint.kind == "prismatic":
-        moved[:3, 3] = position * joint.axis
+        moved[..., :3, 3] = np.multiply.outer(position, joint.axis)
     elif joint.kind in ("revolute", "continuous"):
-        moved[:3, :3] = _about(joint.axis, position)
+        moved[..., :3, :3] = _about(joint.axis, position)
     return moved

@@ -207,6 +207,16 @@ def test_cancel_stop_and_the_end_of_control_cancel_it_at_once(bench, happens, ou
     assert ends(bench, goal_id).outcome == outcome
 
 
+def test_a_cancel_that_the_robot_does_not_obey_is_repeated_until_it_does(bench):
+    goal_id = begun(bench)
+    bench.order(wire.PlayCancel(1))
+    passes(bench, goal_id, 1.4)
+    assert bench.base.cancelled_goals == [goal_id] * 3
+    ends(bench, goal_id)
+    passes(bench, goal_id, 1.0)
+    assert bench.base.cancelled_goals == [goal_id] * 3
+
+
 def test_a_link_lost_for_two_seconds_cancels_it_and_a_shorter_loss_does_not(bench):
     goal_id = begun(bench)
     bench.core.link_lost(1, bench.now_s)
@@ -257,12 +267,13 @@ def test_parameters_that_make_no_motion_leave_its_points_unknown():
     told = {
         "wave": {"joints": ["a", "b"], "points": [point], "meta": {"name": "Wave"}},
         "odd": {"joints": ["a"], "points": [point]},
+        "far": {"joints": ["a"], "points": [{"positions": [1e9]}]},
         "nan": {"joints": ["a"], "points": [{"positions": [float("nan")]}]},
         "bare": {"joints": ["a"]},
     }
     motions = recorded(told)
     assert motions["wave"].points == ((0.1, 0.2),)
-    assert [name for name, motion in motions.items() if motion is None] == ["bare", "nan", "odd"]
+    assert [name for name, motion in motions.items() if motion is None] == ["bare", "far", "nan", "odd"]
     assert recorded(None) == {}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from robots.bridge.urdf import BadDescription, Tree
@@ -36,6 +37,17 @@ def test_the_simulated_robots_description_agrees_with_its_frames():
         assert tree.places([link], positions)[0] == pytest.approx(
             place(table, link, positions).origin, abs=1e-5
         )
+
+
+def test_many_moments_at_once_are_as_one_by_one():
+    tree = Tree(urdf(BODIES["tiago"], "tiago-1"))
+    links = ["arm_1_link", "arm_5_link", "gripper_grasping_frame"]
+    moving = {"arm_2_joint": np.linspace(-1.0, 1.0, 7), "torso_lift_joint": np.linspace(0.0, 0.3, 7)}
+    together = tree.places(links, HOME | moving)
+    assert together.shape == (7, 3, 3)
+    for moment in range(7):
+        alone = tree.places(links, HOME | {joint: at[moment] for joint, at in moving.items()})
+        assert together[moment] == pytest.approx(alone)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The space that an arm sweeps covers the arm at every moment of its way, and little more."""
 
 import math
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -13,12 +14,12 @@ RADIUS_M = 0.1
 
 
 def two_links(positions):
-    """An arm of two links of 0.4 m in the plane."""
-    first = positions["shoulder"]
+    """An arm of two links of 0.4 m in the plane: its joints and its tip."""
+    first = np.asarray(positions["shoulder"])
     second = first + positions["elbow"]
-    elbow = np.array([0.4 * math.cos(first), 0.4 * math.sin(first)])
-    tip = elbow + 0.4 * np.array([math.cos(second), math.sin(second)])
-    return [(float(x), float(y), RADIUS_M) for x, y in (elbow, tip)]
+    elbow = 0.4 * np.stack((np.cos(first), np.sin(first)), axis=-1)
+    tip = elbow + 0.4 * np.stack((np.cos(second), np.sin(second)), axis=-1)
+    return np.stack((np.zeros_like(tip), elbow, tip), axis=-2)
 
 
 PRESENT = {"shoulder": 0.0, "elbow": 2.5, "torso": 0.1}
@@ -34,42 +35,53 @@ def gaps(obstacles):
     return np.hypot(*obstacles.points.T) - 0.27
 
 
-def covered(discs, x, y):
-    return any(math.hypot(x - a, y - b) <= radius for a, b, radius in discs)
+def outline(motion, present, pieces=400):
+    """The arm's rim at every moment, in far smaller steps than the sweep takes, (N, 2); and its middle line."""
+    way = np.array([[present[joint] for joint in motion.joints], *motion.points])
+    moments = np.concatenate([np.linspace(*ends, pieces) for ends in pairwise(way)])
+    lines = two_links({**present, **dict(zip(motion.joints, moments.T, strict=True))})
+    begin, end = lines[:, :-1, None], lines[:, 1:, None]
+    middles = (begin + np.linspace(0.0, 1.0, 21)[:, None] * (end - begin)).reshape(-1, 2)
+    rim = [middles + RADIUS_M * np.array((math.cos(a), math.sin(a))) for a in np.arange(0.0, math.tau, 0.4)]
+    return np.concatenate(rim), middles
 
 
-def moments(motion, present, pieces=400):
-    """The arm's joints at every moment, in far smaller steps than the sweep takes."""
-    way = [tuple(present[joint] for joint in motion.joints), *motion.points]
-    for begin, end in pairwise(way):
-        for share in np.linspace(0.0, 1.0, pieces):
-            positions = (a + share * (b - a) for a, b in zip(begin, end, strict=True))
-            yield {**present, **dict(zip(motion.joints, positions, strict=True))}
-
-
-def test_the_arm_is_within_the_sweep_at_every_moment_and_the_sweep_near_the_arm():
-    discs = swept(WAVE, PRESENT, two_links)
-    middles = np.array([disc[:2] for arm in moments(WAVE, PRESENT) for disc in two_links(arm)])
-    for x, y in middles:
-        assert covered(discs, x, y)
-    radii = {round(radius, 6) for _, _, radius in discs}
-    assert max(radii) <= RADIUS_M + CELL_M
+@pytest.mark.parametrize(
+    "motion", [WAVE, Motion(WAVE.joints, ((2.4, 3.0),)), Motion(WAVE.joints, ((0.0, 0.0), (0.0, 3.0)))]
+)
+def test_the_whole_arm_is_within_the_sweep_at_every_moment_and_the_sweep_near_the_arm(motion):
+    discs = np.array(swept(motion, PRESENT, two_links, RADIUS_M))
+    rim, middles = outline(motion, PRESENT)
+    deepest = np.full(len(rim), -math.inf)
+    for x, y, radius in discs:
+        np.maximum(deepest, radius - np.hypot(rim[:, 0] - x, rim[:, 1] - y), out=deepest)
+    assert deepest.min() >= 0.0
+    assert discs[:, 2].max() <= 1.25 * RADIUS_M + 1.5 * CELL_M
     for x, y, _ in discs:
         assert np.hypot(*(middles - (x, y)).T).min() <= CELL_M
 
 
 def test_thinned_discs_cover_what_they_stand_for():
-    random = np.random.default_rng(3)
-    many = [(*random.uniform(-1, 1, 2), RADIUS_M) for _ in range(3000)]
-    few = thinned(many)
+    many = np.random.default_rng(3).uniform(-1, 1, (3000, 2))
+    few = thinned(many, RADIUS_M)
     assert len(few) <= (2.0 / CELL_M + 1) ** 2
-    for x, y, radius in many:
-        assert any(math.hypot(x - a, y - b) + radius <= r + 1e-9 for a, b, r in few)
+    for x, y in many:
+        assert any(math.hypot(x - a, y - b) + RADIUS_M <= r + 1e-9 for a, b, r in few)
+
+
+def test_a_motion_of_many_points_is_reckoned_in_a_moment():
+    points = tuple(map(tuple, np.random.default_rng(4).uniform(-1.5, 1.5, (50, 2))))
+    took_s = []
+    for _ in range(5):
+        began = time.perf_counter()
+        swept(Motion(WAVE.joints, points), PRESENT, two_links, RADIUS_M)
+        took_s.append(time.perf_counter() - began)
+    assert min(took_s) < 0.05
 
 
 def test_a_joint_that_nobody_tells_of_leaves_the_sweep_unknown():
     with pytest.raises(KeyError):
-        swept(WAVE, {"elbow": 0.0}, two_links)
+        swept(WAVE, {"elbow": 0.0}, two_links, RADIUS_M)
 
 
 def test_the_nearest_of_what_stands_in_the_sweep_is_named():

@@ -36,20 +36,31 @@ def is_home(positions: Mapping[str, float], home: Mapping[str, float], tolerance
 
 
 def discs_along(line: NDArray[np.float64], radius_m: float) -> tuple[Disc, ...]:
-    """Discs that cover an arm of this radius along a line of link origins (N, 2 or 3; base frame), seen from above.
-
-    Between two discs s apart the arm's flank is covered by a radius of sqrt(r^2 + (s/2)^2).
-    """
-    radius = radius_m * math.hypot(1.0, SPACING / 2.0)
-    middles: list[NDArray[np.float64]] = [line[0, :2]]
-    for begin, end in zip(line[:-1, :2], line[1:, :2], strict=True):
-        pieces = math.ceil(float(np.hypot(*(end - begin))) / (SPACING * radius_m))
-        middles += [begin + (end - begin) * (piece / pieces) for piece in range(1, pieces + 1)]
-    kept = [middles[0]]
-    for middle in middles[1:]:
-        if np.hypot(*(middle - kept[-1])) > radius_m / 4.0:  # links above one another are one disc
+    """Discs that cover an arm of this radius along a line of link origins (N, 2 or 3; base frame), seen from above."""
+    kept: list[NDArray[np.float64]] = []
+    for middle in middles_along(line[:, :2], radius_m):
+        if (
+            not kept or np.hypot(*(middle - kept[-1])) > radius_m / 4.0
+        ):  # links above one another are one disc
             kept.append(middle)
+    radius = covering_m(radius_m)
     return tuple((float(x), float(y), radius) for x, y in kept)
+
+
+def middles_along(lines: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
+    """Places (M, 2) along one line of link origins or several, (..., N, 2), close enough for discs of `covering_m`."""
+    begin, way = lines[..., :-1, :], np.diff(lines, axis=-2)
+    pieces = max(
+        math.ceil(float(np.hypot(way[..., 0], way[..., 1]).max(initial=0.0)) / (SPACING * radius_m)), 1
+    )
+    shares = np.arange(pieces)[:, None] / pieces
+    along = begin[..., None, :] + shares * way[..., None, :]
+    return np.concatenate((along.reshape(-1, 2), lines[..., -1, :].reshape(-1, 2)))
+
+
+def covering_m(radius_m: float) -> float:
+    """The radius of discs s apart that cover an arm's flank between them too: sqrt(r^2 + (s/2)^2)."""
+    return radius_m * math.hypot(1.0, SPACING / 2.0)
 
 
 def beyond(discs: tuple[Disc, ...], base_radius_m: float) -> tuple[Disc, ...]:

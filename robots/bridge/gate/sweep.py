@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.posture import UNDER_M, Disc
+from robots.bridge.gate.posture import UNDER_M, Disc, covering_m, middles_along
 from robots.bridge.gate.values import Obstacles
 
-STEP = 0.1  # rad or m between two looks at the arm on its way
+STEP = 0.05  # rad and m, of all joints together, between two looks at the arm on its way
 CELL_M = 0.05
 _CORNER_M = CELL_M * math.sqrt(0.5)  # no disc's middle is farther than this from the middle of its cell
 
-DiscsAt = Callable[[Mapping[str, float]], Sequence[Disc]]  # of the arm, with its joints in these positions
+Floats = NDArray[np.float64]
+LinksAt = Callable[
+    [Mapping[str, float | Floats]], Floats
+]  # (moments, links, 2 or 3), by joints at these moments
 
 
 class Motion(NamedTuple):
@@ -35,34 +38,34 @@ class Intruder(NamedTuple):
     bearing: float
 
 
-def swept(motion: Motion, present: Mapping[str, float], discs_at: DiscsAt) -> tuple[Disc, ...]:
-    """The discs of the arm on its way from where it is through all points of the motion, joints in step.
+def swept(
+    motion: Motion, present: Mapping[str, float], links_at: LinksAt, radius_m: float
+) -> tuple[Disc, ...]:
+    """The discs of an arm of this radius on its way from where it is through all points of the motion, joints in step.
 
     KeyError: `present` lacks a joint.
     """
-    way = [tuple(present[joint] for joint in motion.joints), *motion.points]
-    discs: list[Disc] = []
-    for begin, end in pairwise(way):
-        for positions in _between(begin, end):
-            discs += discs_at({**present, **dict(zip(motion.joints, positions, strict=True))})
-    return thinned(discs)
+    joints = np.array([[present[joint] for joint in motion.joints], *motion.points])
+    moments = np.concatenate([_between(begin, end) for begin, end in pairwise(joints)])
+    lines = links_at({**present, **dict(zip(motion.joints, moments.T, strict=True))})[..., :2]
+    jumps = np.hypot(*np.moveaxis(np.diff(lines, axis=0), -1, 0))
+    return thinned(middles_along(lines, radius_m), covering_m(radius_m) + float(jumps.max()) / 2.0)
 
 
-def _between(begin: Sequence[float], end: Sequence[float]) -> Iterable[tuple[float, ...]]:
-    """Both ends, and as much between them that no joint moves more than a step at a time."""
-    steps = max(1, math.ceil(max(abs(b - a) for a, b in zip(begin, end, strict=True)) / STEP))
-    for step in range(steps + 1):
-        share = step / steps
-        yield tuple(a + share * (b - a) for a, b in zip(begin, end, strict=True))
+def _between(begin: Floats, end: Floats) -> Floats:
+    """Both ends, and as much between them that the joints together move no more than a step at a time."""
+    steps = max(1, math.ceil(float(np.abs(end - begin).sum()) / STEP))
+    return np.linspace(begin, end, steps + 1)
 
 
-def thinned(discs: Iterable[Disc]) -> tuple[Disc, ...]:
-    """At most one disc a cell: it covers all those that have their middle there."""
-    largest: dict[tuple[int, int], float] = {}
-    for x, y, radius in discs:
-        cell = (round(x / CELL_M), round(y / CELL_M))
-        largest[cell] = max(radius, largest.get(cell, 0.0))
-    return tuple((i * CELL_M, j * CELL_M, radius + _CORNER_M) for (i, j), radius in largest.items())
+def thinned(middles: Floats, radius_m: float) -> tuple[Disc, ...]:
+    """One disc a cell, that covers all discs of this radius that have their middle (N, 2) there."""
+    columns, rows = np.rint(middles / CELL_M).astype(np.int64).T
+    cells = np.unique((columns << 32) + rows)
+    rows = (cells + (1 << 31) & 0xFFFFFFFF) - (1 << 31)
+    columns = (cells - rows) >> 32
+    places = CELL_M * np.stack((columns, rows), axis=1)
+    return tuple((x, y, radius_m + _CORNER_M) for x, y in places.tolist())
 
 
 def intruder(
