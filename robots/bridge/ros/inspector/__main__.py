@@ -38,7 +38,7 @@ from robots.ending import leave_within
 if TYPE_CHECKING:
     from robots.bridge.ros.inspector.node import Node
 
-log = logging.getLogger(__name__)
+log = logging.getLogger("robots.bridge.ros.inspector")
 
 NICE = 5  # commands to the robot go first
 MOST_QUESTIONS = 16  # at once
@@ -248,7 +248,8 @@ class Lines:
 
 def main() -> None:
     """Until stdin ends."""
-    logging.basicConfig(level=logging.INFO, format="inspector: %(message)s")
+    logging.basicConfig(format="inspector: %(message)s")
+    logging.getLogger("robots").setLevel(logging.INFO)
     for number in (signal.SIGTERM, signal.SIGINT):  # they are for the bridge, whose end closes our stdin
         signal.signal(number, signal.SIG_IGN)
     os.nice(NICE)

@@ -15,7 +15,7 @@ from robots.bridge.fields import fitted
 from robots.bridge.packing import Limits
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
-from robots.bridge.ros.master import Master
+from robots.bridge.ros.master import Master, MasterError
 from robots.bridge.ros.tcpros import connect, read, read_header, read_length
 from robots.bridge.ros.types import UnknownTypeError, service_class
 
@@ -39,7 +39,11 @@ class Service:
 
 def find(master: Master, name: str) -> Service:
     """Ask the service what it is. Raises MasterError or Declined."""
-    uri = urlsplit(master.call("lookupService", name))
+    try:
+        uri = urlsplit(master.call("lookupService", name))
+    except MasterError:
+        master.alive()
+        raise Declined("no_service", f"The robot has no service {name}.", service=name) from None
     address = (uri.hostname or "", uri.port or 0)
     said = _ask(name, address, {"md5sum": "*", "probe": "1"})
     type_name, md5 = said.get("type", ""), said.get("md5sum", "")

@@ -1,0 +1,514 @@
+"""The inspector against a real rosmaster: whatever is published is shown, whatever is asked is answered."""
+
+from __future__ import annotations
+
+import queue
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import genpy.dynamic
+import msgspec
+import pytest
+import rosgraph
+import rospy
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Bool, Empty, Float64, Header, String
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+from robots import wire
+from robots.bridge.config import Allowed
+from robots.bridge.inspection import COMMAND, Check, Done, Ready, Silence
+from robots.bridge.inspection import Report as InspectorReport
+from robots.bridge.ros.types import message_class
+from tests.ros.bridge_support import tiago_config
+from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
+
+UNKNOWN = "fleet_test_msgs/Weather"
+UNKNOWN_TEXT = """\
+uint8 SUN=0
+uint8 RAIN=1
+uint8 sky
+float32[] hourly
+Station[2] stations
+================================================================================
+MSG: fleet_test_msgs/Station
+string name
+geometry_msgs/Point place
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+"""
+ALLOWED = (
+    Allowed("publish", "/notes", "std_msgs/String"),
+    Allowed("publish", "/visit_pose", "geometry_msgs/PoseStamped"),
+    Allowed("publish", "/weather", UNKNOWN),
+    Allowed("call", "/lamp", "std_srvs/SetBool"),
+    Allowed("call", "/slow", "std_srvs/Trigger"),
+    Allowed("set", "/greeting"),
+)
+
+_report = msgspec.json.Decoder(InspectorReport)
+_answer = msgspec.json.Decoder(wire.Answer)
+_shown = msgspec.json.Decoder(wire.Shown)
+
+
+class InspectorProcess:
+    """One inspector, spoken to as its bridge does."""
+
+    def __init__(self, config: Any, master: Master) -> None:
+        self.process = subprocess.Popen(
+            COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._shown: dict[str, queue.SimpleQueue[wire.Shown]] = {}
+        self._number = 0
+        self._write(msgspec.json.encode(config))
+        threading.Thread(target=self._read, daemon=True).start()
+        assert isinstance(self._said.get(timeout=PATIENCE_S), Ready)
+
+    def ask(self, question: Any) -> Any:
+        """Its answer."""
+        self._number += 1
+        self.send(wire.Inspect(self._number, question))
+        return _answer.decode(
+            self._reply(lambda r: isinstance(r, wire.Inspected) and r.seq == self._number).answer
+        )
+
+    def done(self, request: Callable[[int], Any]) -> wire.Refusal | None:
+        """What came of a numbered request."""
+        self._number += 1
+        self.send(request(self._number))
+        refusal: wire.Refusal | None = self._reply(
+            lambda r: isinstance(r, Done) and r.number == self._number
+        ).refusal
+        return refusal
+
+    def look(self, **topics: float) -> None:
+        """At these, by names without their slash."""
+        for name in topics:
+            self._shown.setdefault(f"/{name}", queue.SimpleQueue())
+        self.send(wire.LookAt({f"/{name}": rate for name, rate in topics.items()}))
+
+    def shown(self, topic: str, condition: Callable[[wire.Shown], Any] = lambda _: True) -> wire.Shown:
+        """The next of the topic for which `condition` holds."""
+        deadline, last = time.monotonic() + PATIENCE_S, None
+        while time.monotonic() < deadline:
+            last = self._shown[topic].get(timeout=PATIENCE_S)
+            if condition(last):
+                return last
+        raise AssertionError(f"no such message of {topic}; the last was {last}")
+
+    def send(self, request: Any) -> None:
+        self._write(wire.encode(request))
+
+    def stop(self) -> int:
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.close()
+        try:
+            return self.process.wait(PATIENCE_S)
+        finally:
+            end(self.process)
+
+    def _write(self, line: bytes) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + b"\n")
+        self.process.stdin.flush()
+
+    def _reply(self, condition: Callable[[Any], bool]) -> Any:
+        while not condition(report := self._said.get(timeout=PATIENCE_S)):
+            pass
+        return report
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            report = _report.decode(line)
+            if isinstance(report, wire.Seen):
+                self._shown[report.topic].put(_shown.decode(report.shown))
+            else:
+                self._said.put(report)
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def process(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
+    config = tiago_config(rosmaster, tmp_path_factory.mktemp("inspector"), allowed=ALLOWED)
+    process = InspectorProcess(config, rosmaster)
+    yield process
+    assert process.stop() == 0
+
+
+@pytest.fixture
+def inspector(process, rosmaster) -> Iterator[InspectorProcess]:
+    yield process
+    process.look()
+    until(lambda: not subscribed(rosmaster), "no subscription of the inspector's")
+
+
+@contextmanager
+def talking(topic: str, message: Any, rate_hz: float = 20.0) -> Iterator[rospy.Publisher]:
+    """Publish it again and again for the length of a `with` block."""
+    publisher = rospy.Publisher(topic, type(message), queue_size=1)
+    over = threading.Event()
+
+    def talk() -> None:
+        while not over.wait(1.0 / rate_hz):
+            publisher.publish(message)
+
+    thread = threading.Thread(target=talk, daemon=True)
+    thread.start()
+    try:
+        yield publisher
+    finally:
+        over.set()
+        thread.join()
+        publisher.unregister()
+
+
+@contextmanager
+def serving(name: str, kind: Any, answer: Callable[[Any], Any]) -> Iterator[None]:
+    """Offer a service for the length of a `with` block."""
+    service = rospy.Service(name, kind, answer)
+    try:
+        yield
+    finally:
+        service.shutdown()
+
+
+def generated(name: str, text: str) -> Any:
+    """A class as a publisher has it whose package is not installed here."""
+    return genpy.dynamic.generate_dynamic(name, text)[name]
+
+
+def tts(part: str) -> Any:
+    return message_class(f"pal_interaction_msgs/Tts{part}")
+
+
+def subscribed(master: Master) -> dict[str, list[str]]:
+    """By topic, what inspectors listen to."""
+    _, subscribers, _ = rosgraph.Master("/test", master.uri).getSystemState()
+    return {topic: nodes for topic, nodes in subscribers if any("fleet_inspector" in node for node in nodes)}
+
+
+# --- the live view ------------------------------------------------------------------------------------
+
+
+def test_a_message_is_shown_with_its_figures(inspector):
+    message = TwistStamped(header=Header(frame_id="base", stamp=rospy.Time.from_sec(time.time())))
+    message.twist.linear.x = 0.25
+    with talking("/look/twist", message):
+        inspector.look(**{"look/twist": 10.0})
+        shown = inspector.shown("/look/twist", lambda s: s.rate_hz and s.number > 20)
+    assert shown.type == "geometry_msgs/TwistStamped"
+    assert shown.fields["twist"]["linear"] == {"x": 0.25, "y": 0.0, "z": 0.0}
+    assert shown.fields["header"]["frame_id"] == "base"
+    assert 5.0 < shown.rate_hz < 25.0
+    assert 0.0 <= shown.age_s < PATIENCE_S
+    assert (shown.publishers, shown.refusal) == (1, None)
+    assert shown.bytes == 16 + 4 + 48
+
+
+def test_a_type_that_is_not_installed_is_shown_by_its_publishers_definition(inspector):
+    weather = generated(UNKNOWN, UNKNOWN_TEXT)
+    message = weather(sky=1, hourly=[0.1, float("nan"), float("-inf")])
+    message.stations[1].name = "Gràcia"
+    message.stations[1].place.y = 2.5
+    with talking("/look/weather", message):
+        inspector.look(**{"look/weather": 10.0})
+        shown = inspector.shown("/look/weather", lambda s: s.fields)
+        described = inspector.ask(wire.Describe(UNKNOWN, "/look/weather", seq=7))
+    assert shown.type == UNKNOWN
+    assert shown.fields["sky"] == 1
+    assert shown.fields["hourly"] == [0.1, "NaN", "-Infinity"]
+    assert shown.fields["stations"][1] == {"name": "Gràcia", "place": {"x": 0.0, "y": 2.5, "z": 0.0}}
+    assert (described.known, described.md5, described.seq) == (False, weather._md5sum, 7)
+    sky, _, stations = described.fields
+    assert sky.constants == {"SUN": 0, "RAIN": 1}
+    assert (stations.array, [field.name for field in stations.fields]) == (2, ["name", "place"])
+    # Once met, it stays known, also to publishers that send no definition and without a topic.
+    assert inspector.ask(wire.Describe(UNKNOWN)).md5 == weather._md5sum
+
+
+def test_a_definition_that_is_not_the_one_of_its_md5_sum_is_not_believed(inspector):
+    honest = generated("fleet_test_msgs/Level", "float64 level\n")
+    liar = type("Liar", (honest,), {"_full_text": "int64 level\n"})
+    with talking("/look/liar", liar(1.0)):
+        inspector.look(**{"look/liar": 10.0})
+        shown = inspector.shown("/look/liar", lambda s: s.number)
+    assert shown.refusal.code == "definition_differs"
+    assert shown.fields == {}
+    assert shown.refusal.figures["claimed_md5"] == honest._md5sum
+
+
+def test_bytes_that_are_not_of_the_definition_are_told(inspector):
+    class Cut(Float64):  # says that it is a Float64, and sends half of one
+        __slots__ = ()
+
+        def serialize(self, buff: Any) -> None:
+            buff.write(b"1234")
+
+    with talking("/look/cut", Cut()):
+        inspector.look(**{"look/cut": 10.0})
+        shown = inspector.shown("/look/cut", lambda s: s.number)
+    assert (shown.refusal.code, shown.fields) == ("broken", {})
+
+
+def test_of_a_large_map_and_an_image_the_beginning_is_shown(inspector):
+    grid = OccupancyGrid(data=[7] * 1_000_000)
+    grid.info.width = grid.info.height = 1000
+    image = Image(height=480, width=640, encoding="rgb8", step=1920, data=bytes(range(256)) * 3600)
+    with talking("/look/map", grid, 2.0), talking("/look/image", image, 10.0):
+        inspector.look(**{"look/map": 10.0, "look/image": 5.0})
+        grid_shown = inspector.shown("/look/map", lambda s: s.number)
+        image_shown = inspector.shown("/look/image", lambda s: s.number)
+    assert grid_shown.fields["data"] == [7] * 16
+    assert grid_shown.shortened == ["data (1000000)"]
+    assert grid_shown.fields["info"]["width"] == 1000
+    assert grid_shown.bytes > 1_000_000
+    assert image_shown.fields["data"] == list(range(16))
+    assert image_shown.shortened == ["data (921600)"]
+
+
+def test_a_message_of_many_long_texts_is_cut_until_it_fits(inspector):
+    state = JointState(name=["j" * 900] * 32, position=[1.0] * 32)
+    with talking("/look/texts", state):
+        inspector.look(**{"look/texts": 10.0})
+        shown = inspector.shown("/look/texts", lambda s: s.number)
+    assert len(wire.encode(shown)) <= 16 * 1024
+    assert shown.fields["name"] == ["j" * 100 + "…"] * 4
+    assert shown.shortened == ["name (32)", "position (32)"]
+
+
+def test_messages_are_shown_at_the_pace_that_is_wanted_and_the_newest_wins(inspector):
+    with talking("/look/fast", Empty(), 100.0):
+        inspector.look(**{"look/fast": 4.0})
+        first = inspector.shown("/look/fast", lambda s: s.rate_hz and s.rate_hz > 50)
+        began_s = time.monotonic()
+        numbers = [inspector.shown("/look/fast").number for _ in range(4)]
+        took_s = time.monotonic() - began_s
+    assert took_s > 0.7  # four messages at four a second
+    gaps = [after - before for before, after in zip([first.number, *numbers], numbers, strict=False)]
+    assert all(gap > 5 for gap in gaps)
+
+
+def test_a_topic_that_vanishes_is_told_and_one_that_returns_is_shown_again(inspector):
+    inspector.look(**{"look/brief": 10.0})
+    assert inspector.shown("/look/brief").refusal.code == "no_publisher"
+    with talking("/look/brief", String("here")):
+        assert inspector.shown("/look/brief", lambda s: s.publishers).refusal is None
+    gone = inspector.shown("/look/brief", lambda s: s.publishers == 0)
+    assert (gone.refusal.code, gone.fields) == ("no_publisher", {"data": "here"})
+    with talking("/look/brief", String("again")):
+        assert inspector.shown("/look/brief", lambda s: s.fields.get("data") == "again").refusal is None
+
+
+def test_a_topic_that_changes_its_type_is_shown_with_the_new_one(inspector):
+    with talking("/look/change", String("a")):
+        inspector.look(**{"look/change": 10.0})
+        assert inspector.shown("/look/change", lambda s: s.number).type == "std_msgs/String"
+    with talking("/look/change", Bool(True)):
+        shown = inspector.shown("/look/change", lambda s: s.type == "std_msgs/Bool")
+    assert shown.fields == {"data": True}
+
+
+def test_nothing_is_subscribed_while_nobody_looks(inspector, rosmaster):
+    with talking("/look/seldom", Empty()):
+        inspector.look(**{"look/seldom": 10.0})
+        inspector.shown("/look/seldom", lambda s: s.number)
+        assert list(subscribed(rosmaster)) == ["/look/seldom"]
+        inspector.look()
+        until(lambda: not subscribed(rosmaster), "no subscription of the inspector's")
+
+
+# --- questions ------------------------------------------------------------------------------------------
+
+
+def test_the_graph_tells_topics_with_types_and_nodes_and_no_inspector(inspector):
+    with talking("/ask/pose", PoseStamped()):
+        inspector.look(**{"ask/pose": 1.0, "ask/nobody": 1.0})
+        inspector.shown("/ask/pose", lambda s: s.number)
+        graph = inspector.ask(wire.ListTopics(seq=3))
+    rows = {row.name: row for row in graph.topics}
+    assert graph.seq == 3
+    assert rows["/ask/pose"].type == "geometry_msgs/PoseStamped"
+    assert rows["/ask/pose"].publishers == [rospy.get_name()]
+    assert rows["/ask/pose"].subscribers == []
+    assert "/ask/nobody" not in rows
+    assert list(rows) == sorted(rows)
+    assert not any("fleet_inspector" in service.name for service in graph.services)
+
+
+def test_an_action_is_told_by_its_type(inspector):
+    goal = rospy.Subscriber("/ask/say/goal", tts("ActionGoal"))
+    cancel = rospy.Subscriber("/ask/say/cancel", String)
+    answers = [
+        rospy.Publisher(f"/ask/say/{part}", kind, queue_size=1)
+        for part, kind in (
+            ("status", String),
+            ("feedback", tts("ActionFeedback")),
+            ("result", tts("ActionResult")),
+        )
+    ]
+    try:
+        graph = inspector.ask(wire.ListTopics())
+    finally:
+        for topic in (goal, cancel, *answers):
+            topic.unregister()
+    assert wire.ActionRow("/ask/say", "pal_interaction_msgs/TtsAction") in graph.actions
+
+
+def test_five_hundred_topics_are_listed_at_once(inspector, rosmaster):
+    master = rosgraph.Master("/crowd", rosmaster.uri)
+    names = [f"/crowd/topic_{number}" for number in range(500)]
+    for name in names:
+        master.registerPublisher(name, "std_msgs/String", "http://127.0.0.1:9/")
+    try:
+        began_s = time.monotonic()
+        graph = inspector.ask(wire.ListTopics())
+        took_s = time.monotonic() - began_s
+    finally:
+        for name in names:
+            master.unregisterPublisher(name, "http://127.0.0.1:9/")
+    assert {row.name for row in graph.topics} >= set(names)
+    assert took_s < 2.0
+
+
+def test_a_type_that_nobody_knows_is_refused_in_words(inspector):
+    refused = inspector.ask(wire.Describe("nobody_msgs/Nothing", seq=5))
+    assert (refused.refusal.code, refused.of, refused.seq) == ("type_unknown", "describe", 5)
+
+
+def test_parameters_are_listed_and_read(inspector):
+    rospy.set_param("/kitchen", {"oven": {"on": True, "degrees": 180.5, "trays": [1, 2]}, "clock": "noon"})
+    names = inspector.ask(wire.ListParameters()).names
+    assert "/kitchen/oven/degrees" in names
+    assert inspector.ask(wire.GetParameter("/kitchen/oven")).value == {
+        "on": True,
+        "degrees": 180.5,
+        "trays": [1, 2],
+    }
+    assert inspector.ask(wire.GetParameter("/kitchen/cellar")).refusal.code == "no_parameter"
+
+
+def test_a_parameter_that_is_too_large_is_refused_and_a_long_text_in_it_cut(inspector):
+    rospy.set_param("/large/text", "x" * 100_000)
+    rospy.set_param("/larger", list(range(20_000)))
+    assert inspector.ask(wire.GetParameter("/large")).value["text"].endswith("x… (100000 characters)")
+    assert inspector.ask(wire.GetParameter("/larger")).refusal.code == "too_large"
+
+
+def test_a_parameter_is_set_only_from_the_allow_list(inspector):
+    assert inspector.ask(wire.SetParameter("/greeting", "hello")).value == "hello"
+    assert rospy.get_param("/greeting") == "hello"
+    assert inspector.ask(wire.SetParameter("/kitchen_light", True)).refusal.code == "not_allowed"
+    assert not rospy.has_param("/kitchen_light")
+    assert inspector.ask(wire.SetParameter("/greeting", 2**40)).refusal.code == "bad_field"
+
+
+def test_a_service_is_described_and_called_from_the_allow_list_only(inspector):
+    with serving(
+        "/lamp", SetBool, lambda request: SetBoolResponse(request.data, "on" if request.data else "off")
+    ):
+        (field,) = inspector.ask(wire.DescribeService("/lamp")).fields
+        assert (field.name, field.type) == ("data", "bool")
+        called = inspector.ask(wire.CallService("/lamp", {"data": True}, seq=9))
+        assert (called.fields, called.seq) == ({"success": True, "message": "on"}, 9)
+        bad = inspector.ask(wire.CallService("/lamp", {"data": "bright"})).refusal
+        assert (bad.code, bad.figures) == ("bad_field", {"path": "data"})
+    with serving("/door", SetBool, lambda _: SetBoolResponse()):
+        assert inspector.ask(wire.CallService("/door", {"data": True})).refusal.code == "not_allowed"
+
+
+def test_a_service_that_hangs_fails_or_is_not_there_is_told(inspector):
+    let_go = threading.Event()
+    with serving("/slow", Trigger, lambda _: let_go.wait(PATIENCE_S) and TriggerResponse()):
+        assert inspector.ask(wire.CallService("/slow")).refusal.code == "service_silent"
+        let_go.set()
+    with serving("/slow", Trigger, lambda _: None):
+        assert inspector.ask(wire.CallService("/slow")).refusal.code == "service_failed"
+    assert inspector.ask(wire.CallService("/slow")).refusal.code == "no_service"
+
+
+# --- publishing -----------------------------------------------------------------------------------------
+
+
+def order(topic: str, type_name: str, fields: dict[str, Any], rate_hz: float = 0.0) -> wire.Publish:
+    return wire.Publish(1, topic, type_name, fields, rate_hz)
+
+
+def test_a_single_message_reaches_who_listens_then_the_topic_is_silent(inspector, ros):
+    with ros.listen("/notes", String) as notes:
+        note = order("/notes", "std_msgs/String", {"data": "Grüß Gott"})
+        assert inspector.done(lambda number: Check(number, note)) is None
+        inspector.send(note)
+        assert notes.next().data == "Grüß Gott"
+        inspector.send(note)
+        notes.next()
+        assert notes.drain() == []
+
+
+def test_a_nested_message_is_published_at_a_rate_until_it_is_told_to_stop(inspector, ros):
+    fields = {"pose.position": {"x": 1.5}, "pose.orientation.w": 1, "header": {"frame_id": "map"}}
+    goal = order("/visit_pose", "geometry_msgs/PoseStamped", fields, 20.0)
+    with ros.listen("/visit_pose", PoseStamped) as goals:
+        assert inspector.done(lambda number: Check(number, goal)) is None
+        inspector.send(goal)
+        first, second = goals.next(), goals.next()
+        assert inspector.done(lambda number: Silence(number, "/visit_pose")) is None
+        goals.drain()
+        with pytest.raises(AssertionError):
+            goals.next(0.3)
+    assert (first.pose.position.x, first.pose.orientation.w, first.header.frame_id) == (1.5, 1.0, "map")
+    assert 0 < second.header.stamp.to_sec() - first.header.stamp.to_sec() < PATIENCE_S  # each at its own time
+
+
+def test_fields_that_do_not_fit_are_refused_with_their_path(inspector):
+    wrong = order("/visit_pose", "geometry_msgs/PoseStamped", {"pose.position.x": "far"})
+    refusal = inspector.done(lambda number: Check(number, wrong))
+    assert (refusal.code, refusal.figures) == ("bad_field", {"path": "pose.position.x"})
+
+
+def test_a_type_that_only_a_publisher_knows_is_published_in_its_words(inspector, ros):
+    weather = generated(UNKNOWN, UNKNOWN_TEXT)
+    told = order("/weather", UNKNOWN, {"sky": "RAIN", "stations": [{"name": "a"}, {"place": {"z": 3}}]})
+    with ros.listen("/weather", weather) as heard, talking("/weather", weather(), 1.0):
+        assert inspector.done(lambda number: Check(number, told)) is None
+        inspector.send(told)
+        message = heard.until(lambda m: m.sky == 1)
+    assert [station.place.z for station in message.stations] == [0.0, 3.0]
+
+
+def test_what_the_allow_list_has_not_or_must_not_have_is_not_even_checked(inspector):
+    other = order("/diary", "std_msgs/String", {})
+    assert inspector.done(lambda number: Check(number, other)).code == "not_allowed"
+
+
+def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):
+    inspector = InspectorProcess(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), rosmaster)
+    note = order("/notes", "std_msgs/String", {"data": "on and on"}, 50.0)
+    with ros.listen("/notes", String) as notes, talking("/look/end", Empty()):
+        inspector.done(lambda number: Check(number, note))
+        inspector.send(note)
+        inspector.look(**{"look/end": 5.0})
+        notes.next()
+        inspector.shown("/look/end", lambda s: s.number)
+        assert inspector.stop() == 0
+    assert not subscribed(rosmaster)
+
+
+def test_without_a_master_it_says_so_and_ends(tmp_path, rosmaster):
+    dead = Master(tmp_path)
+    inspector = InspectorProcess(tiago_config(dead, tmp_path), dead)
+    assert inspector.ask(wire.ListTopics()).refusal.code == "robot_offline"
+    inspector.look(anything=5.0)
+    assert inspector.shown("/anything").refusal.code == "robot_offline"
+    assert inspector.process.wait(PATIENCE_S) == 1
+    inspector.stop()
