@@ -1,7 +1,11 @@
-"""REST for lab tooling: the robots, how they are, and the stop. What is refused is explained like everywhere else."""
+"""REST for pages and lab tooling: the robots, how they are, what they say and said, and the stop.
+
+What is refused is explained like everywhere else.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
@@ -16,11 +20,22 @@ from rest_framework.views import APIView, exception_handler
 from fleet.accounts.models import User
 from robots.link import LinkRefused, hello_once
 from robots.models import Robot
-from robots.selectors import link_address, robot_facts, robots_visible_to, role_on
+from robots.selectors import link_address, phrases_of, robot_facts, robots_visible_to, role_on
 from robots.wire import Refusal
 from teleop import rules, stopping
+from teleop.history import speech_history
 from teleop.policy import out_of_service
 from teleop.selectors import holding_of
+
+LONGEST_PAGE = 200  # entries of history at once
+HIGHEST_NUMBER = 2**63 - 1
+
+
+class BadQuery(APIException):
+    """What stands behind the ? of an address makes no sense."""
+
+    status_code = 400
+    default_code = "invalid"
 
 
 def explained(error: Exception, context: dict[str, Any]) -> Response | None:
@@ -52,6 +67,13 @@ class FleetApi(APIView):
     def visible(self, slug: str) -> Robot:
         """The robot, if the person may see it; else 404."""
         return get_object_or_404(robots_visible_to(self.person()), slug=slug)
+
+    def number(self, name: str, default: int, most: int) -> int:
+        """A whole number, from 1 to `most`, behind the ? of the address."""
+        given = self.request.query_params.get(name, str(default))
+        if not (re.fullmatch("[0-9]{1,19}", given) and 1 <= int(given) <= most):
+            raise BadQuery(f"{name} must be a whole number from 1 to {most}.")
+        return int(given)
 
     def stop(self, robots: Sequence[Robot]) -> Response:
         """Stop at once; 502 if one of them was not reached."""
@@ -89,6 +111,30 @@ class RobotDetail(FleetApi):
                 "refusal": msgspec.to_builtins(refusal),
             }
         )
+
+
+class RobotPhrases(FleetApi):
+    """GET: the ready-made messages of one robot, in their order."""
+
+    def get(self, request: Request, slug: str) -> Response:
+        """Each as it is said, with its language and tags."""
+        lines = [(phrase.pk, phrase.line) for phrase in phrases_of(self.visible(slug))]
+        return Response([{"id": number, **msgspec.to_builtins(line)} for number, line in lines])
+
+
+class RobotSpeech(FleetApi):
+    """GET: what one robot was made to say, newest first, from the audit log.
+
+    `limit` entries (50) with numbers below `before`; those of others are for supervisors and staff.
+    """
+
+    def get(self, request: Request, slug: str) -> Response:
+        """`more`: there are older ones."""
+        robot = self.visible(slug)
+        before = self.number("before", HIGHEST_NUMBER, HIGHEST_NUMBER)
+        limit = self.number("limit", 50, LONGEST_PAGE)
+        history = speech_history(robot, self.person(), before=before, limit=limit)
+        return Response(msgspec.to_builtins(history))
 
 
 class RobotStop(FleetApi):

@@ -9,6 +9,8 @@ from teleop import api
 urlpatterns = [
     path("robots/", api.RobotList.as_view(), name="api-robots"),
     path("robots/<slug:slug>/", api.RobotDetail.as_view(), name="api-robot"),
+    path("robots/<slug:slug>/phrases/", api.RobotPhrases.as_view(), name="api-phrases"),
+    path("robots/<slug:slug>/speech/", api.RobotSpeech.as_view(), name="api-speech"),
     path("robots/<slug:slug>/stop/", api.RobotStop.as_view(), name="api-stop"),
     path("stop/", api.Stop.as_view(), name="api-stop-all"),
 ]

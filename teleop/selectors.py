@@ -9,7 +9,7 @@ from uuid import UUID
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from robots.models import Robot, Role
-from robots.selectors import link_address, robot_facts, roles_on
+from robots.selectors import allowed_on, link_address, robot_facts, roles_on
 from robots.wire import Refusal
 from teleop.models import ControlRequest, ControlSession, Lease
 from teleop.policy import out_of_service, permitted_as
@@ -94,7 +94,8 @@ def registered(robot_id: UUID) -> Registered | None:
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     if robot is None:
         return None
-    return Registered(out_of_service(robot), robot_facts(robot), link_address(robot))
+    allowed = () if robot.problems else allowed_on(robot)
+    return Registered(out_of_service(robot), robot_facts(robot), link_address(robot), allowed)
 
 
 def _nothing(refusal: Refusal) -> Rights:

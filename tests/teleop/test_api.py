@@ -2,7 +2,9 @@
 
 import pytest
 
+from fleet.audit import record
 from robots import wire
+from robots.models import Phrase
 from teleop.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -68,3 +70,92 @@ async def test_whoever_is_not_signed_in_is_told_so(client, robot):
     answer = await get(client, "/api/robots/")
     assert answer.status_code in (401, 403)
     assert answer.json()["rule"] == "account"
+
+
+def said(robot, who, text, outcome=None):
+    """A text on record, with what came of it."""
+    parameters = {"text": text, "language": "en-GB", "topic": "/tts"}
+    start = record("speech.start", actor=who, robot_id=robot.id, robot_name=robot.name, parameters=parameters)
+    if outcome:
+        record(
+            "speech.end", actor=who, of=start, outcome=outcome, parameters={"text": "Why.", "duration_s": 1.0}
+        )
+    return start.pk
+
+
+async def spoken(browser, robot, query=""):
+    return (await get(browser, f"/api/robots/{robot.slug}/speech/{query}")).json()
+
+
+async def test_phrases_are_those_of_the_kind_and_then_the_robots_own(browsers, robot, other_robot):
+    await in_database(
+        Phrase.objects.create, robot=robot, text="I am number one.", language="en-GB", tags="own, me"
+    )
+    await in_database(Phrase.objects.create, robot=other_robot, text="I am not.", language="en-GB")
+    answer = (await get(browsers["observer"], f"/api/robots/{robot.slug}/phrases/")).json()
+    assert len(answer) == 25
+    assert answer[0]["text"] == "Hello! It is nice to meet you."
+    number = answer[-1].pop("id")
+    assert isinstance(number, int)
+    assert answer[-1] == {"text": "I am number one.", "language": "en-GB", "tags": ["own", "me"]}
+
+
+async def test_phrases_of_a_robot_that_one_may_not_see_are_not_told(browsers, robot):
+    assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/phrases/")).status_code == 404
+    assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/speech/")).status_code == 404
+
+
+async def test_history_is_newest_first_with_what_came_of_each_text(browsers, robot, operator):
+    first = await in_database(said, robot, operator, "Hola", "done")
+    second = await in_database(said, robot, operator, "Adiós")
+    answer = await spoken(browsers["operator"], robot)
+    assert answer["more"] is False
+    assert [entry["number"] for entry in answer["entries"]] == [second, first]
+    newest, oldest = answer["entries"]
+    assert (newest["outcome"], newest["why"]) == (None, "")
+    del oldest["at"]
+    assert oldest == {
+        "number": first,
+        "text": "Hola",
+        "language": "en-GB",
+        "topic": "/tts",
+        "who": "Olga Operator",
+        "outcome": "done",
+        "why": "Why.",
+    }
+
+
+async def test_what_others_had_it_say_is_for_supervisors_and_staff(
+    browsers, robot, other_robot, operator, second_operator
+):
+    await in_database(said, robot, operator, "mine")
+    await in_database(said, robot, second_operator, "theirs")
+    await in_database(said, other_robot, operator, "elsewhere")
+    for who, texts in {
+        "operator": ["mine"],
+        "second": ["theirs"],
+        "observer": [],
+        "supervisor": ["theirs", "mine"],
+        "staff": ["theirs", "mine"],
+    }.items():
+        answer = await spoken(browsers[who], robot)
+        assert [entry["text"] for entry in answer["entries"]] == texts, who
+
+
+async def test_history_is_read_page_by_page(browsers, robot, operator):
+    numbers = [await in_database(said, robot, operator, f"Text {number}") for number in range(5)]
+    newest = await spoken(browsers["operator"], robot, "?limit=2")
+    assert [entry["number"] for entry in newest["entries"]] == numbers[:2:-1]
+    assert newest["more"] is True
+    rest = await spoken(browsers["operator"], robot, f"?limit=3&before={numbers[3]}")
+    assert [entry["number"] for entry in rest["entries"]] == numbers[2::-1]
+    assert rest["more"] is False
+
+
+@pytest.mark.parametrize(
+    "query", ["limit=0", "limit=201", "limit=ten", "before=-1", "before=9223372036854775808"]
+)
+async def test_a_page_that_makes_no_sense_is_explained(browsers, robot, query):
+    answer = await get(browsers["operator"], f"/api/robots/{robot.slug}/speech/?{query}")
+    assert (answer.status_code, answer.json()["code"]) == (400, "invalid")
+    assert "must be a whole number from 1 to" in answer.json()["text"]
