@@ -81,36 +81,31 @@ class Looker:
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self.news.wait(), self._pause_s())
             self.news.clear()
-            now_s = time.monotonic()
-            for topic in [topic for topic in self._waiting() if self.at[topic].due_s <= now_s]:
-                try:
-                    await self._show(topic, now_s)
-                except OSError:
-                    return  # it is gone; its own connection notices
-                except Exception:
-                    log.exception("a message of %s was not sent", topic)
+            for topic in list(self.at):
+                if self._is_ready(topic) and self.at[topic].due_s <= time.monotonic():
+                    try:
+                        await self._show(topic)
+                    except OSError:
+                        return  # it is gone; its own connection notices
+                    except Exception:
+                        log.exception("a message of %s was not sent", topic)
 
     def _pause_s(self) -> float | None:
         """Until the next message is due; None while there is none to show."""
-        due_s = min((self.at[topic].due_s for topic in self._waiting()), default=None)
+        due_s = min((look.due_s for topic, look in self.at.items() if self._is_ready(topic)), default=None)
         return None if due_s is None else max(due_s - time.monotonic(), 0.0)
 
-    def _waiting(self) -> list[str]:
-        """Topics with a message that was not shown, whose last one was drawn."""
-        if len(self._on_way) >= LOOKS:
-            return []
-        return [
-            topic
-            for topic, look in self.at.items()
-            if topic not in self._on_way and self._looks.number(topic) > look.shown
-        ]
-
-    async def _show(self, topic: str, now_s: float) -> None:
+    def _is_ready(self, topic: str) -> bool:
+        """Whether there is a message to show, and its last one was drawn."""
         look = self.at.get(topic)
-        if look is None or len(self._on_way) >= LOOKS:
-            return
+        if look is None or topic in self._on_way or len(self._on_way) >= LOOKS:
+            return False
+        return self._looks.number(topic) > look.shown
+
+    async def _show(self, topic: str) -> None:
+        look = self.at[topic]
         look.shown, message = self._looks.newest[topic]
-        look.due_s = now_s + 1.0 / look.rate_hz
+        look.due_s = time.monotonic() + 1.0 / look.rate_hz
         self._on_way.append(topic)
         await self._send(message)
 

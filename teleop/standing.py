@@ -46,7 +46,7 @@ class Registered(Struct, frozen=True):
     refusal: wire.Refusal | None  # why nobody drives it
     facts: wire.RobotFacts
     link: LinkAddress
-    allowed: tuple[Allowed, ...] = ()
+    allowed: tuple[Allowed, ...]
 
 
 def control_for(standing: Standing, *, user: UUID, tab: Tab, rights: Rights) -> wire.Control:

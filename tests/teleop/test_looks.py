@@ -110,6 +110,21 @@ async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is
     assert one.sent[LOOKS:] == ["again"]
 
 
+async def test_no_more_is_on_its_way_than_a_connection_may_look_at(looks, looker):
+    one = looker()
+    for number in range(LOOKS - 1):
+        one.look(f"/old{number}", 1e9)
+        looks.publish(f"/old{number}", "old")
+    await turns()
+    for number in range(LOOKS - 1):
+        one.look_away(f"/old{number}")
+    for topic in ("/a", "/b"):
+        one.look(topic, 1e9)
+        looks.publish(topic, topic)
+    await turns()
+    assert len(one.sent) == LOOKS
+
+
 async def test_an_acknowledgement_of_nothing_does_nothing(looks, looker):
     one = looker()
     one.drawn()

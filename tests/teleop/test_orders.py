@@ -8,6 +8,7 @@ from msgspec import structs
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed
+from robots.models import Allowance
 from teleop import selectors
 from teleop.database import in_database
 from teleop.orders import UNDER_WAY
@@ -230,6 +231,21 @@ async def test_what_is_chosen_and_published_is_on_the_allow_list_for_this_role(
     else:
         assert (await holder.hears("refused", of=kind, seq=6))["refusal"]["code"] == code
         assert not [message for message in bridge.heard if isinstance(message, wire.Order)]
+
+
+async def test_the_allow_list_is_the_admins(open_page, bridge, robot, monkeypatch):
+    monkeypatch.undo()  # no list of this module's
+    page = await open_page("operator")
+    await page.say("take")
+    await page.hears("control", state="yours")
+    publish = {"fence": FENCE, "topic": "/notes", "type": "std_msgs/String"}
+    await page.say("publish", **publish, seq=1)
+    assert (await page.hears("refused", seq=1))["refusal"]["code"] == "not_allowed"
+    allowance = {"what": "publish", "name": "/notes", "type": "std_msgs/String", "role": "operator"}
+    await in_database(lambda: Allowance.objects.create(robot=robot, **allowance))
+    await page.hears("welcome")  # the robot was edited
+    await page.say("publish", **publish, seq=2)
+    await page.hears("accepted", seq=2)
 
 
 async def test_with_the_role_for_it_more_may_be_chosen(open_page, bridge):
