@@ -1,0 +1,253 @@
+"""The bridge's relay to its inspector: who asked gets the answer, whoever fails is told, nothing waits or piles up."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import textwrap
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge import inspection
+from robots.bridge.inspection import MOST_ASKED, Inspection
+from tests.bridge.support import CONFIG
+
+PATIENCE_S = 20.0
+ORDER = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"})
+AT_A_RATE = msgspec.structs.replace(ORDER, rate_hz=5.0)
+
+# An inspector that answers with what it was asked. Names in a question tell it how to behave.
+PROGRAM = textwrap.dedent("""
+    import json, os, sys, time
+
+    def say(**report):
+        print(json.dumps(report), flush=True)
+
+    config = json.loads(sys.stdin.readline())
+    say(t="ready")
+    for line in sys.stdin:
+        request = json.loads(line)
+        match request["t"]:
+            case "inspect":
+                name = request["ask"].get("name", "")
+                if name == "/die":
+                    os._exit(1)
+                if name == "/babble":
+                    print("not JSON", flush=True)
+                if name != "/silent":
+                    value = [os.getpid(), config["slug"]]
+                    answer = {"t": "parameter_value", "name": name, "value": value, "seq": request["ask"].get("seq", 0)}
+                    say(t="inspected", seq=request["seq"], answer=answer)
+            case "look_at":
+                for topic, rate in request["topics"].items():
+                    say(t="seen", topic=topic, shown={"rate": rate})
+            case "check":
+                wrong = request["order"]["fields"].get("data") == "wrong"
+                refusal = {"code": "bad_field", "text": "No.", "rule": "wire"} if wrong else None
+                say(t="done", number=request["number"], refusal=refusal)
+            case "silence" if request["topic"] != "/deaf":
+                say(t="done", number=request["number"], refusal=None)
+            case "publish":
+                say(t="seen", topic="/published", shown=request["fields"])
+""")
+
+
+class Viewer:
+    """A link that remembers."""
+
+    def __init__(self) -> None:
+        self.answers: list[wire.Inspected] = []
+        self.seen: dict[str, Any] = {}
+        self.news = asyncio.Event()
+
+    def report(self, message: Any) -> None:
+        self.answers.append(message)
+        self.news.set()
+
+    def see(self, topic: str, seen: bytes) -> None:
+        report = wire.link_report(seen)
+        assert isinstance(report, wire.Seen)
+        self.seen[topic] = msgspec.json.decode(report.shown)
+        self.news.set()
+
+    async def until(self, condition: Callable[[], Any]) -> Any:
+        while not (value := condition()):
+            await asyncio.wait_for(self.news.wait(), PATIENCE_S)
+            self.news.clear()
+        return value
+
+    async def answer(self, seq: int) -> Any:
+        """The answer to that question."""
+        inspected = await self.until(lambda: [given for given in self.answers if given.seq == seq])
+        return msgspec.json.decode(inspected[0].answer, type=wire.Answer)
+
+
+def question(seq: int, name: str = "/a") -> wire.Inspect:
+    return wire.Inspect(seq, wire.GetParameter(name, seq=seq + 1000))
+
+
+@pytest.fixture
+async def make() -> AsyncIterator[Callable[..., Inspection]]:
+    made = []
+
+    def build(**changes: Any) -> Inspection:
+        changes = {"lost": lambda: None, "command": (sys.executable, "-c", PROGRAM)} | changes
+        made.append(Inspection(CONFIG, **changes))
+        return made[-1]
+
+    yield build
+    for relay in made:
+        await relay.close()
+
+
+@pytest.fixture
+def relay(make) -> Inspection:
+    built: Inspection = make()
+    return built
+
+
+async def test_the_answer_goes_to_who_asked_with_the_askers_number(relay):
+    ann, ben = Viewer(), Viewer()
+    relay.ask(ann, question(7, "/ann"))
+    relay.ask(ben, question(7, "/ben"))
+    for viewer, name in ((ann, "/ann"), (ben, "/ben")):
+        answer = await viewer.answer(7)
+        assert (answer.name, answer.seq) == (name, 1007)
+        assert len(viewer.answers) == 1
+
+
+async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wants(relay):
+    ann, ben = Viewer(), Viewer()
+    relay.look_at(ann, {"/x": 2.0, "/y": 1.0})
+    relay.look_at(ben, {"/x": 5.0})
+    await ann.until(lambda: len(ann.seen) == 2 and ann.seen["/x"] == {"rate": 5.0})
+    assert ben.seen == {"/x": {"rate": 5.0}}
+    relay.forget(ben)
+    await ann.until(lambda: ann.seen["/x"] == {"rate": 2.0})
+    assert ben.seen == {"/x": {"rate": 5.0}}
+
+
+async def test_there_is_no_process_before_somebody_needs_one_nor_long_after(make):
+    relay = make(linger_s=0.05)
+    assert relay._process is None
+    ann = Viewer()
+    relay.look_at(ann, {"/x": 1.0})
+    await ann.until(lambda: ann.seen)
+    await asyncio.sleep(0.2)  # looked at for longer than the pause
+    process = relay._process
+    assert process is not None and process.returncode is None
+    relay.look_at(ann, {})
+    assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
+    relay.look_at(ann, {"/y": 1.0})  # and again
+    await ann.until(lambda: "/y" in ann.seen)
+
+
+async def test_a_question_without_an_answer_is_refused_in_time(relay, monkeypatch):
+    ann = Viewer()
+    relay.ask(ann, question(1))
+    await ann.answer(1)
+    monkeypatch.setattr(inspection, "ANSWER_S", 0.05)
+    relay.ask(ann, question(2, "/silent"))
+    refused = await ann.answer(2)
+    assert (refused.of, refused.refusal.code, refused.seq) == ("parameter", "inspector_silent", 1002)
+
+
+async def test_too_many_questions_at_once_are_refused(relay):
+    ann = Viewer()
+    for seq in range(MOST_ASKED + 1):
+        relay.ask(ann, question(seq))
+    assert (await ann.answer(MOST_ASKED)).refusal.code == "busy"
+    await ann.answer(MOST_ASKED - 1)
+    relay.ask(ann, question(MOST_ASKED + 1))
+    assert (await ann.answer(MOST_ASKED + 1)).value
+
+
+@pytest.mark.parametrize("how", ["/die", "/babble"])
+async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_same(relay, monkeypatch, how):
+    monkeypatch.setattr(inspection, "RESTART_S", (0.01, 0.05))
+    monkeypatch.setattr(inspection, "END_S", 0.5)
+    ann = Viewer()
+    relay.look_at(ann, {"/x": 1.0})
+    relay.ask(ann, question(1))
+    first = (await ann.answer(1)).value
+    ann.seen.clear()
+    relay.ask(ann, question(2, how))
+    await ann.until(lambda: "/x" in ann.seen)
+    relay.ask(ann, question(3))
+    assert (await ann.answer(3)).value != first
+
+
+async def test_what_was_published_at_a_rate_is_told_as_lost_when_the_process_dies(make, monkeypatch):
+    monkeypatch.setattr(inspection, "RESTART_S", (0.01, 0.05))
+    lost = asyncio.Event()
+    relay = make(lost=lost.set)
+    ann = Viewer()
+    relay.look_at(ann, {"/published": 1.0})
+    await ann.until(lambda: ann.seen)
+    relay.publish(AT_A_RATE)
+    await ann.until(lambda: ann.seen["/published"] == {"data": "hello"})
+    ann.seen.clear()
+    relay.ask(ann, question(2, "/die"))
+    await asyncio.wait_for(lost.wait(), PATIENCE_S)
+    assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # and it does not begin again
+
+
+async def test_without_a_process_nothing_is_published_also_not_later(make):
+    lost = asyncio.Event()
+    relay = make(lost=lost.set)
+    relay.publish(AT_A_RATE)
+    await asyncio.wait_for(lost.wait(), PATIENCE_S)
+    ann = Viewer()
+    relay.look_at(ann, {"/published": 1.0})
+    assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}
+
+
+async def test_fields_are_checked_before_anything_is_published(relay):
+    checked: asyncio.Queue[wire.Refusal | None] = asyncio.Queue()
+    for fields in ({"data": "right"}, {"data": "wrong"}):
+        order = msgspec.structs.replace(ORDER, fields=fields)
+        relay.check(order, lambda refusal, _now_s: checked.put_nowait(refusal))
+    assert await asyncio.wait_for(checked.get(), PATIENCE_S) is None
+    refusal = await asyncio.wait_for(checked.get(), PATIENCE_S)
+    assert refusal is not None
+    assert refusal.code == "bad_field"
+
+
+async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypatch):
+    monkeypatch.setattr(inspection, "SILENCE_S", 0.05)
+    ann = Viewer()
+    relay.look_at(ann, {"/x": 1.0})
+    await ann.until(lambda: ann.seen)
+    process = relay._process
+    assert process is not None
+    relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/notes"))
+    relay.publish_stop("/notes")
+    relay.ask(ann, question(1))
+    await ann.answer(1)
+    assert process.returncode is None  # it said that it stopped
+    relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/deaf"))
+    relay.publish_stop("/deaf")
+    assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
+
+
+async def test_a_program_that_cannot_be_started_leaves_every_question_refused(make, monkeypatch):
+    monkeypatch.setattr(inspection, "START_S", 0.1)
+    relay = make(command=("/nowhere/inspector",))
+    ann = Viewer()
+    relay.ask(ann, question(1))
+    assert (await ann.answer(1)).refusal.code == "inspector_silent"
+
+
+async def test_with_the_bridge_its_inspector_ends(make):
+    relay = make()
+    ann = Viewer()
+    relay.look_at(ann, {"/x": 1.0})
+    await ann.until(lambda: ann.seen)
+    process = relay._process
+    assert process is not None
+    await relay.close()
+    assert process.returncode == 0
