@@ -1,0 +1,75 @@
+"""docs/protocol.md: it names every message, and its example program works."""
+
+import asyncio
+import re
+import sys
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from websockets.asyncio.server import serve
+
+from robots import wire
+
+PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
+FROM_CONSOLE = (
+    wire.Welcome,
+    wire.Control,
+    wire.Notice,
+    wire.Refused,
+    wire.Accepted,
+    wire.Offers,
+    wire.Pong,
+    wire.BridgeGone,
+    wire.View,
+    wire.Fleet,
+    wire.Shown,
+)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        get_args(wire.BrowserMessage),
+        get_args(wire.FleetMessage),
+        get_args(wire.TopicsMessage),
+        get_args(wire.Answer),
+        get_args(wire.LinkRequest),
+        get_args(wire.LinkReport),
+        FROM_CONSOLE,
+    ],
+)
+def test_every_message_is_named(kinds):
+    tags = {kind.__struct_config__.tag for kind in kinds}
+    assert {tag for tag in tags if f"`{tag}`" not in PAGE} == set()
+
+
+async def test_the_example_prints_what_it_is_shown_and_acknowledges_it():
+    [program] = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    heard = []
+
+    async def console(socket):
+        heard.append(
+            (socket.request.path, socket.request.headers["Origin"], socket.request.headers["Cookie"])
+        )
+        heard.append(wire.topics_message(await socket.recv()))
+        for number in (1, 2):
+            fields = {"pose": {"pose": {"position": {"x": number}}}}
+            shown = wire.Shown("/odom", "nav_msgs/Odometry", number, 5.0, 700, 0.01, 1, fields)
+            await socket.send(wire.encode(shown), text=True)
+            heard.append(wire.topics_message(await socket.recv()))
+        refusal = wire.Refusal("bridge_down", "The bridge is not running.", "robot")
+        await socket.send(wire.encode(wire.BridgeGone(refusal)), text=True)
+
+    async with serve(console, "127.0.0.1", 0) as server:
+        address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        pipe = asyncio.subprocess.PIPE
+        running = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", program, address, "tiago-1", "fleet_session_x=y", stdout=pipe, stderr=pipe
+        )
+        printed, complained = await asyncio.wait_for(running.communicate(), 20)
+    assert (printed, complained) == (b"{'x': 1}\n{'x': 2}\n", b"The bridge is not running.\n")
+    handshake, look, *acknowledged = heard
+    assert handshake == ("/ws/robots/tiago-1/topics/", address, "fleet_session_x=y")
+    assert isinstance(look, wire.Look)
+    assert acknowledged == [wire.Ack(), wire.Ack()]
