@@ -136,18 +136,12 @@ class Choices:
             self._part(self._parted_s, now_s)
         for use in self._defaults:
             self._attend(use, busy.get(use))
+            self._settle(use, now_s)
 
     def attended(self, use: str, topics: Collection[str], now_s: float) -> None:
-        """The robot is connected to by these topics now: make the choice that waited for it."""
+        """The robot is connected to by these topics now."""
         self._connected[use] = topics
-        choice = self._asked.get(use)
-        if choice is None or not choice.begun or choice.topic not in topics:
-            return
-        del self._asked[use]
-        refusal = self._why_not_now(use, now_s)
-        if refusal is None:
-            self._make(use, choice.topic, f"input goes to {choice.topic} now", now_s)
-        choice.answer(refusal)
+        self._settle(use, now_s)
 
     def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
         """Types of the topics that somebody on the robot listens to. What was chosen and is gone is chosen no more."""
@@ -182,6 +176,17 @@ class Choices:
             choice.begun = True
         else:
             self._withdraw(use, refusal)
+
+    def _settle(self, use: str, now_s: float) -> None:
+        """Make the choice that waited for its topic to be connected."""
+        choice = self._asked.get(use)
+        if choice is None or not choice.begun or choice.topic not in self._connected[use]:
+            return
+        del self._asked[use]
+        refusal = self._why_not_now(use, now_s)
+        if refusal is None:
+            self._make(use, choice.topic, f"input goes to {choice.topic} now", now_s)
+        choice.answer(refusal)
 
     def _why_not_now(self, use: str, now_s: float) -> Refusal | None:
         closed = self._rules.why_closed(now_s)

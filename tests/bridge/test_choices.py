@@ -204,8 +204,9 @@ def test_the_newest_of_two_choices_counts_and_both_are_answered(bench):
 def test_one_press_goes_back_to_the_default_also_where_nobody_listens(bench):
     choose(bench, "speech", "/second_tts")
     bench.core.orders.choices.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
-    choose(bench, "speech", None)
-    assert chosen(bench) == {}
+    answers = ask(bench, "speech", None)
+    settled(bench)
+    assert (answers, chosen(bench)) == ([None], {})  # it is connected already
     bench.core.tick(bench.now_s)
     assert bench.base.attended[-1] == ("speech", {"/tts"})
 

@@ -1,0 +1,172 @@
+"""Input goes where its holder chose on a real robot: another velocity input, another voice, and back."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import itertools
+
+import msgspec
+import pytest
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Twist
+
+from robots import wire
+from robots.bridge.config import Allowed, Topic
+from robots.bridge.ros.types import message_class
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.support import until
+
+TTS, PLAY = "pal_interaction_msgs/TtsAction", "play_motion_msgs/PlayMotionAction"
+ALLOWED = (
+    Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive"),
+    Allowed("choose", "/second_tts", TTS, "speech"),
+    Allowed("choose", "/second_play", PLAY, "motions"),
+)
+WAIT = {"no_listener", "base_moving"}
+_numbers = itertools.count(1)
+
+
+@pytest.fixture(scope="module")
+def robot(ros, simulator):
+    return simulator(pose="3.8,2.2,0", seed=1)
+
+
+@pytest.fixture(scope="module")
+def talk(robot, rosmaster, tmp_path_factory):
+    """A hand that has control, and the records so far."""
+    folder = tmp_path_factory.mktemp("bridge")
+    config = tiago_config(rosmaster, folder)
+    topics = msgspec.structs.replace(
+        config.topics, speech=Topic("/tts", TTS), languages=["en-GB"], motions=Topic("/play_motion", PLAY)
+    )
+    process = BridgeProcess(
+        msgspec.structs.replace(config, topics=topics, allowed=ALLOWED), rosmaster, folder
+    )
+    hand = process.link()
+    hand.state_until(lambda state: state.phase == "online", "a robot online")
+    hand.take_control(1)
+    yield hand, lambda: process.records.read_text().splitlines()
+    hand.close()
+    process.stop()
+
+
+@pytest.fixture
+def hand(talk):
+    return talk[0]
+
+
+def answered(hand, order):
+    """The one answer to an order."""
+    hand.send(order)
+    return hand.until(
+        lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == order.seq,
+        f"an answer to {order}",
+    )
+
+
+def choose(hand, use, topic):
+    """Choose it, as soon as the base stands and the bridge's survey of the robot's topics has it."""
+
+    def chosen():
+        answer = answered(hand, wire.Choose(1, use, topic, seq=next(_numbers)))
+        assert isinstance(answer, wire.Accepted) or answer.refusal.code in WAIT, answer
+        return isinstance(answer, wire.Accepted)
+
+    until(chosen, f"{topic} chosen for {use}")
+    expected = {use: topic} if topic else {}
+    hand.state_until(lambda state: state.chosen == expected, f"chosen: {expected}")
+
+
+def drives(hand, inbox):
+    """The stick's velocities come in there, until it is let go."""
+    hand.stick(0.0)
+    hand.state_until(
+        lambda state: state.neutral_needed is None and state.phase == "online", "a neutral stick"
+    )
+    hand.stick(0.3)
+    inbox.until(lambda twist: twist.linear.x > 0.0)
+    hand.stick(0.0)
+    inbox.until(lambda twist: twist.linear.x == 0.0)
+
+
+def stood(inbox):
+    """Whether no speed came in there lately."""
+    return all(twist.linear.x == 0.0 for twist in inbox.drain())
+
+
+def test_velocities_go_to_the_chosen_input_and_back(ros, talk):
+    hand, records = talk
+    with ros.listen("/key_vel", Twist) as usual, ros.listen("/phone_vel", Twist) as other:
+        ros.connected(usual)
+        choose(hand, "drive", "/phone_vel")
+        assert "topic.choose drive /key_vel /phone_vel" in records()
+        usual.drain()
+        drives(hand, other)
+        assert stood(usual)
+        choose(hand, "drive", None)
+        other.drain()
+        drives(hand, usual)
+        assert stood(other)
+        hand.let_go()
+
+
+def test_what_the_robot_does_not_have_is_refused(hand):
+    refused = answered(hand, wire.Choose(1, "motions", "/nowhere", seq=next(_numbers))).refusal
+    assert refused.code == "not_allowed"
+    refused = answered(hand, wire.Choose(1, "motions", "/second_play", seq=next(_numbers))).refusal
+    assert refused.text == "Nothing on the robot listens to /second_play/goal."
+
+
+def test_a_text_goes_to_the_chosen_voice_which_is_given_up_when_it_vanishes(ros, hand):
+    goal = message_class("pal_interaction_msgs/TtsActionGoal")
+    with ros.listen("/second_tts/cancel", GoalID) as cancels:
+        with ros.listen("/second_tts/goal", goal) as goals:
+            choose(hand, "speech", "/second_tts")
+            hand.send(wire.Say(1, "good evening", "en-GB"))
+            asked = goals.next()
+            assert (asked.goal.rawtext.text, asked.goal.rawtext.lang_id) == ("good evening", "en_GB")
+            ended = hand.state_until(lambda state: state.speech_ended, "its end").speech_ended
+            assert ended.outcome == "unheard"  # nobody performs it here
+            assert cancels.next().id == asked.goal_id.id
+        hand.state_until(lambda state: state.chosen == {}, "the default again")
+
+
+def offers(hand, condition):
+    """What the robot offers, asked for until it is that."""
+    hand.send(wire.Refresh())
+    return hand.until(lambda report: isinstance(report, wire.Offers) and condition(report), "offers")
+
+
+def test_motions_are_offered_in_the_robots_own_words_and_those_of_the_chosen_action(ros, hand):
+    told = offers(hand, lambda offers: offers.motions)
+    wave = next(offer for offer in told.motions if offer.name == "wave")
+    assert (wave.title, wave.usage, wave.duration_s) == ("Wave", "demo", 5.5)
+    assert told.uses["motions"] == wire.UseOffer("/play_motion", PLAY, {"/second_play": "operator"})
+    assert told.languages == ["en-GB"]
+    with ros.listen("/second_play/goal", message_class("play_motion_msgs/PlayMotionActionGoal")):
+        choose(hand, "motions", "/second_play")
+        offers(hand, lambda offers: offers.motions_text == "/second_play offers no motions.")
+        choose(hand, "motions", None)
+        offers(hand, lambda offers: len(offers.motions) == len(told.motions))
+
+
+def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simulator, tmp_path):
+    master = make_master()
+    simulator(master=master, name="second", pose="2,2,0", seed=1)
+    config = tiago_config(master, tmp_path)
+    topics = msgspec.structs.replace(config.topics, motions=Topic("/play_motion", PLAY))
+    process = BridgeProcess(msgspec.structs.replace(config, topics=topics), master, tmp_path)
+    hand = process.link()
+    try:
+        told = lambda report: isinstance(report, wire.Offers) and report.motions  # noqa: E731
+        hand.until(told, "motions")
+        master.kill()
+        hand.state_until(lambda state: state.phase == "waiting", "no master")
+        hand.until(lambda report: not isinstance(report, wire.Offers), "what came before is read")
+        master.start()
+        hand.until(told, "motions again")
+    finally:
+        hand.close()
+        process.stop()
