@@ -12,9 +12,11 @@ that moment only (`_flush_past_the_audit_triggers`), so that within every test t
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import hypothesis
 import pytest
 from django.contrib.sessions.models import Session
 from django.db import connection
@@ -25,6 +27,11 @@ from fleet.accounts.models import User
 from fleet.audit import triggers
 from robots.models import Robot, RobotProfile, RobotRole, Role
 from tests.disk import Disk
+
+# The same examples in every run: what turns red does so because of a change. HYPOTHESIS_PROFILE=search looks further.
+hypothesis.settings.register_profile("steady", derandomize=True)
+hypothesis.settings.register_profile("search")
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 PASSWORD = "a long walk on the beach"
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol
 
 import numpy as np
@@ -330,10 +330,10 @@ class Core:
         """What is seen, for pictures."""
         obstacles = self._gate.obstacles(now_s)
         return wire.Scan(
-            laser_cm=_centimetres(obstacles, "scan"),
+            laser_cm=_centimetres(obstacles, ("scan",)),
             sonar_cm=[self._range_cm(s, now_s) for s in self.config.topics.sonars],
-            depth_cm=_centimetres(obstacles, "depth", DRAWN_GRAIN_CM),
-            remembered_cm=_centimetres(obstacles, "memory", DRAWN_GRAIN_CM),
+            depth_cm=_centimetres(obstacles, ("depth",), DRAWN_GRAIN_CM),
+            remembered_cm=_centimetres(obstacles, ("memory", "depth memory"), DRAWN_GRAIN_CM),
         )
 
     # --- what orders must know (orders.Rules) ------------------------------------------------------
@@ -476,9 +476,9 @@ class Core:
         return None if range_m is None else round(range_m * 100)
 
 
-def _centimetres(obstacles: Obstacles, kind: str, grain: int = 1) -> list[int]:
-    """The points near enough to be drawn that sources of one kind know of, flat, one for each `grain` centimetres."""
-    sources = [number for number, other in enumerate(obstacles.kinds) if other == kind]
+def _centimetres(obstacles: Obstacles, kinds: Collection[str], grain: int = 1) -> list[int]:
+    """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
+    sources = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
     points = obstacles.points[np.isin(obstacles.source, sources)]
     near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
     places = np.rint(near * (100 / grain)).astype(np.int64)

@@ -14,7 +14,7 @@ from robots.wire import Refusal
 
 WATCH = ("scan", "depth")  # what must be awake before the arm moves
 WATCH_ARM = ("scan",)  # and while it does: the arm may carry the camera's view away
-SEES_ARM = ("scan", "sonar")  # what else is seen where the arm moves may be the arm
+SEES_NO_ARM = ("scan", "memory", "sonar")  # at their height it does not reach; depth may show the arm itself
 
 
 def why_no_room(gate: Gate, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
@@ -22,7 +22,7 @@ def why_no_room(gate: Gate, space: Sequence[Disc], now_s: float, *, running: boo
     if not space:
         return None
     if running:
-        return _unwatched(gate, WATCH_ARM, now_s) or _in_the_way(gate, space, now_s, SEES_ARM)
+        return _unwatched(gate, WATCH_ARM, now_s) or _in_the_way(gate, space, now_s, SEES_NO_ARM)
     return _unwatched(gate, WATCH, now_s) or _in_the_way(gate, space, now_s)
 
 

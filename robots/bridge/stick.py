@@ -150,7 +150,8 @@ def steadied(step: OneEuro | Mean, memory: Memory | None, position: Position, dt
     dt_s = max(dt_s, SHORTEST_S)
 
     def follow(before: AxisMemory, axis: float) -> AxisMemory:
-        let_go_or_reversed = axis == 0.0 or axis * before[0] < 0.0
+        # Not by their product, which is 0 for two that are small enough.
+        let_go_or_reversed = axis == 0.0 or (axis > 0.0 > before[0]) or (axis < 0.0 < before[0])
         return step.begin(axis) if let_go_or_reversed else step.follow(before, axis, dt_s)
 
     return follow(memory[0], position.x), follow(memory[1], position.y), follow(memory[2], position.w)

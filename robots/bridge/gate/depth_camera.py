@@ -185,7 +185,7 @@ class DepthCamera:
 class DepthMemory:
     """What a depth camera showed earlier and shows no longer, as a source of its own."""
 
-    kind = "memory"
+    kind = "depth memory"
     name = "depth, remembered"
     word = "depth, remembered"
 

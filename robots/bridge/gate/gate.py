@@ -311,11 +311,13 @@ class Gate:
         if is_still(candidate):
             return Restraint(candidate)
         drift = self._drift(obstacles.points)
+        # What moves has gone on since it was scanned.
+        points = obstacles.points if drift is None else obstacles.points + self._scan_age_s() * drift
         rolled = safe_share(
             candidate,
             self._commands.lately(now_s, profile.parameters.latency_s),
             self._velocity,
-            obstacles.points,
+            points,
             drift,
             hull,
             profile,
@@ -329,6 +331,13 @@ class Gate:
         rule = OBSTACLE if drift is None or not drift[rolled.row].any() else MOVER
         cause = Cause(rule, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
         return Restraint(_scaled(candidate, rolled.share), cause)
+
+    def _scan_age_s(self) -> float:
+        """How much older the oldest of the newest scans is than the newest odometry, with which a roll-out begins."""
+        stamps = [laser.freshness.stamp_s for laser in self._lasers.values()]
+        newest = self._odometry.stamp_s
+        known = [stamp_s for stamp_s in stamps if stamp_s is not None]
+        return min(max(newest - min(known), 0.0), LASER_STALE_S) if known and newest is not None else 0.0
 
     def _drift(self, points: Points) -> Points | None:
         """How points of the base frame move by themselves, m/s; None if nothing moves."""

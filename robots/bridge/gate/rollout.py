@@ -132,8 +132,13 @@ def safe_share(
     unavoidable = np.minimum(footprint.least_gaps(_path(onset), points, drift)[0], stopping)
     demanded = _demanded(unavoidable, drift, profile, footprint)
     clear = (after - demanded).min(axis=1) >= 0.0
-    # A share that slows the base no less than zero does gives way to zero: a base may brake better than is counted on.
-    tried = [(share, state) for share, state in zip(SHARES, onward, strict=True) if state != onward[-1]]
+    # Where even braking now falls short of what stands, a share that slows the base no less than zero gives way to it:
+    # a base may brake better than is counted on.
+    stands = slice(None) if drift is None else ~drift.any(axis=1)
+    in_time = bool((stopping >= margins)[stands].all())
+    tried = [
+        (share, state) for share, state in zip(SHARES, onward, strict=True) if in_time or state != onward[-1]
+    ]
     share = next((share for share, state in tried if clear[distinct.index(state)]), 0.0)
     return CLEAR if share == 1.0 else Rolled(share, worst)
 

@@ -149,6 +149,7 @@ class Sonar:
         self._complaint = ""
         self._revision += 1
         self._echoes.append(_Echo(stamp_s, arrival_s, points))
+        self._forget(arrival_s)
 
     def watches(self, direction: float) -> bool:
         """Whether it looks out for a direction of travel in the base frame."""
@@ -159,10 +160,13 @@ class Sonar:
         return self._range_m if self.freshness.within(SONAR_STALE_S, now_s) else None
 
     def revision(self, now_s: float) -> int:
+        self._forget(now_s)
+        return self._revision
+
+    def _forget(self, now_s: float) -> None:
         while self._echoes and now_s - self._echoes[0].arrival_s > SONAR_MEMORY_S:
             self._echoes.popleft()
             self._revision += 1
-        return self._revision
 
     def points(self, trail: Trail, now_s: float) -> Points:
         remembered = [carried(echo.points, echo.stamp_s, trail) for echo in self._echoes]

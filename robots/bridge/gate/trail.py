@@ -24,7 +24,7 @@ class Trail:
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
         self.revision = 0
-        self.resets = 0  # how often what was known before was given up
+        self.resets = 0  # how often the pose jumped: what was known before is anywhere
 
     @property
     def newest(self) -> Pose | None:
@@ -32,10 +32,16 @@ class Trail:
         return self._poses[-1] if self._poses else None
 
     def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
-        """Take the newest pose. A clock set back or a pose that jumped ends what was known before."""
-        if self._stamps and (stamp_s <= self._stamps[-1] or self._jumped(stamp_s, pose)):
+        """Take the newest pose.
+
+        A pose that jumped ends what was known before. A clock that was set back only ends what is known by its stamps.
+        """
+        passed_s = stamp_s - self._stamps[-1] if self._stamps else 0.0
+        jumped = bool(self._poses) and self._jumped(pose, max(passed_s, 0.0))
+        if jumped or passed_s <= 0.0:
             self._stamps.clear()
             self._poses.clear()
+        if jumped:
             self.resets += 1
         self._stamps.append(stamp_s)
         self._poses.append(pose)
@@ -71,8 +77,8 @@ class Trail:
             wrapped(pose.yaw + velocity.w * ahead_s),
         )
 
-    def _jumped(self, stamp_s: float, pose: Pose) -> bool:
-        last, passed_s = self._poses[-1], stamp_s - self._stamps[-1]
+    def _jumped(self, pose: Pose, passed_s: float) -> bool:
+        last = self._poses[-1]
         moved = math.hypot(pose.x - last.x, pose.y - last.y)
         turned = abs(wrapped(pose.yaw - last.yaw))
         return (
