@@ -169,6 +169,10 @@ def _figures(name: str, done: list[tuple[Full, Outcome]], *, ours: bool) -> list
         if not ends:
             continue
         figures.append(Figure(f"{thing}, {name}: crashes of {len(ends)}", crashes, "", 0.0 if ours else None))
+    spot = [end.touched is not None for job, end in done if job.angle == 90]
+    figures.append(
+        Figure(f"turning on the spot, {name}: crashes of {len(spot)}", sum(spot), "", 0.0 if ours else None)
+    )
     crashes = sum(end.touched is not None for _, end in done)
     percent = min(100.0 * at_most(crashes) / len(done), 100.0)
     figures.append(Figure(f"all, {name}: crashes, at most (95 %, of {len(done)})", percent, "%"))
