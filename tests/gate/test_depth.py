@@ -249,6 +249,8 @@ def test_what_hangs_above_the_robot_is_passed_below_and_what_it_would_hit_is_not
     shelf = ((1.5, -0.2, 1.20), (1.9, 0.2, 1.6))
     assert len(obstacles([FLOOR, shelf], camera()).points)
     assert len(obstacles([FLOOR, lamp], camera(height_m=1.417)).points), "the torso is up"
+    level = ((1.5, -0.2, HOME_M + 0.03), (1.9, 0.2, 1.6))
+    assert len(obstacles([FLOOR, level], camera(0.2)).points), "the head is higher than its camera"
 
 
 def test_two_hits_are_noise_and_three_are_not():
@@ -275,6 +277,17 @@ def test_what_is_still_there_is_not_seen_through():
     for seed in range(5):
         later = picture([FLOOR, TABLE, WALL], camera(-0.3), noise=0.0015, seed=seed)
         assert not seen_through(later, camera(-0.3), found).any()
+
+
+def test_what_has_gone_below_and_stands_above_is_not_seen_through():
+    """A chair's back without its seat: each height where something was must be free."""
+    back, seat = ((1.5, -0.3, 0.3), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.3), (1.55, 0.3, 0.5))
+    upper, middle = ((1.5, -0.3, 0.5), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.45), (1.55, 0.3, 0.75))
+    found = obstacles([FLOOR, back, WALL], camera(-0.3))
+    chair = found.points[:, 0] < 2.0
+    for left in (seat, upper, middle):
+        later = picture([FLOOR, left, WALL], camera(-0.3), noise=0.0015)
+        assert not seen_through(later, camera(-0.3), found)[chair].any()
 
 
 def test_nothing_is_seen_through_out_of_view_or_behind_something():
@@ -394,6 +407,24 @@ def test_what_left_the_picture_stays_remembered_while_the_head_looks_elsewhere(l
         looker.pose = Pose(0.0, 0.0, 0.03 * (step % 2))
         looker.stand(0.1)
     assert looker.nearest_by("depth, remembered") == math.inf
+
+
+def test_a_silent_camera_leaves_memory_alone_to_tell(looker):
+    looker.stand(0.6, looks=False)
+    assert looker.nearest_by("depth") == math.inf
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.05)
+
+
+def test_nothing_fades_while_the_odometry_only_trembles_nor_while_nobody_looks(looker):
+    looker.boxes = [FLOOR]
+    looker.to_base = camera(LOOK_AHEAD, pan=1.2)
+    for n in range(450):
+        looker.pose = Pose(0.002 * (n % 2), 0.0, 0.0)
+        looker.stand(0.1)
+    looker.stand(60.0, looks=False)
+    looker.pose = Pose(0.1, 0.0, 0.0)
+    looker.stand(0.2)
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.5, abs=0.05)
 
 
 def test_what_is_remembered_moves_with_the_robot(looker):

@@ -79,6 +79,10 @@ def test_the_delay_of_a_robot_is_found_within_two_periods_of_its_odometry(delay_
     assert max(delay_s, LEAST_S - ADDED_S) + ADDED_S - 0.011 <= found_s <= max(delay_s, 0.05) + ADDED_S + 0.04
 
 
+def test_however_quick_a_robot_is_a_tenth_of_a_second_is_reckoned_with():
+    assert Base(0.0).about() >= 0.1
+
+
 def test_until_enough_is_measured_the_assumed_latency_holds():
     base = Base(0.05)
     base.drive(0.5, 0.0, 1.5)

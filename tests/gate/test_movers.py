@@ -138,6 +138,21 @@ def test_a_wall_does_not_move_with_who_walks_along_it():
         assert np.hypot(points[:, 0] - x, points[:, 1] - y).max(initial=0.0) < 0.5
 
 
+def test_of_a_wall_that_somebody_touches_only_what_came_there_moves():
+    scene = Scene(3, wall(-1.0, -1.0, 4.9, -1.0))
+    seen = walked(scene, (3.2, -0.84), (-0.9, 0.0), 1.5)
+    assert any(len(points) for _, points, _ in seen)
+    for (x, y), points, velocities in seen:
+        assert np.hypot(points[:, 0] - x, points[:, 1] - y).max(initial=0.0) < 0.6
+        assert (velocities[:, 0] < -0.4).all()
+
+
+def test_who_walks_far_away_is_left_alone():
+    for start, moving in (((4.6, 2.6), False), ((4.0, 1.5), True)):
+        seen = walked(Scene(1, noise_m=0.003), start, (0.0, 0.9), 1.5)
+        assert any(len(points) for _, points, _ in seen) == moving
+
+
 STANDING = {
     "at rest": STILL,
     "forward": Velocity(1.0, 0.0, 0.0),

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.gate.footprint import Discs
-from robots.bridge.gate.posture import AT_HOME, KNOWN_S, UNKNOWN, Posture, beyond, discs_along, is_home
+from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
 from tests.gate.conftest import Feeder, tiago_profile
 
 RADIUS_M = 0.09
@@ -68,9 +68,10 @@ def test_an_arm_that_may_be_anywhere_holds_the_robot_to_a_fifth_of_a_metre_per_s
 
 def test_a_posture_is_known_for_half_a_second(arm):
     arm.gate.observe_posture(AT_HOME, arm.now_s)
-    arm.now_s += KNOWN_S + 0.01
-    arm.all()
-    assert arm.decide(0.8).code == "arm_away"
+    for seconds, code in ((0.49, "free"), (0.02, "arm_away")):
+        arm.now_s += seconds
+        arm.all()
+        assert arm.decide(0.8).code == code
 
 
 def test_an_arm_that_reaches_ahead_stops_before_the_base_would(arm):
