@@ -49,12 +49,12 @@ function numberText(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(3) : value.toFixed(3);
 }
 
-/** `shortened` entries ("ranges (666)" or "ranges": 666 as "path:length") by path. */
+/** Whole lengths by path, of lists that are shown in part: "ranges (666)". */
 export function wholeLengths(shortened) {
   return new Map(
     shortened.map((entry) => {
-      const cut = entry.lastIndexOf(":");
-      return [entry.slice(0, cut), Number(entry.slice(cut + 1))];
+      const [, path, length] = entry.match(/^(.*) \((\d+)\)$/);
+      return [path, Number(length)];
     }),
   );
 }

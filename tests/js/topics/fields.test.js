@@ -53,7 +53,7 @@ describe("values and figures in words", () => {
     expect(valueText(1e-9)).toBe("1.000e-9");
     expect(valueText([1, 2], 666)).toBe("[1, 2, … (666)]");
     expect(valueText("nan")).toBe("nan");
-    expect(wholeLengths(["ranges:666"]).get("ranges")).toBe(666);
+    expect(wholeLengths(["ranges (666)"]).get("ranges")).toBe(666);
   });
 
   it("tells rate, size, publishers and age", () => {
