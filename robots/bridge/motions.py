@@ -6,7 +6,7 @@ Nothing here begins a motion by itself, and one that was cancelled is over: whoe
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,11 +16,13 @@ import msgspec
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import DriveLog
+from robots.bridge.drives import DriveLog, not_recorded
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
+
+Answer = Callable[[Refusal | None], None]
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
@@ -128,6 +130,7 @@ class _Playing:
     space: Sequence[Disc]  # that its arm sweeps
     since_s: float
     number: Future[int]
+    answer: Answer
     goal_id: str | None = None
     heard_s: float = math.inf
     cancelled: tuple[str, str] | None = None  # outcome, and why in words
@@ -161,10 +164,18 @@ class Motions:
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
         return None
 
-    def begin(self, name: str, action: str, holder: Holder, space: Sequence[Disc], now_s: float) -> None:
-        """Put it on record; `start` follows once that is done."""
+    def begin(
+        self,
+        name: str,
+        action: str,
+        holder: Holder,
+        space: Sequence[Disc],
+        now_s: float,
+        answer: Answer,
+    ) -> None:
+        """Put it on record; `start` follows once that is done, and answers."""
         number = self._log.request(holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._playing = _Playing(name, action, holder, space, now_s, number)
+        self._playing = _Playing(name, action, holder, space, now_s, number, answer)
 
     @property
     def topic(self) -> str | None:
@@ -186,9 +197,14 @@ class Motions:
     def start(self, now_s: float) -> None:
         """Send the goal of what is due; what could not be recorded, or was cancelled meanwhile, is not done."""
         playing = self._playing
-        if playing is None or playing.number.exception() is not None:
+        if playing is None:
+            return
+        if error := playing.number.exception():
             self._playing = None
-        elif playing.cancelled is not None:
+            playing.answer(not_recorded(error))
+            return
+        playing.answer(None)
+        if playing.cancelled is not None:
             self._end("cancelled", "", now_s)
         else:
             playing.goal_id, playing.heard_s = f"fleet_bridge-{uuid4()}", now_s

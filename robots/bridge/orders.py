@@ -10,6 +10,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol
 
+from msgspec import structs
+
 from robots import wire
 from robots.bridge import twists
 from robots.bridge.choices import Choices, Switch
@@ -21,6 +23,7 @@ from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.grants import Grants
 from robots.bridge.head import Aim, Head
 from robots.bridge.motions import Motions, Player
+from robots.bridge.never import admissible
 from robots.bridge.offers import Catalogue
 from robots.bridge.publishings import Publisher, Publishings
 from robots.bridge.room import why_no_room
@@ -78,6 +81,7 @@ class Orders:
         publisher: Publisher,
         announce: Callable[[wire.Offers], None],
     ) -> None:
+        config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
         self.motions = Motions(performer, log)
         self.speaking = Speaking(performer, log)
         self.choices = Choices(config, performer, log, rules)
@@ -102,6 +106,8 @@ class Orders:
         match order:
             case wire.Publish():
                 self._publish(order, grant, link, now_s, answer)
+            case wire.Play():
+                self._play(order.motion, grant, now_s, answer)
             case wire.Say():
                 self._say(order, grant, now_s, answer)
             case wire.Choose():
@@ -113,8 +119,6 @@ class Orders:
         match order:
             case wire.LookAhead():
                 return self._look_ahead(grant, now_s)
-            case wire.Play(motion=motion):
-                return self._play(motion, grant, now_s)
             case wire.PlayCancel():
                 return self._cancel_motion("Its holder cancelled it.")
             case wire.SayCancel():
@@ -228,8 +232,9 @@ class Orders:
             refusal = refusal or self._rules.grants.refuse_drive(order.fence, link)
             refusal = refusal or self._rules.why_closed(now_s)
             if refusal is None:
-                self.publishings.begin(order, holder_of(grant), now_s)
-            answer(refusal)
+                self.publishings.begin(order, holder_of(grant), now_s, answer)
+            else:
+                answer(refusal)
 
         self._publisher.check(order, checked)
 
@@ -257,22 +262,24 @@ class Orders:
 
     # --- motions --------------------------------------------------------------------------------------
 
-    def _play(self, motion: str, grant: Grant, now_s: float) -> Refusal | None:
-        refusal = (
-            self.motions.refuse(now_s) or self._why_no_motion(now_s) or self.choices.refuse("motions", None)
-        )
+    def _play(self, motion: str, grant: Grant, now_s: float, answer: Answer) -> None:
+        refusal = self.choices.refuse("motions", None)
+        refusal = refusal or self.motions.refuse(now_s) or self._why_no_motion(now_s)
         if refusal is not None:
-            return refusal
+            answer(refusal)
+            return
         action = self.choices.topic("motions")
         try:
             space = self._performer.sweep(motion, action)
         except KeyError:
             text = f"The robot has no motion “{motion}”."
-            return Refusal("unknown_motion", text, "robot", {"motion": motion})
+            answer(Refusal("unknown_motion", text, "robot", {"motion": motion}))
+            return
         refusal = why_no_room(self._gate, space, now_s)
         if refusal is None:
-            self.motions.begin(motion, action, holder_of(grant), space, now_s)
-        return refusal
+            self.motions.begin(motion, action, holder_of(grant), space, now_s, answer)
+        else:
+            answer(refusal)
 
     def _cancel_motion(self, why: str) -> Refusal | None:
         if self.motions.cancel("cancelled", why):

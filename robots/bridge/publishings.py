@@ -10,9 +10,11 @@ from typing import Protocol
 import msgspec
 
 from robots import wire
-from robots.bridge.drives import DriveLog
+from robots.bridge.drives import DriveLog, not_recorded
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
+
+Answer = Callable[[Refusal | None], None]
 
 RECORDED_CHARACTERS = 2000  # of a message's fields
 
@@ -36,6 +38,7 @@ class _Publishing:
     holder: Holder
     number: Future[int]
     since_s: float
+    answer: Answer
 
 
 class Publishings:
@@ -47,8 +50,8 @@ class Publishings:
         self._waiting: list[_Publishing] = []  # for their records
         self._running: dict[str, _Publishing] = {}  # at a rate
 
-    def begin(self, order: wire.Publish, holder: Holder, now_s: float) -> None:
-        """Put it on record; it is sent once that is done."""
+    def begin(self, order: wire.Publish, holder: Holder, now_s: float, answer: Answer) -> None:
+        """Put it on record; it is sent, and the question answered, once that is done."""
         fields = msgspec.json.encode(order.fields).decode()[:RECORDED_CHARACTERS]
         parameters: Parameters = {
             "topic": order.topic,
@@ -57,14 +60,16 @@ class Publishings:
             "fields": fields,
         }
         number = self._log.request(holder, "publish.start", parameters, now_s)
-        self._waiting.append(_Publishing(order, holder, number, now_s))
+        self._waiting.append(_Publishing(order, holder, number, now_s, answer))
 
     def tick(self, now_s: float) -> None:
         """Send what is on record now; what could not be recorded is not sent."""
         due = [waiting for waiting in self._waiting if waiting.number.done()]
         self._waiting = [waiting for waiting in self._waiting if not waiting.number.done()]
         for publishing in due:
-            if publishing.number.exception() is None:
+            error = publishing.number.exception()
+            publishing.answer(not_recorded(error) if error else None)
+            if error is None:
                 self._end(publishing.order.topic, "replaced", now_s)
                 self._publisher.publish(publishing.order)
                 if publishing.order.rate_hz:
@@ -79,7 +84,10 @@ class Publishings:
 
     def halt(self, why: str, now_s: float) -> None:
         """All of it ends, also what waits for its record."""
-        self._waiting.clear()
+        waiting, self._waiting = self._waiting, []
+        for publishing in waiting:
+            text = "It was not sent: control ended, or the robot was stopped, before it was on record."
+            publishing.answer(Refusal("halted", text, "robot"))
         for topic in list(self._running):
             self._end(topic, why, now_s)
 

@@ -24,6 +24,7 @@ from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
 UNHEARD_S = 2.0  # a text of which the robot has not spoken for this long is given up
+CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 _LAYOUT = frozenset("\n\t")
 
 Answer = Callable[[Refusal | None], None]
@@ -91,6 +92,7 @@ class _Saying:
     word: tuple[int, int] | None = None
     heard_s: float = math.inf
     cancelled: tuple[str, str] | None = None  # outcome, and why in words
+    hush_again_s: float | None = None
 
 
 class Speaking:
@@ -144,7 +146,10 @@ class Speaking:
         return True
 
     def tick(self, connected: Collection[str], now_s: float) -> None:
-        """Send what is on record now, if its topic is one of the `connected`; give up what the robot is silent on."""
+        """Send what is on record now, if its topic is one of the `connected`; repeat a cancel until the robot obeys.
+
+        What the robot is silent on is given up.
+        """
         saying = self._saying
         if saying is None:
             return
@@ -153,6 +158,12 @@ class Speaking:
         if now_s - saying.heard_s > UNHEARD_S and self._saying is saying:
             self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
             self._end("cancelled", "", now_s)
+        elif saying.cancelled is not None and saying.goal_id is not None:
+            if saying.hush_again_s is None:
+                saying.hush_again_s = now_s + CANCEL_AGAIN_S
+            elif now_s >= saying.hush_again_s:
+                saying.hush_again_s = now_s + CANCEL_AGAIN_S
+                self._voice.hush(saying.goal_id, saying.utterance.topic)
 
     def close(self, now_s: float) -> None:
         """The bridge ends: the robot may go on, unheard from here."""

@@ -262,11 +262,15 @@ class Bench:
         return self.core.drive(drive, link, self.now_s)
 
     def order(self, order: wire.Order, link: int = 1) -> Refusal | None:
-        """What the holder's page asks besides driving, and the one answer to it."""
+        """What the holder's page asks besides driving, and why not, if that is the answer at once."""
+        answers = self.ask(order, link)
+        return answers[0] if answers else None
+
+    def ask(self, order: wire.Order, link: int = 1) -> list[Refusal | None]:
+        """The one answer to what the holder's page asks besides driving: at once, or later."""
         answers: list[Refusal | None] = []
         self.core.orders.take(order, link, self.now_s, answers.append)
-        [answer] = answers
-        return answer
+        return answers
 
     def recorded(self) -> None:
         """Wait until the records handed in so far are in."""

@@ -43,9 +43,7 @@ def bench():
 
 def ask(bench, use, topic, fence=1):
     """The answers so far."""
-    answers = []
-    bench.core.orders.take(wire.Choose(fence, use, topic), 1, bench.now_s, answers.append)
-    return answers
+    return bench.ask(wire.Choose(fence, use, topic))
 
 
 def settled(bench):
@@ -85,8 +83,7 @@ def test_a_chosen_topic_is_on_record_then_connected_then_takes_the_input(bench):
     assert bench.sink.records == [
         ("topic.choose", {"use": "speech", "from": "/tts", "to": "/second_tts"}),
     ]
-    bench.order(wire.LookAhead(1))
-    bench.core.orders.take(wire.Say(1, "hola", "es-ES"), 1, bench.now_s, answers.append)
+    bench.order(wire.Say(1, "hola", "es-ES"))
     settled(bench)
     assert bench.base.said[-1][1].topic == "/second_tts"
 
@@ -191,6 +188,15 @@ def test_a_choice_that_cannot_be_recorded_is_not_made(bench):
     settled(bench)
     assert [refusal.code for refusal in answers] == ["not_recorded"]
     assert bench.base.attended == []
+
+
+def test_what_no_allow_list_admits_is_refused_though_ours_has_it(bench):
+    joystick = Allowed("choose", "/joy_vel", TWIST, "drive")
+    bench = Bench(config=msgspec.structs.replace(CONFIG, allowed=(joystick,))).online().granted()
+    bench.pass_time(0.3)
+    [refusal] = ask(bench, "drive", "/joy_vel")
+    assert refusal.code == "not_allowed"
+    assert bench.core.orders.catalogue.now().uses["drive"].chooseable == {}
 
 
 def test_the_newest_of_two_choices_counts_and_both_are_answered(bench):

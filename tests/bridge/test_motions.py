@@ -71,9 +71,10 @@ def test_the_goal_is_sent_once_the_start_is_on_record_and_its_end_is_recorded(be
 
 def test_what_cannot_be_recorded_is_not_done(bench):
     bench.sink.fails = "disk full"
-    ask(bench)
+    answers = bench.ask(wire.Play(1, "wave"))
     settled(bench)
     assert bench.base.played == []
+    assert [refusal.code for refusal in answers] == ["not_recorded"]
 
 
 @pytest.mark.parametrize(

@@ -53,9 +53,20 @@ def test_it_is_sent_once_it_is_on_record(bench):
 
 def test_what_cannot_be_recorded_is_not_sent(bench):
     bench.sink.fails = "disk full"
-    bench.order(note())
+    answers = bench.ask(note())
     settled(bench)
     assert bench.publisher.published == []
+    assert [refusal.code for refusal in answers] == ["not_recorded"]
+
+
+def test_what_is_halted_before_it_is_on_record_is_not_sent_and_that_is_the_answer(bench):
+    bench.sink.open.clear()
+    answers = bench.ask(note())
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.sink.open.set()
+    settled(bench)
+    assert bench.publisher.published == []
+    assert [refusal.code for refusal in answers] == ["halted"]
 
 
 def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):

@@ -48,10 +48,7 @@ def bench():
 
 def ask(bench, text="Hola a todos", topic=None, fence=1, language="es-ES"):
     """The answers so far."""
-    answers = []
-    order = wire.Say(fence, text, language, topic)
-    bench.core.orders.take(order, 1, bench.now_s, answers.append)
-    return answers
+    return bench.ask(wire.Say(fence, text, language, topic))
 
 
 def settled(bench):
@@ -191,6 +188,13 @@ def test_its_holder_cancels_it_by_its_goals_id(bench):
     assert bench.base.cancelled_goals == [goal_id]
     end = ends(bench, goal_id, "cancelled", "the robot's own words")
     assert (end.outcome, end.text) == ("cancelled", "Its holder cancelled it.")
+
+
+def test_a_cancel_is_repeated_until_the_robot_obeys(bench):
+    goal_id = begun(bench)
+    bench.order(wire.SayCancel(1))
+    passes(bench, goal_id, 1.2)
+    assert bench.base.cancelled_goals == [goal_id] * 3
 
 
 def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
