@@ -8,7 +8,6 @@ from typing import Any
 from django import forms
 from django.conf import settings
 from django.contrib import admin, messages
-from django.core.exceptions import PermissionDenied
 from django.db import models
 from django.db.models import QuerySet
 from django.forms import ModelForm
@@ -18,6 +17,7 @@ from django.utils.html import format_html
 
 from fleet.accounts.models import User
 from robots import services, shipped
+from robots.admin_entries import AllowanceInline, actor_of, save_entries
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.selectors import last_editor
 from robots.supervisor import LOCK, supervised
@@ -41,12 +41,6 @@ READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
 
 
 ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true without a supervisor, too
-
-
-def _actor(request: HttpRequest) -> User:
-    if not isinstance(request.user, User):
-        raise PermissionDenied
-    return request.user
 
 
 class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
@@ -100,7 +94,7 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
     readonly_fields = ["bridge_state", "check_link", "updated_at"]
     form = FreshForm
     formfield_overrides = READABLE
-    inlines = [RoleInline]
+    inlines = [RoleInline, AllowanceInline]
     fieldsets = [
         (
             None,
@@ -156,14 +150,17 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
 
     def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
         """Save by the service."""
-        services.robot_save(robot=obj, actor=_actor(request))
+        services.robot_save(robot=obj, actor=actor_of(request))
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
-        """Give and take roles by the service."""
+        """Roles and allow-list by the service."""
+        if formset.model is not RobotRole:
+            save_entries(formset, actor_of(request))
+            return
         for entry in formset.save(commit=False):
-            _give(entry, _actor(request))
+            _give(entry, actor_of(request))
         for entry in formset.deleted_objects:
-            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=_actor(request))
+            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=actor_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Robots are disabled, not deleted."""
@@ -192,11 +189,11 @@ class RobotRoleAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscri
         self, request: HttpRequest, obj: RobotRole, form: ModelForm[RobotRole], change: bool
     ) -> None:
         """Save by the service."""
-        _give(obj, _actor(request))
+        _give(obj, actor_of(request))
 
     def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
         """Take the role away by the service."""
-        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=_actor(request))
+        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=actor_of(request))
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
         """Each of them by the service."""
@@ -213,6 +210,7 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
     form = FreshForm
     formfield_overrides = READABLE
     actions = ["take_shipped"]
+    inlines = [AllowanceInline]
     save_as = True
     fieldsets = [
         (None, {"fields": ["name", "slug", "holonomic", "source", "as_of"]}),
@@ -243,7 +241,7 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
     def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
         """Back to the data file."""
         for profile in queryset:
-            taken = services.profile_take_shipped(profile=profile, actor=_actor(request))
+            taken = services.profile_take_shipped(profile=profile, actor=actor_of(request))
             text = "is as shipped now" if taken else "was made here; nothing is shipped for it"
             self.message_user(
                 request, f"{profile.name} {text}.", messages.SUCCESS if taken else messages.WARNING
@@ -253,7 +251,7 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
         self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
     ) -> None:
         """Save by the service, and say it where a limit of the gate was loosened."""
-        services.profile_save(profile=obj, actor=_actor(request))
+        services.profile_save(profile=obj, actor=actor_of(request))
         if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
             self.message_user(
                 request,
@@ -262,9 +260,13 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
                 messages.WARNING,
             )
 
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
+        """The allow-list by the service."""
+        save_entries(formset, actor_of(request))
+
     def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
         """Delete by the service."""
-        services.profile_delete(profile=obj, actor=_actor(request))
+        services.profile_delete(profile=obj, actor=actor_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
         """A profile that is in use, or would come back with the next migration, stays."""

@@ -19,6 +19,7 @@ from robots.bridge.never import admissible
 from robots.bridge.stick import StickStep, in_words
 from robots.described import Problems
 from robots.models import Allowance, Phrase, Robot, RobotProfile, RobotRole, Role
+from robots.phrases import FALLBACK_LANGUAGE
 from robots.wire import Limits, RobotFacts, SonarPose
 
 if TYPE_CHECKING:
@@ -57,6 +58,15 @@ def phrases_of(robot: Robot) -> list[Phrase]:
     """What the robot can be made to say at a press: its kind's phrases, then its own."""
     kinds = Phrase.objects.filter(profile=robot.profile_id)
     return [*kinds, *Phrase.objects.filter(robot=robot)]
+
+
+def first_language(owner: Robot | RobotProfile) -> str:
+    """That of phrases which name none: the first that it speaks."""
+    try:
+        topics = effective.topics(owner) if isinstance(owner, Robot) else effective.profile_topics(owner)
+    except Problems:
+        return FALLBACK_LANGUAGE
+    return next(iter(topics.languages), FALLBACK_LANGUAGE)
 
 
 def allowed_on(robot: Robot) -> tuple[Allowed, ...]:

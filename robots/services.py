@@ -158,24 +158,33 @@ def entry_delete(*, entry: Phrase | Allowance, actor: User | None) -> None:
 
 @transaction.atomic
 def phrases_import(
-    *, owner: RobotProfile | Robot, lines: list[Line], actor: User | None, replace: bool = False
+    *,
+    owner: RobotProfile | Robot,
+    lines: list[Line],
+    actor: User | None,
+    replace: bool = False,
+    system_account: str = "",
 ) -> int:
-    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new."""
+    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new.
+
+    `system_account` is who it was where no `actor` did it: a person at the command line.
+    """
     type(owner)._default_manager.select_for_update().get(slug=owner.slug)  # one import at a time
     held = [phrase.line for phrase in owner.phrases.all()]
     if replace and held == lines:
         return 0
-    removed = [line for line in held if line not in lines] if replace else []
     if replace:
         owner.phrases.all().delete()
     known = set() if replace else {(line.language, line.text) for line in held}
     wanted = [line for line in lines if (line.language, line.text) not in known]
-    last = max((phrase.order for phrase in owner.phrases.all()), default=0)
+    last = max(owner.phrases.values_list("order", flat=True), default=0)
     Phrase.objects.bulk_create(_phrases(owner, wanted, last))
     added = [line for line in wanted if line not in held]
+    removed = [line for line in held if line not in wanted] if replace else []
     if wanted or removed:
         told = {"replaced": replace, "added": to_builtins(added), "removed": to_builtins(removed)}
-        record("phrase.import", actor=actor, **_of(owner, told))
+        account = {"system_account": system_account} if system_account else {}
+        record("phrase.import", actor=actor, **_of(owner, told | account))
     return len(added)
 
 

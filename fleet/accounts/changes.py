@@ -55,11 +55,11 @@ def _password_changed(before: User, person: User) -> bool:
 def _record(kind: str, person: User, **what: Any) -> None:
     parameters = {"user": str(person.pk), "name": person.display_name, **what}
     if person.changed_by is None:
-        parameters["system_account"] = _system_account()
+        parameters["system_account"] = system_account()
     record(kind, actor=person.changed_by, parameters=parameters)
 
 
-def _system_account() -> str:
+def system_account() -> str:
     """Who runs this process on this computer; a person at the command line has no other name."""
     try:
         return pwd.getpwuid(os.getuid()).pw_name

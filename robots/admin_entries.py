@@ -1,0 +1,155 @@
+"""Phrases and allow-lists in the admin: what profiles and robots have any number of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django import forms
+from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied
+from django.db import models
+from django.db.models import QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.urls import URLPattern, path
+
+from fleet.accounts.models import User
+from robots import phrases, services
+from robots.described import Problems
+from robots.models import Allowance, Phrase, Robot, RobotProfile
+from robots.selectors import first_language
+
+
+def actor_of(request: HttpRequest) -> User:
+    """Who answers for a change."""
+    if not isinstance(request.user, User):
+        raise PermissionDenied
+    return request.user
+
+
+def save_entries(formset: Any, actor: User) -> None:
+    """What was entered, changed and ticked for deletion on the page of a profile or robot."""
+    for entry in formset.save(commit=False):
+        services.entry_save(entry=entry, actor=actor)
+    for entry in formset.deleted_objects:
+        services.entry_delete(entry=entry, actor=actor)
+
+
+class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
+    """The allow-list of a profile or robot."""
+
+    model = Allowance
+    extra = 0
+    fields = ["what", "use", "name", "type", "role"]
+    verbose_name_plural = "allow-list (what is not there, nobody may)"
+
+
+class EntryAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Entries of all profiles and robots. An entry stays with whom it was made for."""
+
+    list_select_related = ["profile", "robot"]
+
+    @admin.display(description="of", ordering="profile")
+    def whose(self, entry: Phrase | Allowance) -> str:
+        """A kind of robot, or one robot."""
+        return f"every {entry.profile}" if entry.profile else str(entry.robot)
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> list[str]:
+        """Whose it is, once it is somebody's."""
+        return ["profile", "robot"] if obj else []
+
+    def save_model(self, request: HttpRequest, obj: Any, form: Any, change: bool) -> None:
+        """Save by the service."""
+        services.entry_save(entry=obj, actor=actor_of(request))
+
+    def delete_model(self, request: HttpRequest, obj: Any) -> None:
+        """Delete by the service."""
+        services.entry_delete(entry=obj, actor=actor_of(request))
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> None:
+        """Each of them by the service."""
+        for entry in queryset.select_related("profile", "robot"):
+            self.delete_model(request, entry)
+
+
+@admin.register(Allowance)
+class AllowanceAdmin(EntryAdmin):
+    """Every allow-list."""
+
+    list_display = ["name", "what", "use", "type", "role", "whose"]
+    list_filter = ["what", "profile", "robot"]
+    search_fields = ["name", "type"]
+
+
+@admin.register(Phrase)
+class PhraseAdmin(EntryAdmin):
+    """Every phrase, and the way in and out for files of them."""
+
+    list_display = ["text", "language", "tags", "whose", "order"]
+    list_editable = ["order"]
+    list_filter = ["language", "profile", "robot"]
+    search_fields = ["text", "tags"]
+    actions = ["export"]
+    formfield_overrides = {
+        models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})}
+    }
+
+    def get_urls(self) -> list[URLPattern]:
+        """With the page that takes a file."""
+        page = self.admin_site.admin_view(self.import_page)
+        return [path("import/", page, name="robots_phrase_import"), *super().get_urls()]
+
+    def import_page(self, request: HttpRequest) -> HttpResponse:
+        """A form; what is wrong with a file is said at it."""
+        form = ImportForm(request.POST or None, request.FILES or None)
+        if not form.is_valid():
+            context = {**self.admin_site.each_context(request), "title": "Import phrases", "form": form}
+            return render(request, "admin/robots/phrase/import.html", context)
+        asked = form.cleaned_data
+        new = services.phrases_import(
+            owner=asked["owner"], lines=asked["lines"], actor=actor_of(request), replace=asked["replace"]
+        )
+        self.message_user(request, f"{asked['owner']}: {new} new phrases.", messages.SUCCESS)
+        return redirect("admin:robots_phrase_changelist")
+
+    @admin.action(description="Export to a text file")
+    def export(self, request: HttpRequest, queryset: QuerySet[Phrase]) -> HttpResponse:
+        """The chosen ones, in their order."""
+        content = phrases.written(phrase.line for phrase in queryset.order_by("order", "id"))
+        headers = {"Content-Disposition": 'attachment; filename="phrases.txt"'}
+        return HttpResponse(content, content_type="text/plain; charset=utf-8", headers=headers)
+
+
+class ImportForm(forms.Form):
+    """A file of phrases, and for whom."""
+
+    profile = forms.ModelChoiceField(
+        RobotProfile.objects.all(), required=False, help_text="Every robot of a kind,"
+    )
+    robot = forms.ModelChoiceField(Robot.objects.all(), required=False, help_text="or one robot.")
+    file = forms.FileField(widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"}))
+    language = forms.CharField(
+        max_length=35,
+        required=False,
+        help_text="Of lines without one, such as en-GB. Empty: the robot's first.",
+    )
+    replace = forms.BooleanField(
+        required=False, label="Replace", help_text="Instead of what is there; otherwise after it."
+    )
+
+    def clean(self) -> dict[str, Any]:
+        """Adds `owner` and `lines`."""
+        asked = super().clean() or {}
+        profile, robot, language = asked.get("profile"), asked.get("robot"), asked.get("language")
+        if (profile is None) == (robot is None):
+            self.add_error(None, "Name either a profile or a robot.")
+        elif language and (why := phrases.why_no_language(language)):
+            self.add_error("language", why)
+        elif "file" in asked:
+            asked["owner"] = profile or robot
+            content = asked["file"].read(phrases.LARGEST_FILE_BYTES + 1)
+            try:
+                asked["lines"] = phrases.read(content, language or first_language(asked["owner"]))
+            except Problems as problems:
+                self.add_error("file", problems.lines)
+        return asked
