@@ -248,10 +248,10 @@ class Orders:
 
     def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
         """A velocity goes through the gate, so there is one topic for it, and it must be asked for again and again."""
-        drive = self._config.topics.drive
-        if (order.topic, order.type) != (drive.name, drive.type):
-            text = f"Velocities go to {drive.name} as {drive.type}, through the gate, and nowhere else."
-            return Refusal("around_the_gate", text, "gate", {"topic": drive.name, "type": drive.type})
+        topic, type_name = self.choices.topic("drive"), self._config.topics.drive.type
+        if (order.topic, order.type) != (topic, type_name):
+            text = f"Velocities go to {topic} as {type_name}, through the gate, and nowhere else."
+            return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
         if order.rate_hz:
             text = "A velocity is valid for 0.3 s: send each one, the console repeats none."
             return Refusal("dead_man", text, "dead-man")

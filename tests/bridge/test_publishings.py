@@ -244,3 +244,11 @@ def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
     assert told.wait(10.0)
     bench.core.recorded(bench.now_s)
     assert bench.publisher.published == [note()]
+
+
+def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench, monkeypatch):
+    monkeypatch.setattr(bench.core.orders.choices, "topic", {"drive": "/phone_vel"}.get)
+    assert bench.order(twist(bench, 0.0, "/phone_vel")) is None
+    refusal = bench.order(twist(bench, 0.3, "/key_vel"))
+    assert refusal.code == "around_the_gate"
+    assert refusal.figures["topic"] == "/phone_vel"

@@ -27,6 +27,7 @@ export class TopicsTab {
   #watches = new Map();
   #lists;
   #choosing = null; // the use for which another topic is being chosen
+  #chosenDrive; // undefined: the default
   #isStaff = false;
   #mayAct = false;
 
@@ -54,12 +55,17 @@ export class TopicsTab {
   set offers({ uses = {}, publishable = {} }) {
     this.#offers = { uses, publishable };
     this.#choices.uses = uses;
-    this.#publish.publishable = { ...publishable, ...driveTopic(uses) };
+    this.#offerPublishing();
   }
 
   /** @param {object} state of the robot */
   set state({ chosen = {}, publishing = [] }) {
     this.#choices.chosen = chosen;
+    if (chosen.drive !== this.#chosenDrive) {
+      this.#chosenDrive = chosen.drive;
+      this.#repeater.end();
+      this.#offerPublishing();
+    }
     this.#publish.running = [...publishing, ...this.#repeater.running];
   }
 
@@ -230,10 +236,20 @@ export class TopicsTab {
 
   // --- publishing ------------------------------------------------------------------------------
 
+  #offerPublishing() {
+    this.#publish.publishable = { ...this.#offers.publishable, ...this.#velocities };
+  }
+
+  /** The one topic to which velocities go, with their type. */
+  get #velocities() {
+    const { drive } = this.#offers.uses;
+    return drive ? { [this.#chosenDrive ?? drive.topic]: drive.type } : {};
+  }
+
   /** A velocity is valid for a third of a second: this page repeats it, and stops with the page. */
   #publishThis(order) {
     const message = { t: "publish", ...order };
-    if (!(order.topic in driveTopic(this.#offers.uses))) this.#send(message);
+    if (!(order.topic in this.#velocities)) this.#send(message);
     else if (order.rate_hz) this.#repeater.begin({ ...message, rate_hz: 0 }, order.rate_hz);
     else this.#repeater.once({ ...message, rate_hz: 0 });
   }
@@ -252,8 +268,4 @@ export class TopicsTab {
     this.#parts["topics-fault"].textContent = text;
     show(this.#parts["topics-fault"], text !== "");
   }
-}
-
-function driveTopic({ drive }) {
-  return drive ? { [drive.topic]: drive.type } : {};
 }
