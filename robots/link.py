@@ -24,6 +24,7 @@ from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.connections import DOWN, open_link, open_sync, why_down
 from robots.inquiries import Inquiries
+from robots.looking import Looking
 from robots.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
@@ -95,7 +96,7 @@ class BridgeLink:
         self._socket: ClientConnection | None = None
         self._listeners: set[Listener] = set()
         self._watchers: dict[Listener, frozenset[str]] = {}
-        self._looks: dict[Listener, Mapping[str, float]] = {}
+        self._looking: Looking[Listener] = Looking(self._tell_looks)
         self._grants: Inquiries[None] = Inquiries()  # by fencing number
         self._latch: Inquiries[Stopped] = Inquiries()  # by number
         self._orders: Inquiries[Accepted | Refused] = Inquiries()  # by kind, fencing number and number
@@ -121,7 +122,7 @@ class BridgeLink:
         """Stop following."""
         self._listeners.discard(listener)
         self.watch(listener, ())
-        self.look_at(listener, {})
+        self._looking.want(listener, {})
         if not self._listeners:
             self._lingering.cancel()
             self._lingering = self._linger()
@@ -138,33 +139,18 @@ class BridgeLink:
 
     def look_at(self, listener: Listener, topics: Mapping[str, float]) -> None:
         """Whose messages `listener` wants to see, and how many a second. Nobody: the robot sends none."""
-        before = self._topics
-        if topics:
-            self._looks[listener] = dict(topics)
-        else:
-            self._looks.pop(listener, None)
-        if self._topics != before:
-            self.send(wire.LookAt(self._topics))
+        self._looking.want(listener, topics)
 
     @property
     def _names(self) -> set[str]:
         return set().union(*self._watchers.values())
-
-    @property
-    def _topics(self) -> dict[str, float]:
-        """Each topic with the highest rate that anybody wants."""
-        topics: dict[str, float] = {}
-        for wanted in self._looks.values():
-            for topic, rate_hz in wanted.items():
-                topics[topic] = max(rate_hz, topics.get(topic, 0.0))
-        return topics
 
     # --- what is sent --------------------------------------------------------------------------------
 
     async def forward(self, raw: str) -> bool:
         """Send a browser's drive message as it is. False if it was dropped: no link, or the last is not out yet."""
         socket = self._socket
-        if socket is None or socket.transport.get_write_buffer_size() > 0:
+        if socket is None or self._is_behind:
             return False
         try:
             await socket.send(raw)
@@ -196,7 +182,7 @@ class BridgeLink:
 
     async def order(self, order: wire.Order, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
         """Hand on what the holder asks for. Returns the bridge's answer; raises LinkRefused if there is none."""
-        _require_room(self._orders, _ORDERS)
+        self._require_room(self._orders, _ORDERS)
         with self._orders.waiting_for((wire.kind_of(order), order.fence, order.seq)) as answer:
             await self._ask(order)
             return await _answered(answer, timeout_s)
@@ -212,7 +198,7 @@ class BridgeLink:
 
     async def ask(self, question: wire.Question, timeout_s: float = _QUESTION_TIMEOUT_S) -> str:
         """Ask about the robot's topics. Returns the `wire.Answer`, encoded; raises LinkRefused if there is none."""
-        _require_room(self._questions, _QUESTIONS)
+        self._require_room(self._questions, _QUESTIONS)
         number = self._questions.number()
         with self._questions.waiting_for(number) as answer:
             await self._ask(wire.Inspect(number, question))
@@ -231,7 +217,18 @@ class BridgeLink:
 
     def _end(self) -> None:
         self.closed = True
+        self._looking.close()
         self._task.cancel()
+
+    @property
+    def _is_behind(self) -> bool:
+        """What was sent last is not out yet: the bridge, or the network, does not take it."""
+        return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
+
+    def _require_room(self, inquiries: Inquiries[_Answer], most: int) -> None:
+        """Nothing is piled up before a bridge that is slow; a stop would have to wait behind it."""
+        if self._is_behind or len(inquiries) >= most:
+            raise LinkRefused(_BUSY)
 
     async def _ask_latch(self, message: wire.LinkStop | wire.LinkClear, timeout_s: float) -> Stopped:
         number = self._latch.number()
@@ -259,6 +256,10 @@ class BridgeLink:
         named = [name[:_NAME_LENGTH] for name in names[:_NAMES]]
         self.send(wire.Watch(named, len(names) - len(named)))
 
+    def _tell_looks(self) -> bool:
+        """False if that must wait. A link that is down is told when it comes up."""
+        return not self._is_behind and (self._socket is None or self.send(wire.LookAt(self._looking.topics)))
+
     # --- the connection ------------------------------------------------------------------------------
 
     async def _keep_connected(self) -> None:
@@ -283,8 +284,8 @@ class BridgeLink:
             await self._send(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}"))
             if self._watchers:
                 self._send_watchers()
-            if self._looks:
-                await self._send(wire.LookAt(self._topics))
+            if topics := self._looking.topics:
+                await self._send(wire.LookAt(topics))
             while True:
                 raw = await socket.recv()
                 if isinstance(raw, bytes):
@@ -347,9 +348,8 @@ class BridgeLink:
 
     def _tell_seen(self, seen: wire.Seen) -> None:
         shown = bytes(seen.shown).decode()
-        for listener, topics in list(self._looks.items()):
-            if seen.topic in topics:
-                listener.on_seen(seen.topic, shown)
+        for listener in self._looking.who_wants(seen.topic):
+            listener.on_seen(seen.topic, shown)
 
     def _tell_state(self, state: State) -> None:
         self.state = state
@@ -436,11 +436,6 @@ async def _answered(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answe
         return await asyncio.wait_for(answer, timeout_s)
     except asyncio.TimeoutError as error:
         raise LinkRefused(_SILENT) from error
-
-
-def _require_room(inquiries: Inquiries[_Answer], most: int) -> None:
-    if len(inquiries) >= most:
-        raise LinkRefused(_BUSY)
 
 
 def _too_large(size: int) -> Refusal:

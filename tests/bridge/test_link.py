@@ -219,6 +219,23 @@ async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
     assert remote.watchers == []
 
 
+async def test_nothing_piles_up_before_a_bridge_that_reads_nothing(link, bridge):
+    [remote] = bridge.server.links
+    remote._socket.transport.pause_reading()
+    drive = '{"t":"drive","fence":2,"seq":1,"sent_ms":5,"x":0,"w":0,"padding":"' + "x" * 8000 + '"}'
+    for _ in range(2000):
+        if not await link.forward(drive):
+            break
+    for asked in (link.order(wire.Play(2, "wave")), link.ask(wire.ListTopics())):
+        with pytest.raises(LinkRefused) as refused:
+            await asked
+        assert refused.value.refusal.code == "busy"
+    link.look_at(link.follower, {"/odom": 5.0})
+    remote._socket.transport.resume_reading()
+    await link.stop(wire.LinkStop("Ann"), timeout_s=10)
+    assert await link.forward(drive)
+
+
 async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     [remote] = bridge.server.links
     asking = asyncio.ensure_future(link.ask(wire.ListTopics()))

@@ -302,6 +302,16 @@ async def test_the_bridge_is_told_once_what_all_want_and_when_nobody_looks(open_
     await bridge.hears(wire.LookAt, lambda look: look.topics == {})
 
 
+async def test_whoever_changes_his_mind_all_the_time_keeps_no_bridge_busy(open_topics, bridge):
+    page = await open_topics("observer")
+    for number in range(100):
+        await page.say("look", topic=f"/topic{number}")
+        await page.say("unlook", topic=f"/topic{number}")
+    await page.say("look", topic="/odom")
+    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 5.0})
+    assert len(bridge.all(wire.LookAt)) < 30
+
+
 async def test_each_sees_what_it_looks_at_and_a_newcomer_the_newest_at_once(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
     await first.say("look", topic="/map")
