@@ -1,0 +1,334 @@
+"""The allow-list: what may be on it, who has it, and that the bridge and the pages get the same."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from django.core.exceptions import ValidationError
+from django.test import Client
+from django.urls import reverse
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.bridge.config import Allowed, Topic
+from robots.bridge.never import why_never
+from robots.effective import profile_topics
+from robots.models import Allowance, Robot, RobotProfile, Role
+from robots.selectors import allowed_on, bridge_config
+from robots.services import entry_delete, entry_save
+from teleop.selectors import registered
+from tests.robots.test_admin import filled
+
+pytestmark = pytest.mark.django_db
+
+NOTES = {"what": "publish", "name": "/demo/notes", "type": "std_msgs/String"}
+
+
+def allow(owner: Robot | RobotProfile, staff: User, **fields: Any) -> Allowance:
+    entry = Allowance(**{"robot" if isinstance(owner, Robot) else "profile": owner, **NOTES, **fields})
+    entry_save(entry=entry, actor=staff)
+    return entry
+
+
+def complaint(owner: Robot | RobotProfile, staff: User, **fields: Any) -> dict[str, list[str]]:
+    with pytest.raises(ValidationError) as caught:
+        allow(owner, staff, **fields)
+    told: dict[str, list[str]] = caught.value.message_dict
+    return told
+
+
+# --- what never may be on it ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "/key_vel",  # the robot's own
+        "/cmd_vel",
+        "/base/cmdVel",
+        "/nav_vel",
+        "/mobile_base_controller/cmd_vel",
+        "/arm_controller/command",
+        "/joy",
+        "/joy_priority",
+        "/pause_navigation",
+        "/emergency_brake",
+        "/eStop",
+        "/tts/goal",
+        "/tts/cancel",
+        "/move_base_simple/goal",
+        "/scan",
+        "/scan_raw",
+        "/tiago_2/scan2",
+        "/sonar_base",
+        "/xtion/depth_registered/points",
+        "/mobile_base_controller/odom",
+        "/joint_states",
+        "/tf",
+        "/tf_static",
+        "/clock",
+        "/power/battery_level",
+        "/power/is_emergency",
+    ],
+)
+def test_no_allow_list_has_names_that_go_around_the_chain_or_blind_it(tiago: RobotProfile, name: str) -> None:
+    assert why_never("publish", name, "std_msgs/String", profile_topics(tiago))
+
+
+@pytest.mark.parametrize(
+    "type_name",
+    [
+        "geometry_msgs/Twist",
+        "geometry_msgs/TwistStamped",
+        "trajectory_msgs/JointTrajectory",
+        "pal_interaction_msgs/TtsActionGoal",
+        "play_motion_msgs/PlayMotionActionResult",
+        "actionlib_msgs/GoalID",
+        "actionlib_msgs/GoalStatusArray",
+        "sensor_msgs/LaserScan",
+        "sensor_msgs/Range",
+        "sensor_msgs/PointCloud2",
+        "sensor_msgs/Image",
+        "sensor_msgs/JointState",
+        "sensor_msgs/BatteryState",
+        "sensor_msgs/Joy",
+        "nav_msgs/Odometry",
+        "tf2_msgs/TFMessage",
+        "tf/tfMessage",
+        "rosgraph_msgs/Clock",
+    ],
+)
+def test_nor_types_whatever_the_topic_is_called(tiago: RobotProfile, type_name: str) -> None:
+    assert why_never("publish", "/demo/notes", type_name, profile_topics(tiago))
+
+
+def test_what_the_robots_own_description_names_is_not_published_whatever_it_is_called(
+    tiago: RobotProfile,
+) -> None:
+    tiago.topics["battery"] = {"name": "/juice", "type": "std_msgs/Float32"}
+    assert why_never("publish", "/juice", "std_msgs/Float32", profile_topics(tiago))
+    assert why_never("publish", "/squash", "std_msgs/Float32", profile_topics(tiago)) is None
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "type_name", "use"),
+    [
+        ("publish", "/demo/notes", "std_msgs/String", ""),
+        ("publish", "/demo/place", "geometry_msgs/PoseStamped", ""),
+        ("publish", "/initialpose", "geometry_msgs/PoseWithCovarianceStamped", ""),
+        ("call", "/move_base/clear_costmaps", "std_srvs/Empty", ""),
+        ("call", "/play_motion/list_motions", "", ""),
+        ("set", "/demo/greeting", "", ""),
+        ("choose", "/phone_vel", "geometry_msgs/Twist", "drive"),
+        ("choose", "/nav_vel", "geometry_msgs/Twist", "drive"),
+        ("choose", "/tts_2", "pal_interaction_msgs/TtsAction", "speech"),
+        ("choose", "/play_motion_2", "play_motion_msgs/PlayMotionAction", "motions"),
+    ],
+)
+def test_much_else_may_be_on_it(tiago: RobotProfile, what: str, name: str, type_name: str, use: str) -> None:
+    assert why_never(what, name, type_name, profile_topics(tiago), use) is None
+
+
+@pytest.mark.parametrize("name", ["/joy_vel", "/rviz_joy_vel", "/tab_vel", "/mobile_base_controller/cmd_vel"])
+def test_input_goes_nowhere_that_wins_over_joystick_and_locks(tiago: RobotProfile, name: str) -> None:
+    assert why_never("choose", name, "geometry_msgs/Twist", profile_topics(tiago), "drive")
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "type_name"),
+    [
+        ("call", "/controller_manager/switch_controller", ""),
+        ("call", "/demo/harmless", "dynamic_reconfigure/Reconfigure"),
+        ("call", "/laser/disable", "std_srvs/Empty"),
+        ("set", "/robot_description", ""),
+        ("set", "/use_sim_time", ""),
+        ("set", "/twist_mux/topics", ""),
+        ("set", "/play_motion/motions/wave/points", ""),
+    ],
+)
+def test_nor_is_the_chain_undone_by_a_service_or_a_parameter(
+    tiago: RobotProfile, what: str, name: str, type_name: str
+) -> None:
+    assert why_never(what, name, type_name, profile_topics(tiago))
+
+
+# --- entries -------------------------------------------------------------------------------------
+
+
+def test_it_is_empty_by_default(robot: Robot) -> None:
+    assert bridge_config(robot).allowed == ()
+
+
+@pytest.mark.parametrize(
+    ("fields", "field", "said"),
+    [
+        ({"name": "/scan"}, "name", "No allow-list admits /scan: the gate sees by scans and ranges."),
+        ({"type": "geometry_msgs/Twist"}, "name", "velocities move the base"),
+        ({"name": "demo/notes"}, "name", "Write a full ROS name"),
+        ({"type": "String"}, "type", "Write package and type"),
+        ({"type": ""}, "type", "What is published needs its type."),
+        ({"use": "drive"}, "use", "Only for what is chosen"),
+        ({"what": "choose", "name": "/phone_vel", "type": ""}, "use", "Say which input goes there."),
+        (
+            {"what": "choose", "use": "drive", "name": "/phone_vel"},
+            "name",
+            "its type is std_msgs/String, and input for drive is geometry_msgs/Twist",
+        ),
+    ],
+)
+def test_a_wrong_entry_is_refused_at_its_field(
+    robot: Robot, staff: User, fields: dict[str, Any], field: str, said: str
+) -> None:
+    told = complaint(robot, staff, **fields)
+    assert list(told) == [field]
+    assert said in told[field][0]
+    assert not robot.allowances.exists()
+
+
+def test_what_a_robot_does_not_do_cannot_be_chosen(staff: User) -> None:
+    base = RobotProfile.objects.get(slug="pmb2")
+    told = complaint(base, staff, what="choose", use="speech", name="/tts", type="")
+    assert "this robot has nothing that takes input for speech" in told["name"][0]
+
+
+def test_the_type_of_what_is_chosen_follows_from_the_robot(robot: Robot, staff: User) -> None:
+    allow(robot, staff, what="choose", use="drive", name="/phone_vel", type="")
+    assert allowed_on(robot) == (Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive", "operator"),)
+
+
+@pytest.mark.parametrize("what", ["call", "set"])
+def test_services_and_parameters_are_for_staff(robot: Robot, staff: User, what: str) -> None:
+    assert allow(robot, staff, what=what, type="", role=Role.OPERATOR).role == Role.STAFF
+
+
+def test_entries_are_on_record(tiago: RobotProfile, staff: User) -> None:
+    entry = allow(tiago, staff)
+    entry.role = Role.SUPERVISOR
+    entry_save(entry=entry, actor=staff)
+    entry_delete(entry=entry, actor=staff)
+    made, changed, deleted = Record.objects.filter(kind__startswith="allowance.").order_by("id")
+    assert (made.kind, made.parameters["profile"], made.parameters["name"]) == (
+        "allowance.create",
+        "tiago",
+        "/demo/notes",
+    )
+    assert changed.parameters == {
+        "profile": "tiago",
+        "entry": "publish /demo/notes",
+        "changes": [{"field": "role", "from": "operator", "to": "supervisor"}],
+    }
+    assert (deleted.kind, deleted.actor_id) == ("allowance.delete", str(staff.pk))
+
+
+# --- what holds for a robot ----------------------------------------------------------------------
+
+
+def test_a_robot_has_its_kinds_entries_and_its_own_which_go_before(
+    robot: Robot, other_robot: Robot, tiago: RobotProfile, staff: User
+) -> None:
+    allow(tiago, staff)
+    allow(tiago, staff, name="/demo/more")
+    allow(robot, staff, role=Role.STAFF)
+    allow(other_robot, staff, name="/demo/else")
+    assert [(entry.name, entry.role) for entry in allowed_on(robot)] == [
+        ("/demo/more", "operator"),
+        ("/demo/notes", "staff"),
+    ]
+    names = [entry.name for entry in allowed_on(other_robot)]
+    assert names == ["/demo/else", "/demo/more", "/demo/notes"]
+
+
+def test_bridge_and_pages_get_the_same_list(robot: Robot, staff: User) -> None:
+    before = bridge_config(robot).digest()
+    allow(robot, staff)
+    known = registered(robot.pk)
+    assert known is not None
+    assert known.allowed == bridge_config(robot).allowed == allowed_on(robot) != ()
+    assert bridge_config(robot).digest() != before
+
+
+def test_what_an_edit_of_the_robot_forbids_later_is_left_out(robot: Robot, staff: User) -> None:
+    allow(robot, staff)
+    allow(robot, staff, what="choose", use="speech", name="/tts_2", type="")
+    robot.overrides = {
+        "topics": {"battery": {"name": "/demo/notes", "type": "std_msgs/Float32"}, "speech": None}
+    }
+    robot.save()
+    assert allowed_on(robot) == ()
+
+
+def test_a_robot_whose_entry_is_wrong_has_a_page_all_the_same(robot: Robot, staff: User) -> None:
+    allow(robot, staff)
+    Robot.objects.filter(pk=robot.pk).update(overrides={"topics": {"scans": []}})
+    known = registered(robot.pk)
+    assert known is not None and known.allowed == ()
+
+
+def test_the_robots_languages_and_what_speaks_are_part_of_its_description(robot: Robot) -> None:
+    robot.overrides = {
+        "topics": {
+            "languages": ["it-IT"],
+            "speech": {"name": "/robotsound", "type": "sound_play/SoundRequest"},
+        }
+    }
+    robot.full_clean()
+    topics = bridge_config(robot).topics
+    assert (topics.languages, topics.speech) == (["it-IT"], Topic("/robotsound", "sound_play/SoundRequest"))
+    robot.overrides = {"topics": {"languages": ["it-IT", "Italian"]}}
+    with pytest.raises(ValidationError, match=r"languages\[1\]: 'Italian' is not a language code"):
+        robot.full_clean()
+
+
+# --- in the admin --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def admin(staff: User, signed_in: Any) -> Client:
+    client: Client = signed_in(staff)
+    return client
+
+
+def entered(prefix: str = "allowances", **fields: Any) -> dict[str, Any]:
+    """One new line of the allow-list on the page of its owner."""
+    entry = {**NOTES, "role": "operator", **fields}
+    return {f"{prefix}-TOTAL_FORMS": 1, **{f"{prefix}-0-{name}": value for name, value in entry.items()}}
+
+
+def test_the_list_is_edited_on_the_robots_page(admin: Client, robot: Robot, staff: User) -> None:
+    url = reverse("admin:robots_robot_change", args=[robot.pk])
+    assert admin.post(url, filled(admin, url, **entered())).status_code == 302
+    assert robot.allowances.get().name == "/demo/notes"
+    assert admin.post(url, filled(admin, url, **{"allowances-0-DELETE": "on"})).status_code == 302
+    assert not robot.allowances.exists()
+    kinds = Record.objects.filter(robot_id=robot.pk, actor_id=str(staff.pk)).order_by("id")
+    assert [record.kind for record in kinds] == ["allowance.create", "allowance.delete"]
+
+
+def test_and_on_the_profiles(admin: Client, tiago: RobotProfile) -> None:
+    url = reverse("admin:robots_robotprofile_change", args=[tiago.pk])
+    sent = filled(admin, url, **entered(what="choose", use="drive", name="/phone_vel", type=""))
+    assert admin.post(url, sent).status_code == 302
+    assert tiago.allowances.get().type == "geometry_msgs/Twist"
+
+
+def test_a_new_robot_may_have_one_at_once(admin: Client, tiago: RobotProfile) -> None:
+    url = reverse("admin:robots_robot_add")
+    robot = {"name": "New", "slug": "new", "profile": tiago.pk, "master_uri": "http://10.0.0.1:11311"}
+    assert admin.post(url, filled(admin, url, **robot, **entered())).status_code == 302
+    assert Robot.objects.get(slug="new").allowances.count() == 1
+
+
+def test_what_no_list_admits_comes_back_with_the_reason(admin: Client, robot: Robot) -> None:
+    url = reverse("admin:robots_robot_change", args=[robot.pk])
+    page = admin.post(url, filled(admin, url, **entered(name="/tf", type="std_msgs/String"))).content.decode()
+    assert "No allow-list admits /tf: frames and clocks tie together what the gate sees." in page
+    assert not robot.allowances.exists()
+
+
+def test_one_name_is_there_once(admin: Client, robot: Robot, staff: User) -> None:
+    allow(robot, staff)
+    url = reverse("admin:robots_allowance_add")
+    page = admin.post(url, {**NOTES, "robot": robot.pk, "role": "staff"}).content.decode()
+    assert "already exists" in page
+    assert robot.allowances.count() == 1
