@@ -9,6 +9,7 @@ from typing import Protocol
 from fleet import audit
 from fleet.accounts.models import User
 from robots import wire
+from robots.bridge import twists
 from robots.bridge.config import Allowed
 from robots.link import LinkRefused
 from robots.models import Role
@@ -69,8 +70,8 @@ class Orders:
         entry, offers = self._page.room.entry, self._page.room.link.offers
         match order:
             case wire.Publish(topic=topic, type=type_):
-                if topic == entry.facts.drive_topic:
-                    return None  # through the gate, as the stick
+                if type_ in twists.TYPES:
+                    return None  # the bridge passes it through the gate, as the stick, or not at all
                 use, what = "", "publish"
             case wire.Choose(topic=str(topic), use=use):
                 what, type_ = "choose", ""
