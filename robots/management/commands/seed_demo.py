@@ -1,8 +1,8 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
 FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick"}],
-"accounts": [{"username", "role", "password"}]}. Run again it brings the robots' masters up to date and leaves the
-rest as people made it. Prints {slug: path of the bridge's socket}.
+"accounts": [{"username", "role", "password"}]}. A new robot gets a small allow-list to try things with. Run again it
+brings the robots' masters up to date and leaves the rest as people made it. Prints {slug: path of the bridge's socket}.
 """
 
 from __future__ import annotations
@@ -13,15 +13,23 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandParser
 from django.db import transaction
-from msgspec import Struct
+from msgspec import Struct, structs
 from msgspec.json import decode
 
 from fleet.accounts.models import User
-from robots.models import Robot, RobotProfile, Role
+from robots.bridge.config import Allowed
+from robots.models import Allowance, Robot, RobotProfile, Role
 from robots.selectors import link_address
-from robots.services import robot_save, role_set
+from robots.services import entry_save, robot_save, role_set
 
 PROFILE = "tiago"
+ALLOWED = (
+    Allowed("choose", "/phone_vel", use="drive"),
+    Allowed("publish", "/fleet_demo/notes", "std_msgs/String"),
+    Allowed("publish", "/fleet_demo/place", "geometry_msgs/PoseStamped"),
+    Allowed("call", "/play_motion/list_motions"),
+    Allowed("set", "/fleet_demo/greeting"),
+)
 
 
 class PracticeRobot(Struct, frozen=True):
@@ -71,18 +79,22 @@ class Command(BaseCommand):
 def seed_robot(planned: PracticeRobot) -> Robot:
     """Register a practice robot, or tell a registered one where its master is today."""
     robot = Robot.objects.filter(slug=planned.slug).first()
-    if robot is None:
-        profile = RobotProfile.objects.get(slug=PROFILE)
-        robot = Robot(
-            slug=planned.slug,
-            name=planned.name,
-            profile=profile,
-            practice=True,
-            advertised_address=planned.advertised_address,
-            stick=planned.stick,
-        )
-    robot.master_uri = planned.master_uri
-    return robot_save(robot=robot, actor=None)
+    if robot is not None:
+        robot.master_uri = planned.master_uri
+        return robot_save(robot=robot, actor=None)
+    robot = Robot(
+        slug=planned.slug,
+        name=planned.name,
+        profile=RobotProfile.objects.get(slug=PROFILE),
+        practice=True,
+        master_uri=planned.master_uri,
+        advertised_address=planned.advertised_address,
+        stick=planned.stick,
+    )
+    robot_save(robot=robot, actor=None)
+    for allowed in ALLOWED:
+        entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=None)
+    return robot
 
 
 def seed_account(planned: Account, robots: list[Robot]) -> None:
