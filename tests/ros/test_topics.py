@@ -1,0 +1,179 @@
+"""The robot's topics over the link: shown to whoever looks, published by whoever has control, on record first."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import signal
+import time
+from typing import Any
+
+import msgspec
+import psutil
+import pytest
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import String
+
+from robots import wire
+from robots.bridge.config import Allowed
+from tests.ros.bridge_support import BridgeProcess, Hand, tiago_config
+from tests.ros.support import Inbox, until
+
+ALLOWED = (
+    Allowed("publish", "/notes", "std_msgs/String"),
+    Allowed("publish", "/visit_pose", "geometry_msgs/PoseStamped"),
+)
+ODOMETRY = "/mobile_base_controller/odom"
+
+_answer = msgspec.json.Decoder(wire.Answer)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    return simulator(pose="3.8,2.2,0", seed=1)
+
+
+@pytest.fixture(scope="module")
+def bridge(rosmaster, robot, tmp_path_factory):
+    config = tiago_config(rosmaster, tmp_path_factory.mktemp("topics"), allowed=ALLOWED)
+    gate = msgspec.structs.replace(config.gate, has_depth=False)
+    process = BridgeProcess(
+        msgspec.structs.replace(config, gate=gate), rosmaster, tmp_path_factory.mktemp("bridge")
+    )
+    yield process
+    process.stop()
+
+
+@pytest.fixture
+def hand(bridge):
+    hand = bridge.link()
+    hand.state_until(
+        lambda state: state.phase == "online" and all(sensor.ok for sensor in state.sensors), "a robot"
+    )
+    yield hand
+    hand.send(wire.LookAt({}))
+    hand.close()
+
+
+@pytest.fixture
+def holder(hand):
+    """In control, with a fencing number that grows from test to test."""
+    hand.take_control(time.time_ns() // 1_000_000)
+    yield hand
+    hand.send(wire.Revoke(hand.fence, "the test is over"))
+    hand.until(lambda report: isinstance(report, wire.Ended), "the end of control")
+
+
+def inspector_of(bridge: BridgeProcess) -> psutil.Process:
+    (process,) = psutil.Process(bridge.process.pid).children()
+    return process
+
+
+def ask(hand: Hand, question: Any) -> Any:
+    hand.send(wire.Inspect(5, question))
+    inspected = hand.until(lambda report: isinstance(report, wire.Inspected) and report.seq == 5, "an answer")
+    return _answer.decode(inspected.answer)
+
+
+def shown(hand: Hand, topic: str) -> wire.Shown:
+    seen = hand.until(lambda report: isinstance(report, wire.Seen) and report.topic == topic, f"{topic} seen")
+    return msgspec.json.decode(seen.shown, type=wire.Shown)
+
+
+def answered(hand: Hand, order: Any) -> wire.Refusal | None:
+    """The one answer that an order gets; None: accepted."""
+    hand.send(order)
+    report = hand.until(
+        lambda r: (
+            isinstance(r, wire.Accepted | wire.Refused) and r.seq == order.seq and r.of == wire.kind_of(order)
+        ),
+        "an answer to the order",
+    )
+    return getattr(report, "refusal", None)
+
+
+def falls_silent(inbox: Inbox) -> None:
+    """What was under way may still come; then nothing does."""
+    inbox.drain()
+    with pytest.raises(AssertionError, match="nothing on"):
+        for _ in range(5):
+            inbox.next(0.3)
+
+
+def test_a_robots_topics_are_listed_and_shown_over_every_link_that_looks(bridge, hand):
+    assert ODOMETRY in {row.name for row in ask(hand, wire.ListTopics()).topics}
+    other = bridge.link()
+    for link in (hand, other):
+        link.send(wire.LookAt({ODOMETRY: 10.0}))
+    for link in (hand, other):
+        assert shown(link, ODOMETRY).fields["header"]["frame_id"] == "odom"
+    other.close()
+
+
+def test_the_holder_publishes_what_the_allow_list_has_and_it_is_on_record(bridge, holder, ros):
+    fence = holder.fence
+    with ros.listen("/notes", String) as notes, ros.listen("/visit_pose", PoseStamped) as poses:
+        note = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "hello"}, seq=101)
+        assert answered(holder, note) is None
+        assert notes.next().data == "hello"
+        assert any(
+            line.startswith("publish.start /notes") for line in bridge.records.read_text().splitlines()
+        )
+        pose = wire.Publish(
+            fence, "/visit_pose", "geometry_msgs/PoseStamped", {"pose.position.x": 2}, 20.0, seq=102
+        )
+        assert answered(holder, pose) is None
+        assert poses.next().pose.position.x == 2.0
+        publishing = holder.state_until(lambda state: state.publishing, "a publishing").publishing
+        assert publishing == [wire.Publishing("/visit_pose", "geometry_msgs/PoseStamped", 20.0)]
+        assert answered(holder, wire.PublishStop(fence, "/visit_pose", seq=103)) is None
+        holder.state_until(lambda state: not state.publishing, "its end")
+
+
+def test_what_may_not_be_published_is_refused_before_it_is_on_record(bridge, holder):
+    fence = holder.fence
+    before = bridge.records.read_text()
+    bad = wire.Publish(fence, "/notes", "std_msgs/String", {"data": 5}, seq=111)
+    assert answered(holder, bad).figures == {"path": "data"}
+    other = wire.Publish(fence, "/diary", "std_msgs/String", {}, seq=112)
+    assert answered(holder, other).code == "not_allowed"
+    around = wire.Publish(fence, "/nav_vel", "geometry_msgs/Twist", {}, seq=113)
+    assert answered(holder, around).code == "around_the_gate"
+    old = wire.Publish(1, "/notes", "std_msgs/String", {}, seq=114)
+    assert answered(holder, old) is not None
+    assert bridge.records.read_text() == before
+
+
+def test_an_emergency_stop_ends_what_is_published(bridge, holder, ros):
+    fence = holder.fence
+    with ros.listen("/notes", String) as notes:
+        order = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=121)
+        assert answered(holder, order) is None
+        notes.next()
+        holder.send(wire.LinkStop("Ann", seq=122))
+        stopped = holder.until(
+            lambda report: isinstance(report, wire.Stopped) and report.seq == 122, "a stop"
+        )
+        holder.state_until(lambda state: not state.publishing, "the end of it")
+        falls_silent(notes)
+    holder.send(wire.LinkClear("Ann", stopped.stop.number, seq=123))
+    holder.until(lambda report: isinstance(report, wire.Stopped) and report.seq == 123, "a clear")
+
+
+def test_an_inspector_that_dies_is_replaced_and_what_it_published_does_not_begin_again(bridge, holder, ros):
+    with ros.listen("/notes", String) as notes:
+        order = wire.Publish(holder.fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=131)
+        holder.send(wire.LookAt({ODOMETRY: 10.0}))
+        assert answered(holder, order) is None
+        notes.next()
+        first = inspector_of(bridge)
+        first.send_signal(signal.SIGKILL)
+        holder.state_until(lambda state: not state.publishing, "the end of what it published")
+        shown(holder, ODOMETRY)
+        number = until(
+            lambda: inspector_of(bridge).pid != first.pid and shown(holder, ODOMETRY).number, "another"
+        )
+        assert number > 0
+        falls_silent(notes)
+    assert "publish.end inspector ended" in bridge.records.read_text()
