@@ -67,21 +67,19 @@ class Orders:
 
     def _why_not_there(self, order: Order) -> Refusal | None:
         """What the allow-list and this person's role have against where the order goes."""
-        entry, offers = self._page.room.entry, self._page.room.link.offers
+        allowed, offers = self._page.room.entry.allowed, self._page.room.link.offers or wire.Offers()
         match order:
+            case wire.Publish(type=type_) if type_ in twists.TYPES:
+                return None  # the bridge passes it through the gate, as the stick, or not at all
             case wire.Publish(topic=topic, type=type_):
-                if type_ in twists.TYPES:
-                    return None  # the bridge passes it through the gate, as the stick, or not at all
-                use, what = "", "publish"
-            case wire.Choose(topic=str(topic), use=use):
-                what, type_ = "choose", ""
-            case wire.Say(topic=str(topic)):
-                what, type_, use = "choose", "", "speech"
+                needed = role_for(allowed, "publish", topic, type_)
+            case wire.Choose(topic=str(topic), use=use) if not _is_default(offers, use, topic):
+                needed = role_for(allowed, "choose", topic, use=use)
+            case wire.Say(topic=str(topic)) if not _is_default(offers, "speech", topic):
+                needed = role_for(allowed, "choose", topic, use="speech")
             case _:
                 return None
-        if what == "choose" and offers and use in offers.uses and offers.uses[use].topic == topic:
-            return None  # the default
-        return why_role(self._page.rights, role_for(entry.allowed, what, topic, type_, use), topic)
+        return why_role(self._page.rights, needed, topic)
 
     async def _hand_on(self, order: Order) -> None:
         try:
@@ -122,6 +120,10 @@ def not_held(fence: int, held: int | None) -> Refusal | None:
         figures: dict[str, float | int | str | None] = {"fence": fence, "yours": held}
         return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
     return None
+
+
+def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
+    return use in offers.uses and offers.uses[use].topic == topic
 
 
 def role_for(allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = "") -> Role | None:
