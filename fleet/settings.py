@@ -12,7 +12,7 @@ from typing import Any
 from csp.constants import NONE, SELF
 from django.core.management.utils import get_random_secret_key
 
-from fleet import environment
+from fleet import environment, logs
 from fleet.environment import Environment
 
 os.umask(0o077)  # what our processes write is for their own account: the database holds session keys
@@ -206,10 +206,12 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"line": {"format": "{asctime} {levelname} {name}: {message}", "style": "{"}},
+    "filters": {"unknown_host": {"()": "django.utils.log.CallbackFilter", "callback": logs.unknown_host}},
     "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
     "root": {"handlers": ["stderr"], "level": "INFO"},
     "loggers": {
         "django": {"handlers": ["stderr"], "level": "INFO", "propagate": False},
+        "django.security.DisallowedHost": {"filters": ["unknown_host"]},
         # One line for each request says nothing that the audit log does not say better.
         "django.channels.server": {"level": "WARNING"},
         "daphne": {"level": "WARNING"},
