@@ -102,7 +102,8 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         if source := getattr(topics, what):
             yield Listened(what, source.name, source.type, stamped=source.type == "sensor_msgs/BatteryState")
     for what in ("speech", "motions"):
-        if action := getattr(topics, what):
+        action = getattr(topics, what)
+        if action and action.type.endswith("Action"):  # a plain topic for texts tells nothing
             yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
 
 

@@ -154,6 +154,13 @@ def test_the_drive_topic_has_a_listener_and_one_writer(
     assert said in check.text
 
 
+def test_a_voice_that_takes_plain_texts_is_not_listened_to(robot: Robot) -> None:
+    robot.overrides = {"topics": {"speech": {"name": "/say", "type": "std_msgs/String"}}}
+    listened = plan_for(bridge_config(robot)).listened
+    assert "speech" not in {topic.what for topic in listened}
+    assert "motions" in {topic.what for topic in listened}
+
+
 def test_a_wrong_entry_in_the_registry_is_the_first_answer(robot: Robot) -> None:
     robot.overrides = {"topics": {"odometry": None}}
     (only,) = run_checks(robot)
