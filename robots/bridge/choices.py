@@ -6,18 +6,17 @@ choice is put on record, then connected, then made; it ends with its holder's co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
 from robots import wire
 from robots.bridge.config import BridgeConfig, Topic
-from robots.bridge.drives import DriveLog, not_recorded
+from robots.bridge.drives import Answer, DriveLog, not_recorded
 from robots.bridge.sink import Holder
 from robots.wire import Refusal
-
-Answer = Callable[[Refusal | None], None]
 
 NAMES = {"drive": "driving", "speech": "speech", "motions": "motions"}
 PARTING_S = 1.0  # zeros go to a chosen drive topic for at most so long after its holder's control
@@ -75,6 +74,7 @@ class Choices:
         self._asked: dict[str, _Choice] = {}
         self._wanted = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
         self._connected: dict[str, Collection[str]] = dict(self._wanted)
+        self._unanswered = Counter[str]()  # of `Switch.attend`, by use
         self._parted_s: float | None = None  # since then nobody answers for the chosen drive topic
 
     # --- where input goes -----------------------------------------------------------------------------
@@ -139,9 +139,11 @@ class Choices:
             self._settle(use, now_s)
 
     def attended(self, use: str, topics: Collection[str], now_s: float) -> None:
-        """The robot is connected to by these topics now."""
-        self._connected[use] = topics
-        self._settle(use, now_s)
+        """The robot is connected to by these topics now; by others, if something else was asked for since."""
+        self._unanswered[use] -= 1
+        if not self._unanswered[use]:
+            self._connected[use] = topics
+            self._settle(use, now_s)
 
     def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
         """Types of the topics that somebody on the robot listens to. What was chosen and is gone is chosen no more."""
@@ -216,6 +218,7 @@ class Choices:
         if wanted != self._wanted[use]:
             self._wanted[use] = wanted
             self._connected[use] = wanted & frozenset(self._connected[use])
+            self._unanswered[use] += 1
             self._switch.attend(use, wanted)
 
     def _withdraw(self, use: str, refusal: Refusal) -> None:

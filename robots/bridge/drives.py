@@ -31,6 +31,8 @@ MERGE_S = 1.0  # a pause of the same intervention, if it is shorter
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
 _T = TypeVar("_T")
 
+Answer = Callable[[Refusal | None], None]  # to what was asked: why not, or None once it is on its way
+
 WAITING = Refusal("recording", "The drive is being put on record.", "audit")
 
 

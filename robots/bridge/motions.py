@@ -6,7 +6,7 @@ Nothing here begins a motion by itself, and one that was cancelled is over: whoe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,13 +16,11 @@ import msgspec
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import DriveLog, not_recorded
+from robots.bridge.drives import Answer, DriveLog, not_recorded
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
-
-Answer = Callable[[Refusal | None], None]
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it

@@ -16,7 +16,7 @@ from robots import wire
 from robots.bridge import twists
 from robots.bridge.choices import Choices, Switch
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drives import DriveLog
+from robots.bridge.drives import Answer, DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, Velocity
@@ -30,8 +30,6 @@ from robots.bridge.room import why_no_room
 from robots.bridge.sink import Holder
 from robots.bridge.speech import Speaking, Utterance, Voice, why_not_speakable
 from robots.wire import Grant, Refusal
-
-Answer = Callable[[Refusal | None], None]
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it

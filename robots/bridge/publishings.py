@@ -10,11 +10,9 @@ from typing import Protocol
 import msgspec
 
 from robots import wire
-from robots.bridge.drives import DriveLog, not_recorded
+from robots.bridge.drives import Answer, DriveLog, not_recorded
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
-
-Answer = Callable[[Refusal | None], None]
 
 RECORDED_CHARACTERS = 2000  # of a message's fields
 

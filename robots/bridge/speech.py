@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
@@ -18,7 +18,7 @@ from uuid import uuid4
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import DriveLog, not_recorded
+from robots.bridge.drives import Answer, DriveLog, not_recorded
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
@@ -26,8 +26,6 @@ LONGEST_CHARACTERS = 500
 UNHEARD_S = 2.0  # a text of which the robot has not spoken for this long is given up
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 _LAYOUT = frozenset("\n\t")
-
-Answer = Callable[[Refusal | None], None]
 
 
 def why_not_speakable(text: str) -> Refusal | None:

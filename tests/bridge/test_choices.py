@@ -207,6 +207,22 @@ def test_the_newest_of_two_choices_counts_and_both_are_answered(bench):
     assert second == [None]
 
 
+def test_a_topic_that_was_let_go_meanwhile_is_not_taken_for_connected(bench):
+    ask(bench, "speech", "/second_tts")
+    settled(bench)
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.core.tick(bench.now_s)
+    bench.granted(2)
+    answers = ask(bench, "speech", "/second_tts", fence=2)
+    settled(bench)
+    both, usual, again = bench.base.attended
+    bench.core.orders.choices.attended(*both, bench.now_s)
+    bench.core.orders.choices.attended(*usual, bench.now_s)
+    assert answers == []
+    bench.core.orders.choices.attended(*again, bench.now_s)
+    assert answers == [None]
+
+
 def test_one_press_goes_back_to_the_default_also_where_nobody_listens(bench):
     choose(bench, "speech", "/second_tts")
     bench.core.orders.choices.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)

@@ -44,7 +44,8 @@ def bridge(master, folder):
     process = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
     hand = process.link()
     try:
-        hand.state_until(lambda state: watched(state) and state.motions, "a robot with motions")
+        hand.until(lambda report: isinstance(report, wire.Offers) and report.motions, "a robot with motions")
+        hand.state_until(watched, "a robot that sees")
         hand.take_control(1)
         yield hand, lambda: process.records.read_text().splitlines()
     finally:
@@ -124,3 +125,13 @@ def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
             until(lambda: records()[-1] == "motion.end intruder", "its end on record")
         finally:
             person.publish(FAR_AWAY)
+
+
+def test_who_may_cancels_it_by_its_goal(ros, rosmaster, tmp_path):
+    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, records):
+        play(hand, "inspect_surroundings")
+        hand.send(wire.LinkCancel("motion", "Sue", seq=3))
+        hand.until(lambda report: report == wire.Accepted("link_cancel", 3), "an answer")
+        state = hand.state_until(lambda state: state.motion_ended, "its end")
+        assert (state.motion_ended.outcome, state.motion_ended.text) == ("cancelled", "Cancelled by Sue.")
+        until(lambda: records()[-1] == "motion.end cancelled", "its end on record")

@@ -53,6 +53,7 @@ NODE = "/fleet_bridge"  # the same from every console: the second one is refused
 RETRY_S = 0.5
 SURVEY_S = 2.0
 FLUSH_S = 0.1
+LISTENER_PATIENCE_S = 0.5
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
@@ -310,7 +311,8 @@ class RosBase:
         """On the thread for it."""
         if use == "drive":
             for name in topics - self._drives.keys():
-                self._drives[name] = self._drive_publisher(name)
+                self._drives[name] = publisher = self._drive_publisher(name)
+                self._await_listener(publisher)
             for name in self._drives.keys() - topics:
                 self._drives.pop(name).unregister()
         elif use == "speech" and self._speech:
@@ -319,6 +321,12 @@ class RosBase:
             self._motions.attend(topics)
             self.read_motions()
         self._post(lambda: self._core.orders.choices.attended(use, topics, time.monotonic()))
+
+    def _await_listener(self, publisher: rospy.Publisher) -> None:
+        """A moment, so that a robot whose velocities go elsewhere now does not seem to be away."""
+        deadline_s = time.monotonic() + LISTENER_PATIENCE_S
+        while not publisher.get_num_connections() and time.monotonic() < deadline_s:
+            self._ending.wait(FLUSH_S / 10)
 
     def _register_again(self, own_uri: str) -> None:
         """What `rospy.init_node` and its topics told the last master, told to its successor."""
