@@ -759,7 +759,7 @@ class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
     number: int  # of this message among all that came
     rate_hz: float | None
     bytes: int
-    age_s: float | None  # of its header's stamp by the robot's clock, None if it has none
+    age_s: float | None  # from its header's stamp to its arrival, by the console's clock; None if it has no stamp
     publishers: int
     fields: dict[str, Any]
     shortened: list[str] = []  # paths of arrays that are shown in part, with their whole length

@@ -32,6 +32,7 @@ START_S = 10.0  # the same, while the process still starts
 SILENCE_S = 1.0  # a publishing ends within this, or the process does
 RESTART_S = (1.0, 10.0)  # the pause before another process, doubled while none lives for as long
 END_S = 2.0  # after its stdin was closed
+MOST_LOOKS = 30  # topics of one robot that are looked at
 MOST_ASKED = 32  # questions of one link under way
 MOST_UNSENT = 200  # requests, while there is no process
 LARGEST_LINE = 4 * 1024 * 1024  # bytes
@@ -141,6 +142,8 @@ class Inspection:
         before = self._wanted()
         self._looks[viewer] = topics
         self._look_anew(before)
+        for topic in topics.keys() - self._wanted().keys():
+            viewer.see(topic, _not_shown(topic))
 
     def forget(self, viewer: Viewer) -> None:
         """The viewer is gone."""
@@ -218,11 +221,12 @@ class Inspection:
     # --- the process ------------------------------------------------------------------------------------
 
     def _wanted(self) -> dict[str, float]:
-        """All topics that anybody looks at, with the highest rate."""
+        """The topics that anybody looks at, first come first served, with the highest rate."""
         wanted: dict[str, float] = {}
         for topics in self._looks.values():
             for topic, rate_hz in topics.items():
-                wanted[topic] = max(rate_hz, wanted.get(topic, 0.0))
+                if topic in wanted or len(wanted) < MOST_LOOKS:
+                    wanted[topic] = max(rate_hz, wanted.get(topic, 0.0))
         return wanted
 
     def _look_anew(self, before: dict[str, float]) -> None:
@@ -331,6 +335,13 @@ class Inspection:
         self._end()
         if self._running is not None:
             await self._running
+
+
+def _not_shown(topic: str) -> bytes:
+    text = f"{MOST_LOOKS} topics of this robot are looked at already: close some, here or on other pages."
+    refusal = Refusal("too_many_looks", text, "robot", {"limit": MOST_LOOKS})
+    shown = wire.Shown(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+    return wire.encode(wire.Seen(topic, msgspec.Raw(wire.encode(shown))))
 
 
 async def _ended(process: asyncio.subprocess.Process) -> None:
