@@ -58,7 +58,11 @@ def _numbers(*values: float) -> str:
 
 
 def _floor(parent: Element, world: World) -> None:
-    """Seen by cameras and depth sensors; the robot is held upright by its joints and touches nothing here."""
+    """Seen by cameras and depth sensors; the robot is held upright by its joints and touches nothing here.
+
+    Nothing has the contact type that it answers to. It answers to one because MuJoCo bounds a body by what may touch something:
+    without, mj_multiRay met the floor only behind something else.
+    """
     west, south, east, north = world.size
     SubElement(
         parent,
@@ -69,7 +73,7 @@ def _floor(parent: Element, world: World) -> None:
         size=_numbers((east - west) / 2, (north - south) / 2, 1.0),
         rgba="0.55 0.58 0.55 1",
         contype="0",
-        conaffinity="0",
+        conaffinity="2",
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
 from robots.simulator.joints import HOME, camera_pose
 from robots.simulator.physics import Onlooker, Pose
-from robots.simulator.worlds import Box, Table
+from robots.simulator.worlds import Box, Table, World
 from tests.simulator.conftest import room
 
 LASER_X = 0.202
@@ -106,6 +106,19 @@ def test_a_depth_picture_is_the_wall_ahead(robot_in):
     assert 0.005 < np.isnan(depth).mean() < 0.05
     floor = pose.origin[2] / ((HEIGHT - 4 - HEIGHT / 2) / FOCAL_PX)
     assert np.nanmedian(depth[-4:]) == pytest.approx(min(floor, wall), abs=0.05)
+
+
+def test_the_floor_is_seen_in_a_world_where_little_else_stands(robot_in):
+    leg = Box(name="leg", at=(2.0, 0.0), size=(0.04, 0.04, 0.7))
+    bare = World(name="bare", size=(-8.0, -8.0, 8.0, 8.0), boxes=[leg])
+    robot = robot_in(bare, Pose(0.0, 0.0, 0.0)).robot
+    onlooker = Onlooker(robot.physics)
+    onlooker.follow(robot.physics.snapshot())
+    pose = camera_pose(HOME | {"head_2_joint": -0.68})
+    depth = DepthCamera(np.random.default_rng(1)).image(onlooker, pose)
+    assert np.isnan(depth).mean() < 0.05
+    assert np.nanmedian(depth[238:242]) == pytest.approx(pose.origin[2] / math.sin(0.68), abs=0.05)
+    assert robot.physics.contacts() == [], "the base stands in the floor and touches nothing"
 
 
 def test_a_point_cloud_is_the_depth_picture_in_space(robot_in):
