@@ -60,8 +60,8 @@ def _numbers(*values: float) -> str:
 def _floor(parent: Element, world: World) -> None:
     """Seen by cameras and depth sensors; the robot is held upright by its joints and touches nothing here.
 
-    Nothing has the contact type that it answers to. It answers to one because MuJoCo bounds a body by what may touch something:
-    without, mj_multiRay met the floor only behind something else.
+    It answers to a contact type that nothing has: MuJoCo bounds a body by what may touch something, and without it
+    mj_multiRay met the floor only behind something else.
     """
     west, south, east, north = world.size
     SubElement(
