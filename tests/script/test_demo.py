@@ -46,13 +46,22 @@ class Demo:
                 stderr=file,
                 env=outside(),
             )
-        until(
-            lambda: "is ready" in self.said or self.process.poll() is not None,
-            "the demo is ready",
-            PATIENCE_S,
-        )
-        assert self.process.poll() is None, self.said
+        try:
+            until(
+                lambda: "is ready" in self.said or self.process.poll() is not None,
+                "the demo is ready",
+                PATIENCE_S,
+            )
+            assert self.process.poll() is None, self.said
+        except BaseException:
+            self.end()
+            raise
         self.family = Family(self.process.pid)
+
+    def end(self) -> None:
+        """If it still runs."""
+        self.process.terminate()
+        self.process.wait()
 
     @property
     def said(self) -> str:
@@ -87,9 +96,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
     yield start
     for demo in started:
-        if demo.process.poll() is None:
-            demo.process.terminate()
-        demo.process.wait()
+        demo.end()
 
 
 def test_the_main_job_works_from_the_command_line():

@@ -27,7 +27,7 @@ from script.stack.processes import Child, ReservedPort, end_all
 from script.stack.stack import Account, Certificate
 from tests.script.support import ENDED_S, Family, free_port, listens, outside, until
 
-READY_S = 30.0
+READY_S = 60.0
 EDIT_S = 3.0  # what docs/admins.md promises
 ROBOT = "tiago-42"
 STAFF = Account("first", "staff", "a long walk on the beach")
@@ -56,7 +56,7 @@ def refused(environment: dict[str, str], *words: str) -> str:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=ENDED_S,
+        timeout=READY_S,
     )
     assert done.returncode != 0
     assert "Traceback" not in done.stderr
@@ -135,8 +135,12 @@ class Served:
                 stdout=log,
                 stderr=log,
             )
-        until(lambda: listens(self.port) or process.poll() is not None, "somebody listens", READY_S)
-        assert process.poll() is None, self.log.read_text()
+        try:
+            until(lambda: listens(self.port) or process.poll() is not None, "somebody listens", READY_S)
+            assert process.poll() is None, self.log.read_text()
+        except BaseException:
+            process.kill()
+            raise
         return process
 
     def manage(self, *words: str, **more: str) -> None:
