@@ -58,6 +58,7 @@ class Record(models.Model):
         indexes = [
             models.Index(fields=["kind", "at"], name="audit_kind_at"),
             models.Index(fields=["robot_id", "id"], name="audit_robot"),
+            models.Index(fields=["robot_id", "kind", "id"], name="audit_robot_kind"),
             models.Index(fields=["actor_id", "id"], name="audit_actor"),
             models.Index(fields=["session_id", "id"], name="audit_session"),
         ]
