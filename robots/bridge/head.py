@@ -14,6 +14,7 @@ FOREKNOWLEDGE_S = 1.5  # the head looks where the robot will be by then: within 
 FOLLOW_RAD = 0.3  # beyond, the way straight ahead would leave the camera's picture
 FOLLOW_RADPS = 0.4  # faster than 0.5 rad/s, the gate takes no pictures of a turning head
 LEAST_RAD = 0.03
+SAID_AGAIN_S = 2.0  # a motion, or another node, may have turned the head since
 DRIVING_MPS = 0.05
 
 
@@ -45,8 +46,15 @@ class Head:
             return None
         wanted = min(max(velocity.w * FOREKNOWLEDGE_S / 2.0, -FOLLOW_RAD), FOLLOW_RAD)
         if abs(wanted - self._pan) < LEAST_RAD:
-            return None
+            return self._again(now_s)
         step = FOLLOW_RADPS * FOLLOW_EVERY_S
         self._pan += min(max(wanted - self._pan, -step), step)
         self._sent_s = now_s
         return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)
+
+    def _again(self, now_s: float) -> Aim | None:
+        """Where the head is thought to be already, now and then, and slowly: it may be anywhere."""
+        if now_s - self._sent_s < SAID_AGAIN_S:
+            return None
+        self._sent_s = now_s
+        return Aim(self._pan, self._source.look_tilt, AHEAD_TAKES_S)

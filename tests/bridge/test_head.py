@@ -8,7 +8,7 @@ import pytest
 from robots import wire
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
-from robots.bridge.head import FOLLOW_RAD, FOLLOW_RADPS, Head
+from robots.bridge.head import AHEAD_TAKES_S, FOLLOW_RAD, FOLLOW_RADPS, Head
 from tests.bridge.support import CONFIG, Bench
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
@@ -110,6 +110,12 @@ def test_the_head_follows_a_turn_slowly_and_not_too_far():
     assert [aim for aim in back if aim][-1].pan == pytest.approx(0.0, abs=0.03)
 
 
+def test_on_a_straight_drive_it_is_sent_ahead_now_and_then_for_others_may_have_turned_it():
+    head = Head(FOLLOWS)
+    aims = [head.follow(Velocity(0.5, 0.0, 0.0), 10.0 + 0.05 * step) for step in range(101)]
+    assert [aim for aim in aims if aim] == [(0.0, -0.68, AHEAD_TAKES_S)] * 3
+
+
 @pytest.mark.parametrize(
     "twist", [Velocity(0.0, 0.0, 1.0), Velocity(-0.2, 0.0, 1.0), Velocity(0.0, 0.0, 0.0)]
 )
@@ -124,6 +130,7 @@ def test_it_follows_by_setting_only():
 def test_while_a_motion_runs_the_head_is_left_to_it():
     bench = with_head(FOLLOWS)
     bench.driving(0.5)
+    bench.base.aims.clear()
     bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s)
     turn(bench)
     assert bench.base.aims == []
