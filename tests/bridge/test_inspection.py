@@ -122,8 +122,8 @@ async def test_the_answer_goes_to_who_asked_with_the_askers_number(relay):
 
 async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wants(relay):
     ann, ben = Viewer(), Viewer()
-    relay.look_at(ann, {"/x": 2.0, "/y": 1.0})
     relay.look_at(ben, {"/x": 5.0})
+    relay.look_at(ann, {"/x": 2.0, "/y": 1.0})
     await ann.until(lambda: len(ann.seen) == 2 and ann.seen["/x"] == {"rate": 5.0})
     assert ben.seen == {"/x": {"rate": 5.0}}
     relay.forget(ben)

@@ -246,6 +246,13 @@ def test_a_definition_that_is_not_the_one_of_its_md5_sum_is_not_believed(inspect
     assert shown.refusal.code == "definition_differs"
     assert shown.fields == {}
     assert shown.refusal.figures["claimed_md5"] == honest._md5sum
+    with talking("/look/mute", type("Mute", (honest,), {"_full_text": ""})(2.0)):
+        inspector.look(**{"look/mute": 10.0})
+        assert inspector.shown("/look/mute", lambda s: s.number).refusal.code == "type_unknown"
+        with talking("/look/honest", honest(3.0)):  # who says what it is, speaks for both
+            inspector.look(**{"look/honest": 10.0, "look/mute": 10.0})
+            assert inspector.shown("/look/honest", lambda s: s.number).fields == {"level": 3.0}
+            assert inspector.shown("/look/mute", lambda s: s.fields).fields == {"level": 2.0}
 
 
 def test_bytes_that_are_not_of_the_definition_are_told(inspector):

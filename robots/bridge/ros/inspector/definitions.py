@@ -113,20 +113,20 @@ class Definitions:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._found: dict[tuple[str, str], Definition | Declined] = {}
+        self._found: dict[tuple[str, str, str], Definition | Declined] = {}  # by what was told
         self._lock = threading.Lock()
 
     def of_connection(self, header: dict[str, str]) -> Definition:
         """What the publisher behind a connection header sends. Raises Declined."""
-        type_name, md5 = header.get("type", ""), header.get("md5sum", "")
+        told = (header.get("type", ""), header.get("md5sum", ""), header.get("message_definition", ""))
         with self._lock:
-            key = (type_name, md5)
-            if key not in self._found:
-                try:
-                    self._found[key] = self._find(type_name, md5, header.get("message_definition", ""))
-                except Declined as error:
-                    self._found[key] = error
-            found = self._found[key]
+            found = self._found.get(told)
+            if found is None:
+                found = self._judged(*told)
+            if len(self._found) >= MOST_KEPT:
+                self._found.clear()
+            if told[2] or isinstance(found, Definition):  # else another publisher may tell it yet
+                self._found[told] = found
         if isinstance(found, Declined):
             raise found
         return found
@@ -137,6 +137,12 @@ class Definitions:
         if found is None:
             raise _unknown(type_name)
         return found
+
+    def _judged(self, type_name: str, md5: str, text: str) -> Definition | Declined:
+        try:
+            return self._find(type_name, md5, text)
+        except Declined as error:
+            return error
 
     def _find(self, type_name: str, md5: str, text: str) -> Definition:
         if not (_TYPE.fullmatch(type_name) and _MD5.fullmatch(md5)):
