@@ -538,6 +538,8 @@ def test_pictures_that_the_odometry_cannot_place_do_not_count():
     assert looker.sensor().text == "its stamps do not match the odometry's"
     looker.gate.observe_bad_depth("its pictures are 'rgb8'")
     assert looker.sensor().text == "its pictures are 'rgb8'"
+    why = "held to 0.3 m/s: no picture of the depth camera has come yet (its pictures are 'rgb8')"
+    assert looker.decide(1.0).text == why
 
 
 @pytest.mark.parametrize("pan", [-0.35, 0.35, 1.2])

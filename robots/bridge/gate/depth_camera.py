@@ -75,7 +75,7 @@ class DepthCamera:
         self._seen = NO_POINTS  # odometry frame
         self._clock = _MotionClock()
         self._resets = 0
-        self._complaint = ""
+        self.complaint = ""  # about the newest picture, in words
         self._frames = 0
         self._known: tuple[int, int, bool] = (0, 0, False)
         self._revision = 0
@@ -87,18 +87,18 @@ class DepthCamera:
         self._forget_another_frame(trail)
         base = trail.pose_at(stamp_s) if math.isfinite(stamp_s) else None
         if base is None:
-            self._complaint = "its stamps do not match the odometry's"
+            self.complaint = "its stamps do not match the odometry's"
             return
         if not self.freshness.advances(stamp_s, arrival_s):
             return
-        self._complaint = ""
+        self.complaint = ""
         self._frame = frame
         self._frames += 1
         self._learn(frame, base, self._clock.pass_to(base, arrival_s))
 
     def complain(self, why: str) -> None:
         """A picture came that cannot be used, and why."""
-        self._complaint = why
+        self.complaint = why
 
     def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
         shown = self._without_robot(frame.columns)
@@ -174,9 +174,9 @@ class DepthCamera:
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         age_s = self.freshness.age_s(now_s)
         if age_s is None:
-            text = self._complaint or "nothing has come yet"
+            text = self.complaint or "nothing has come yet"
         elif age_s > DEPTH_STALE_S:
-            text = self._complaint or f"nothing new for {age_s:.1f} s"
+            text = self.complaint or f"nothing new for {age_s:.1f} s"
         else:
             text = ""
         return SensorHealth(self.name, self.kind, not text, age_s, text)

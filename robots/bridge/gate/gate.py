@@ -439,10 +439,11 @@ class Gate:
         age_s = self._depth.freshness.age_s(now_s) if self._depth else None
         if self._depth is None:
             return [self._blind("depth_missing", "the depth camera is not used yet, table tops are not seen")]
+        why = f" ({self._depth.complaint})" if self._depth.complaint else ""
         if age_s is None:
-            return [self._blind("depth_missing", "no picture of the depth camera has come yet")]
+            return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]
         if age_s > DEPTH_STALE_S:
-            return [self._blind("depth_stale", f"the depth camera's picture is {age_s:.1f} s old")]
+            return [self._blind("depth_stale", f"the depth camera's picture is {age_s:.1f} s old{why}")]
         return self._head_hold(self._depth, wanted)
 
     def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[Hold]:
