@@ -70,6 +70,8 @@ class Choices:
         for allowed in config.allowed:
             if allowed.what == "choose" and allowed.use in self._roles:
                 self._roles[allowed.use][allowed.name] = allowed.role
+        if "motions" in self._roles and topics.arm and topics.arm.postures:
+            self._roles["motions"].clear()  # the default action's motions tell where the arm is, no other's
         self._listened: Mapping[str, str] | None = None
         self._asked: dict[str, _Choice] = {}
         self._wanted = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}

@@ -5,7 +5,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.choices import PARTING_S
-from robots.bridge.config import Allowed
+from robots.bridge.config import Allowed, ArmSource
 from robots.bridge.gate.values import STILL, Velocity
 from tests.bridge.support import CONFIG, Bench
 
@@ -197,6 +197,14 @@ def test_what_no_allow_list_admits_is_refused_though_ours_has_it(bench):
     [refusal] = ask(bench, "drive", "/joy_vel")
     assert refusal.code == "not_allowed"
     assert bench.core.orders.catalogue.now().uses["drive"].chooseable == {}
+
+
+def test_where_only_the_default_actions_motions_tell_of_the_arm_no_other_action_is_chosen():
+    arm = ArmSource(home={"arm": 0.0}, links=[], postures={"offer": [(0.6, 0.0, 0.2)]})
+    topics = msgspec.structs.replace(CONFIG.topics, arm=arm)
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics, allowed=ALLOWED)).online().granted()
+    [refusal] = ask(bench, "motions", "/second_play")
+    assert refusal.code == "not_allowed"
 
 
 def test_the_newest_of_two_choices_counts_and_both_are_answered(bench):
