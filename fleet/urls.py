@@ -1,12 +1,20 @@
 """Every address of the console."""
 
 from django.contrib import admin
+from django.contrib.auth.decorators import login_not_required
 from django.urls import include, path
+from django.views.decorators.cache import cache_control
 from django.views.generic import RedirectView
+from django.views.i18n import JavaScriptCatalog
 
 from fleet import views
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
+
+# The texts of the pages' scripts, as a script: a policy without inline scripts allows it.
+_script_texts = login_not_required(
+    cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
+)
 
 handler500 = "fleet.unavailable.error_page"
 
@@ -16,6 +24,8 @@ urlpatterns = [
     path("admin/password_change/", RedirectView.as_view(pattern_name="password")),
     path("admin/", admin.site.urls),
     path("healthz", views.healthz, name="healthz"),
+    path("cookies/", views.cookies, name="cookies"),
+    path("texts.js", _script_texts, name="script-texts"),
     path("api/", include("teleop.api_urls")),
     path("", include("teleop.urls")),
     path("", include("robots.urls")),

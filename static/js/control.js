@@ -4,13 +4,13 @@ import { SpeedChart } from "./chart.js";
 import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
 import { Echoes, RoundTrips } from "./delay.js";
+import { Desk } from "./desk.js";
 import { mark, parts } from "./dom.js";
 import { Face } from "./face.js";
 import { listenToGamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { listenToKeys } from "./keyboard.js";
-import { LookAhead } from "./look_ahead.js";
-import { Motions } from "./motions.js";
+import { keysMap } from "./keys_map.js";
 import { Notices } from "./notices.js";
 import { Picture } from "./picture.js";
 import { Pulse } from "./pulse.js";
@@ -21,6 +21,7 @@ import { isHeld, isStale } from "./standing.js";
 import { Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
+import { Tabs } from "./tabs.js";
 import { screenLock } from "./wake.js";
 
 const LOOK_MS = 250;
@@ -50,15 +51,17 @@ class ControlPage {
   #sender;
   #stopButton;
   #clear;
+  #releasing = false; // by this page, and not done yet
+  #clearing = false; // asked for by this page, and not done yet
   #stopAsked = 0; // number of the stop that the question to clear is about
   #panel;
   #choices;
   #picture;
   #chart;
   #face;
-  #lookAhead;
-  #motions;
   #notices;
+  #desk;
+  #tabs;
   #screen = screenLock();
   #echoes = new Echoes();
   #echoTrips = new RoundTrips();
@@ -86,24 +89,28 @@ class ControlPage {
     this.#picture = new Picture(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
     this.#face = new Face(root, this.#parts);
-    this.#lookAhead = new LookAhead(this.#parts["look-ahead"], (message) =>
-      this.#socket.send(message),
-    );
-    this.#motions = new Motions(this.#parts, (message) => this.#socket.send(message));
-    this.#notices = new Notices(this.#parts.notices);
-    this.#clear = question(this.#parts["clear-dialog"], () =>
-      this.#socket.send({ t: "clear", number: this.#stopAsked }),
-    );
+    this.#notices = new Notices(this.#parts);
+    this.#desk = new Desk(this.#parts, {
+      slug: root.dataset.slug,
+      send: (message) => this.#socket.send(message),
+      notices: this.#notices,
+      clock: this.#clock,
+    });
+    this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
+    this.#clear = question(this.#parts["clear-dialog"], () => {
+      this.#clearing = this.#socket.send({ t: "clear", number: this.#stopAsked });
+    });
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: () => !this.#isCut() && this.#state !== null && this.#state.stop.state !== "clear",
       say: (text) => this.#face.stopSays(text),
       fail: (text) => {
-        this.#face.stopSays("Not confirmed");
-        this.#notices.add({ level: "error", code: "stop", text });
+        this.#face.stopSays(gettext("Not confirmed"));
+        this.#tell("error", "stop", text);
       },
     });
     this.#listen();
+    this.#tabs.begin();
     this.#socket.connect();
   }
 
@@ -123,8 +130,8 @@ class ControlPage {
       this.#picture,
       this.#chart,
       this.#face,
-      this.#lookAhead,
-      this.#motions,
+      this.#tabs,
+      this.#desk,
       this.#notices,
     ];
     const others = [
@@ -147,7 +154,7 @@ class ControlPage {
     on(this.#socket, "open", () => this.#opened());
     on(this.#socket, "down", ({ code }) => this.#lost(code));
     on(this.#socket, "message", (message) => this.#heard(message));
-    on(this.#panel, "choose", (message) => this.#socket.send(message));
+    on(this.#panel, "choose", (message) => this.#chose(message));
     on(this.#choices, "share", (share) => {
       this.#sender.share = share;
     });
@@ -157,6 +164,7 @@ class ControlPage {
     on(this.#choices, "sticky", (sticky) => {
       this.#joystick.sticky = sticky;
     });
+    on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
     on(this.#stick, "change", ({ axes }) => this.#face.hint(this.#reverseHint(axes)));
     on(this.#parts.clear, "click", () => {
@@ -173,8 +181,33 @@ class ControlPage {
       holds: () => this.#drives,
       stop: () => this.#stopButton.press(),
     };
-    this.#endings.push(listenToKeys(host), listenToGamepad(host));
+    const menu = document.querySelector(".menu");
+    for (const opener of [this.#parts["log-open"], this.#parts["keys-open"]])
+      on(opener, "click", () => {
+        menu.open = false;
+      });
+    this.#endings.push(
+      listenToKeys(host),
+      listenToGamepad(host),
+      keysMap(this.#parts["keys-dialog"], this.#parts["keys-open"]),
+    );
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
+  }
+
+  /** What somebody chose to do about control. Whoever gives it back drives no more, whenever the answer comes. */
+  #chose(message) {
+    if (message.t === "release") {
+      this.#zero("released");
+      this.#sender.stop();
+    }
+    const sent = this.#socket.send(message);
+    this.#releasing = sent && message.t === "release";
+  }
+
+  /** Another tab: the base stands, and nothing is latched by it. */
+  #changed(tab, before) {
+    if (before !== null) this.#zero("tab-changed");
+    this.#desk.tab = tab;
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -203,6 +236,7 @@ class ControlPage {
   #lost(code) {
     this.#control = null;
     this.#panel.control = null;
+    this.#desk.lost();
     this.#follow();
     this.#look();
     if (CLOSED_FOR_GOOD.has(code)) location.reload();
@@ -214,6 +248,7 @@ class ControlPage {
 
   #heard(message) {
     this.#pulse.heard(message);
+    if (this.#desk.heard(message)) return;
     switch (message.t) {
       case "view":
         return this.#onView(message);
@@ -221,6 +256,9 @@ class ControlPage {
         return this.#onControl(message);
       case "welcome":
         return this.#onWelcome(message);
+      case "offers":
+        this.#desk.offers = message;
+        return;
       case "notice":
         return this.#notices.add(message);
       case "refused":
@@ -231,20 +269,27 @@ class ControlPage {
     }
   }
 
-  #onWelcome({ robot }) {
+  #onWelcome(welcome) {
+    const { robot } = welcome;
     this.#facts = robot;
     this.#choices.facts = robot;
     this.#picture.facts = robot;
     this.#face.facts = robot;
-    this.#lookAhead.facts = robot;
+    this.#desk.welcome = welcome;
   }
 
   #onControl(control) {
     const { fence: before } = this.#control ?? {};
     this.#control = control;
     this.#panel.control = control;
-    if (control.state === "yours" && control.fence !== before)
+    if (control.state === "yours" && control.fence !== before) {
       this.#stick.neutralise("control-began");
+      this.#tell("success", "control", gettext("You have control."));
+    }
+    if (this.#releasing && control.state !== "yours") {
+      this.#releasing = false;
+      this.#tell("success", "control", gettext("Control is given back."));
+    }
     this.#follow();
     this.#look();
   }
@@ -252,7 +297,7 @@ class ControlPage {
   /** Drives while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
-    this.#lookAhead.fence = this.#motions.fence = drives ? this.#control.fence : null;
+    this.#desk.fence = drives ? this.#control.fence : null;
     if (drives) {
       this.#sender.start(this.#control.fence);
     } else {
@@ -265,8 +310,9 @@ class ControlPage {
 
   #onRefused({ of, refusal }) {
     if (of === "drive" && SHOWN_ELSEWHERE.has(refusal.code)) return;
+    if (of === "clear") this.#clearing = false;
     const level = of === "stop" ? "error" : "warning";
-    this.#notices.add({ level, code: `${of} ${refusal.code}`, text: refusal.text });
+    this.#tell(level, `${of} ${refusal.code}`, refusal.text);
   }
 
   // --- the robot -------------------------------------------------------------------------------
@@ -280,7 +326,7 @@ class ControlPage {
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     this.#chart.add(view.state);
-    this.#motions.state = view.state;
+    this.#desk.state = view.state;
     this.#followGate(view.state, before);
     this.#look();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
@@ -288,6 +334,10 @@ class ControlPage {
 
   /** What ends a stick: the latch always; a full hold of the gate ends one that nobody's finger is on. */
   #followGate({ stop, verdict }, before) {
+    if (stop.state === "clear" && this.#clearing) {
+      this.#clearing = false;
+      this.#tell("success", "clear", gettext("The stop is cleared."));
+    }
     if (stop.state !== "clear" && before?.stop.state === "clear") this.#stick.neutralise("stopped");
     if (this.#joystick.sticks && isHeld(verdict)) this.#stick.neutralise("held");
   }
@@ -311,6 +361,7 @@ class ControlPage {
     if (!asksNeutral || !this.#drives) this.#freeMs = now;
     const cut = this.#isCut();
     this.#picture.stale = cut;
+    mark(this.#root, "cut", !this.#socket.open || this.#gone !== null);
     this.#face.show({
       connected: this.#socket.open,
       gone: this.#gone,
@@ -327,18 +378,17 @@ class ControlPage {
   #reverseHint({ x }) {
     if (x >= 0) return "";
     return this.#facts?.reverse_steering === "car"
-      ? "Reversing: steers like a car."
-      : "Reversing: stick left still turns left.";
+      ? gettext("Reversing: steers like a car.")
+      : gettext("Reversing: stick left still turns left.");
   }
 
   #stickReleased(reason) {
-    if (reason === "untouched") {
-      this.#notices.add({
-        level: "info",
-        code: "sticky",
-        text: "The stick let go: it was not touched for 30 s.",
-      });
-    }
+    if (reason !== "untouched") return;
+    this.#tell("info", "sticky", gettext("The stick let go: it was not touched for 30 s."));
+  }
+
+  #tell(level, code, text) {
+    this.#notices.add({ level, code, text });
   }
 }
 

@@ -9,6 +9,12 @@ export function show(element, shown) {
   if (element.hidden === shown) element.hidden = !shown;
 }
 
+/** Says that a button does nothing now. It can still be reached and pressed: then the page tells why. */
+export function dim(button, dimmed) {
+  if (dimmed) button.setAttribute("aria-disabled", "true");
+  else button.removeAttribute("aria-disabled");
+}
+
 /** Sets or removes a data attribute that the style sheet reads. */
 export function mark(element, name, value) {
   if (value === null || value === undefined || value === false) delete element.dataset[name];

@@ -21,6 +21,7 @@ export function matches(text, search) {
 let lists = 0;
 
 export class SearchList {
+  #root;
   #field;
   #hits;
   #none;
@@ -41,6 +42,7 @@ export class SearchList {
    * @param {(item) => string} [settings.group] items of one group stand together, below its name
    */
   constructor(root, settings) {
+    this.#root = root;
     this.#settings = settings;
     lists += 1;
     const id = `list-${lists}`;
@@ -55,31 +57,40 @@ export class SearchList {
     this.#none = make("p", { className: "quiet", text: gettext("Nothing fits.") });
     this.#none.hidden = true;
     this.#none.setAttribute("role", "status");
+    this.#field.hidden = true; // until there is something to search
     this.#field.addEventListener("input", () => this.#filter());
     this.#field.addEventListener("keydown", (event) => this.#key(event));
     root.replaceChildren(this.#field, this.#hits, this.#none);
   }
 
-  /** @param {object[]} items in the order in which they are shown */
+  /** @param {object[]} items in the order in which they are shown; the focus stays in its row if that is still there */
   set items(items) {
+    const at = this.#rows.findIndex((row) => row.contains(document.activeElement));
     this.#items = items;
     this.#rows = items.map((item) => this.#row(item));
     this.#groups = new Map();
     this.#hits.replaceChildren(...this.#grouped());
     this.#filter();
+    show(this.#field, items.length > 0);
+    if (at >= 0) this.#rows[at]?.querySelector("button")?.focus();
   }
 
   get items() {
     return this.#items;
   }
 
-  /** What `settings.row` made, in the order of the items. */
-  get rows() {
-    return this.#rows.map((row) => row.firstElementChild);
-  }
-
   focus() {
     this.#field.focus();
+  }
+
+  /** Shows everything again. */
+  clear() {
+    this.#field.value = "";
+    this.#filter();
+  }
+
+  close() {
+    this.#root.replaceChildren();
   }
 
   /** Rows, and before each group's first its name. */
@@ -106,9 +117,11 @@ export class SearchList {
   }
 
   #words(item) {
-    const name = make("span", { text: item.name ?? this.#settings.text(item) });
+    const text = item.name ?? this.#settings.text(item);
+    const lines = [make("span", { className: "hit-name", text })];
     const note = this.#settings.note?.(item);
-    return note ? [name, make("span", { className: "quiet", text: note })] : [name];
+    if (note) lines.push(make("span", { className: "hit-note", text: note }));
+    return [make("span", { className: "hit-words", children: lines })];
   }
 
   #filter() {
@@ -130,8 +143,7 @@ export class SearchList {
     if (event.key === "Escape" && this.#field.value) {
       event.preventDefault();
       event.stopPropagation();
-      this.#field.value = "";
-      this.#filter();
+      this.clear();
     } else if (event.key === "Enter") {
       event.preventDefault();
       const hits = this.#rows.filter((row) => !row.hidden);

@@ -4,14 +4,13 @@ import { show } from "./dom.js";
 
 export class LookAhead {
   #button;
-  #fence = null;
   #listening = new AbortController();
 
-  /** @param {HTMLButtonElement} button @param {(message: object) => void} send */
+  /** @param {HTMLButtonElement} button @param {(order: object) => void} send */
   constructor(button, send) {
     this.#button = button;
     button.disabled = true;
-    button.addEventListener("click", () => send({ t: "look_ahead", fence: this.#fence }), {
+    button.addEventListener("click", () => send({ t: "look_ahead" }), {
       signal: this.#listening.signal,
     });
   }
@@ -23,7 +22,6 @@ export class LookAhead {
 
   /** @param {?number} fence of this tab's control; null: it has none */
   set fence(fence) {
-    this.#fence = fence;
     this.#button.disabled = fence === null;
   }
 

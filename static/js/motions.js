@@ -1,68 +1,150 @@
-/** The robot's recorded motions: a list and one button, which plays and, while one runs, cancels. */
+/** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
 
-import { make, say, show } from "./dom.js";
+import { dim, make, mark, say, show } from "./dom.js";
+import { SearchList } from "./list.js";
 
-/** How the last motion ended, in words. */
-export function endText({ name, outcome, text }) {
-  if (outcome === "succeeded") return `${name}: done.`;
-  return text ? `${name}: ${outcome.replace("_", " ")}. ${text}` : `${name}: ${outcome}.`;
+/** How a motion ended, as a notice. */
+export function endNotice({ outcome, text }, title) {
+  const outcomes = {
+    succeeded: gettext("done."),
+    cancelled: gettext("cancelled."),
+    rejected: gettext("the robot did not accept it."),
+    failed: gettext("failed."),
+    stopped: gettext("ended by the stop."),
+    intruder: gettext("cancelled, because something came near."),
+    not_watched: gettext("cancelled, because no sensor watched the space."),
+    control_ended: gettext("cancelled, because control ended."),
+    link_lost: gettext("cancelled, because the page was out of reach."),
+    unheard: gettext("nothing more was heard of it."),
+  };
+  const levels = { succeeded: "success", cancelled: "success", rejected: "error", failed: "error" };
+  const words = `${title}: ${outcomes[outcome] ?? outcome}`;
+  return {
+    level: levels[outcome] ?? "warning",
+    code: `motion ${outcome} ${title}`,
+    text: text && outcome !== "succeeded" ? `${words} ${text}` : words,
+  };
+}
+
+/** "about 3 s"; nothing if nobody knows. */
+export function durationText(seconds) {
+  if (!seconds) return "";
+  return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);
+}
+
+/** The motions in the order in which they are shown: by group, and as the robot has them within. */
+export function inGroups(motions) {
+  const groups = [...new Set(motions.map(({ usage = "" }) => usage))];
+  return groups.flatMap((group) => motions.filter(({ usage = "" }) => usage === group));
 }
 
 export class Motions {
   #parts;
   #send;
-  #fence = null;
+  #list;
+  #buttons = new Map();
+  #offered = [];
   #running = null;
+  #mayPlay = false;
+  #mayCancel = false;
   #listening = new AbortController();
 
-  /** @param {{motions, "motion-choice", "motion-play", "motion-state"}} parts @param {(message: object) => void} send */
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {(order: object) => void} send
+   */
   constructor(parts, send) {
     this.#parts = parts;
     this.#send = send;
-    this.#enable();
-    parts["motion-play"].addEventListener("click", () => this.#press(), {
+    this.#list = new SearchList(parts["motion-list"], {
+      label: gettext("Search motions"),
+      text: ({ name, title, usage, description }) => [title, name, usage, description].join(" "),
+      group: ({ usage }) => usage,
+      row: (motion) => this.#row(motion),
+      act: () => {},
+    });
+    parts["motions-refresh"].addEventListener("click", () => send({ t: "refresh" }), {
       signal: this.#listening.signal,
     });
   }
 
-  /** @param {object} state of the robot */
-  set state({ motions = [], motion = null, motion_ended: ended = null }) {
-    this.#running = motion;
-    show(this.#parts.motions, motions.length > 0);
-    this.#offer(motions);
-    say(this.#parts["motion-play"], motion ? "Cancel" : "Play");
-    const words = motion ? `${motion.name}, for ${motion.who}` : ended ? endText(ended) : "";
-    say(this.#parts["motion-state"], words);
-    this.#enable();
+  /** @param {object} offers of the robot */
+  set offers({ motions = [], motions_text: text = "" }) {
+    this.#offered = inGroups(motions);
+    this.#buttons.clear();
+    this.#list.items = this.#offered;
+    const why = text || gettext("This robot offers no motions.");
+    say(this.#parts["motions-none"], why);
+    show(this.#parts["motions-none"], motions.length === 0);
+    this.#show();
   }
 
-  /** @param {?number} fence of this tab's control; null: it has none */
-  set fence(fence) {
-    this.#fence = fence;
-    this.#enable();
+  /** @param {object} state of the robot */
+  set state({ motion = null }) {
+    if (motion?.name === this.#running) return;
+    this.#running = motion?.name ?? null;
+    this.#show();
+  }
+
+  /** @param {{mayPlay: boolean, mayCancel: boolean}} rights of this page now */
+  set rights({ mayPlay, mayCancel }) {
+    this.#mayPlay = mayPlay;
+    this.#mayCancel = mayCancel;
+    show(this.#parts["motions-hint"], !mayPlay);
+    this.#show();
+  }
+
+  /** A motion's name for people. */
+  titleOf(name) {
+    return this.#offered.find((motion) => motion.name === name)?.title || name;
+  }
+
+  /** Forgets the search: not every tab shows its field. */
+  showAll() {
+    this.#list.clear();
   }
 
   close() {
     this.#listening.abort();
+    this.#list.close();
   }
 
-  #press() {
-    const fence = this.#fence;
-    if (this.#running) this.#send({ t: "play_cancel", fence });
-    else this.#send({ t: "play", fence, motion: this.#parts["motion-choice"].value });
+  #row(motion) {
+    const { name, title, description = "", duration_s: seconds } = motion;
+    const act = make("span", { className: "act" });
+    const words = make("span", {
+      className: "hit-words",
+      children: [
+        make("span", { className: "hit-name", text: title || name }),
+        make("span", { className: "hit-note", text: description }),
+      ],
+    });
+    const button = make("button", {
+      className: "hit",
+      children: [
+        act, // it is read first and stands last
+        words,
+        make("span", { className: "hit-figure", text: durationText(seconds) }),
+      ],
+    });
+    button.type = "button";
+    button.addEventListener("click", () => this.#press(motion));
+    this.#buttons.set(name, { button, act });
+    return button;
   }
 
-  #offer(motions) {
-    const choice = this.#parts["motion-choice"];
-    const offered = [...choice.options].map((option) => option.value);
-    if (offered.join("\n") === motions.join("\n")) return;
-    const chosen = choice.value;
-    choice.replaceChildren(...motions.map((name) => make("option", { text: name })));
-    if (motions.includes(chosen)) choice.value = chosen;
+  #press({ name, title }) {
+    if (this.#running === name) this.#send({ t: "play_cancel" });
+    else this.#send({ t: "play", motion: name, title: title || name });
   }
 
-  #enable() {
-    this.#parts["motion-play"].disabled = this.#fence === null;
-    this.#parts["motion-choice"].disabled = this.#fence === null || this.#running !== null;
+  /** Another motion may be pressed while one runs: the robot says why not, and who runs which. */
+  #show() {
+    for (const [name, { button, act }] of this.#buttons) {
+      const runs = name === this.#running;
+      mark(button, "runs", runs);
+      say(act, runs ? gettext("Cancel") : gettext("Play"));
+      dim(button, runs ? !this.#mayCancel : !this.#mayPlay);
+    }
   }
 }

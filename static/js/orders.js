@@ -1,21 +1,87 @@
-/** What this page asks of the robot besides driving: each order has a number, one answer, and is told about once. */
+/** Orders to the robot besides driving: each has a number, gets one answer, and is told of once. */
 
-const PATIENCE_MS = 750;
+import { useLabel } from "./topics/where.js";
 
+export const PATIENCE_MS = 750;
+const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answer to what a person remembers
+
+// What those may ask who do not have control: the console knows who may cancel.
+const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
+
+/** What an order is, in words. */
+export function orderText(order) {
+  switch (order.t) {
+    case "look_ahead":
+      return gettext("Look ahead");
+    case "play":
+      return interpolate(gettext("Play %s"), [order.title ?? order.motion]);
+    case "play_cancel":
+      return gettext("Cancel the motion");
+    case "say":
+      return interpolate(gettext("Say “%s”"), [shortened(order.text)]);
+    case "say_cancel":
+      return gettext("Cancel speech");
+    case "choose":
+      return interpolate(gettext("Change where %s goes"), [useLabel(order.use)]);
+    case "publish":
+      return interpolate(gettext("Publish on %s"), [order.topic]);
+    case "publish_stop":
+      return interpolate(gettext("Publish no more on %s"), [order.topic]);
+    case "refresh":
+      return gettext("Read the list again");
+    default:
+      return order.t;
+  }
+}
+
+/** What is done by an order that was accepted; empty where the robot goes on to tell how it ends. */
+export function doneText(order) {
+  switch (order.t) {
+    case "look_ahead":
+      return gettext("The head turns to where the robot drives.");
+    case "choose":
+      return interpolate(
+        order.topic ? gettext("%s goes to %s now.") : gettext("%s goes to its default again."),
+        [useLabel(order.use), order.topic].filter(Boolean),
+      );
+    case "publish":
+      return interpolate(gettext("Published on %s."), [order.topic]);
+    case "publish_stop":
+      return interpolate(gettext("Nothing more is published on %s."), [order.topic]);
+    case "refresh":
+      return gettext("The robot is asked for its list again.");
+    default:
+      return "";
+  }
+}
+
+/** The beginning of a text, on one line. */
+export function shortened(text, length = 40) {
+  const line = text.replace(/\s+/g, " ").trim();
+  const letters = Array.from(line);
+  return letters.length <= length ? line : `${letters.slice(0, length - 1).join("")}…`;
+}
+
+/**
+ * Sends under the fencing number of this tab's control. Knows which motion and which speech this page began, so that
+ * their end is told to the person who asked.
+ */
 export class Orders {
   #send;
-  #notices;
+  #tell;
+  #seq;
   #fence = null;
-  #seq = 0;
-  #waiting = new Map(); // by number
+  #waiting = new Map();
 
   /**
-   * @param {(message: object) => boolean} send false if there is no connection
-   * @param {{add: (notice: object) => void}} notices
+   * @param {(message: object) => boolean} send whether there was a connection
+   * @param {(notice: {level: string, code: string, text: string}) => void} tell
+   * @param {number} first the numbers begin after it: they grow over reloads of the tab
    */
-  constructor(send, notices) {
+  constructor(send, tell, first) {
     this.#send = send;
-    this.#notices = notices;
+    this.#tell = tell;
+    this.#seq = first;
   }
 
   /** @param {?number} fence of this tab's control; null: it has none */
@@ -23,59 +89,73 @@ export class Orders {
     this.#fence = fence;
   }
 
-  get fence() {
-    return this.#fence;
-  }
-
   /**
-   * @param {object} order without its number; `fence` is added where this tab has control
-   * @param {string} what it is, for notices: "Play wave"
-   * @returns {Promise<?object>} the refusal, or null once it is accepted
+   * @param {object} order without its number and fence. `title` is for people and stays here.
+   * @returns {Promise<?object>} why it was refused; null if it was accepted
    */
-  send(order, what = order.t) {
+  send(order) {
+    if (this.#fence === null && !WITHOUT_CONTROL.has(order.t)) {
+      const text = gettext("Take control first.");
+      return Promise.resolve(this.#refused(order, { code: "no_lease", text }));
+    }
+    const { title, ...message } = order;
     this.#seq += 1;
-    const seq = this.#seq;
-    const message =
-      this.#fence === null ? { ...order, seq } : { fence: this.#fence, ...order, seq };
+    message.seq = this.#seq;
+    if (this.#fence !== null && order.t !== "refresh") message.fence = this.#fence;
     if (!this.#send(message)) {
-      const refusal = {
-        code: "not_connected",
-        text: gettext("There is no connection to the console."),
-      };
-      this.#say("error", what, refusal.text);
-      return Promise.resolve(refusal);
+      const text = gettext("There is no connection to the console: nothing was sent.");
+      return Promise.resolve(this.#refused(order, { code: "not_connected", text }));
     }
     return new Promise((resolve) => {
-      const timer = setTimeout(() => {
-        this.#say("warning", what, gettext("No answer yet. It may still be carried out."));
-      }, PATIENCE_MS);
-      this.#waiting.set(seq, { resolve, timer, what });
+      const late = setTimeout(() => resolve(this.#unanswered(order)), PATIENCE_MS);
+      const forgotten = setTimeout(() => this.#waiting.delete(message.seq), FORGOTTEN_MS);
+      this.#waiting.set(message.seq, { order, resolve, timers: [late, forgotten] });
     });
   }
 
-  /** @param {object} answer `accepted` or `refused`. @returns {boolean} whether it belongs to an order of this page */
-  heard({ t, seq, refusal }) {
+  /** @returns {boolean} whether the message was the answer to an order */
+  heard({ t, of, seq, refusal }) {
     const waiting = this.#waiting.get(seq);
-    if (!waiting) return false;
-    clearTimeout(waiting.timer);
-    this.#waiting.delete(seq);
-    if (t === "refused") this.#say("warning", waiting.what, refusal.text);
-    waiting.resolve(t === "refused" ? refusal : null);
+    if ((t !== "accepted" && t !== "refused") || waiting?.order.t !== of) return false;
+    this.#forget(seq);
+    waiting.resolve(
+      t === "accepted" ? this.#done(waiting.order) : this.#refused(waiting.order, refusal),
+    );
     return true;
   }
 
-  /** The connection is lost: what was not answered is not known. */
+  /** The connection is gone, and with it the answers. */
   lost() {
-    const text = gettext("The connection was lost before the answer came.");
-    for (const { resolve, timer, what } of this.#waiting.values()) {
-      clearTimeout(timer);
-      this.#say("error", what, text);
-      resolve({ code: "not_connected", text });
+    const text = gettext("The connection was lost before an answer came.");
+    for (const [seq, { order, resolve }] of this.#waiting) {
+      this.#forget(seq);
+      resolve(this.#refused(order, { code: "no_answer", text }));
     }
-    this.#waiting.clear();
   }
 
-  #say(level, what, text) {
-    this.#notices.add({ level, code: `${what} ${text}`, text: `${what}: ${text}` });
+  close() {
+    for (const seq of this.#waiting.keys()) this.#forget(seq);
+  }
+
+  #forget(seq) {
+    for (const timer of this.#waiting.get(seq).timers) clearTimeout(timer);
+    this.#waiting.delete(seq);
+  }
+
+  #done(order) {
+    const text = doneText(order);
+    if (text) this.#tell({ level: "success", code: `${order.t} done`, text });
+    return null;
+  }
+
+  #refused(order, refusal) {
+    const text = `${orderText(order)}: ${refusal.text}`;
+    this.#tell({ level: "warning", code: `${order.t} ${refusal.code}`, text });
+    return refusal;
+  }
+
+  #unanswered(order) {
+    const text = gettext("no answer within 0.75 s. Look what the robot does before you try again.");
+    return this.#refused(order, { code: "no_answer", text });
   }
 }

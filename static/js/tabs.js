@@ -1,50 +1,109 @@
-/** The parts of the control page. The address names the one that is shown, so that back and reload work. */
+/** The tabs of the control page. The address names the tab, so that back and reload work. */
 
-export const TABS = ["centre", "drive", "motions", "speech", "topics"];
+import { mark } from "./dom.js";
 
-/** @param {string} hash of an address. @returns {string} the tab that it names, else the first */
-export function tabOf(hash) {
-  const name = hash.replace(/^#/, "");
-  return TABS.includes(name) ? name : TABS[0];
+/** The tab that an address names: null if it names none. */
+export function tabIn(hash, tabs) {
+  const name = hash.replace(/^#/, "") || tabs[0];
+  return tabs.includes(name) ? name : null;
 }
 
-/** Event "change" (detail: the tab's name) whenever another one is shown. */
+/** Which tab a key leads to from another one; null: the key is none of the tablist's. */
+export function tabByKey(key, from, tabs) {
+  const at = tabs.indexOf(from);
+  switch (key) {
+    case "ArrowRight":
+      return tabs[(at + 1) % tabs.length];
+    case "ArrowLeft":
+      return tabs.at(at - 1);
+    case "Home":
+      return tabs[0];
+    case "End":
+      return tabs.at(-1);
+    default:
+      return null;
+  }
+}
+
+/** Events: "change" (detail: {tab, before}); `before` is null for the tab with which the page opens. */
 export class Tabs extends EventTarget {
   #root;
   #links;
-  #shown = null;
+  #panel;
+  #current = null;
   #listening = new AbortController();
 
-  /** @param {HTMLElement} root whose data-tab the style sheet reads @param {HTMLElement} nav links to "#name" */
-  constructor(root, nav) {
+  /**
+   * @param {HTMLElement} root carries data-tab for the style sheet
+   * @param {HTMLElement} list its links with role "tab" lead to the tabs by hash; the first is the default
+   * @param {HTMLElement} panel what the tabs show, each in its own way
+   */
+  constructor(root, list, panel) {
     super();
     this.#root = root;
-    this.#links = [...nav.querySelectorAll("a")];
+    this.#panel = panel;
+    this.#links = new Map(
+      [...list.querySelectorAll("[role=tab]")].map((link) => [link.hash.slice(1), link]),
+    );
     const { signal } = this.#listening;
+    list.addEventListener("keydown", (event) => this.#key(event), { signal });
+    list.addEventListener("click", (event) => this.#clicked(event), { signal });
     window.addEventListener("hashchange", () => this.#follow(), { signal });
-    this.#follow();
   }
 
-  get shown() {
-    return this.#shown;
+  get current() {
+    return this.#current;
+  }
+
+  /** Shows the tab that the address names. */
+  begin() {
+    this.#follow();
   }
 
   close() {
     this.#listening.abort();
   }
 
+  get #names() {
+    return [...this.#links.keys()];
+  }
+
   #follow() {
-    const shown = tabOf(location.hash);
-    if (shown === this.#shown) return;
-    this.#shown = shown;
-    this.#root.dataset.tab = shown;
-    for (const link of this.#links) {
-      if (link.hash === `#${shown}`) link.setAttribute("aria-current", "page");
-      else link.removeAttribute("aria-current");
+    const tab = tabIn(location.hash, this.#names);
+    if (tab) this.#show(tab);
+    else if (this.#current)
+      history.replaceState(null, "", `#${this.#current}`); // "skip to the page"
+    else this.#show(this.#names[0]);
+  }
+
+  #show(tab) {
+    const before = this.#current;
+    if (tab === before) return;
+    this.#current = tab;
+    for (const [name, link] of this.#links) {
+      link.setAttribute("aria-selected", String(name === tab));
+      link.tabIndex = name === tab ? 0 : -1;
     }
-    for (const part of this.#root.querySelectorAll("[data-tabs]")) {
-      part.hidden = !part.dataset.tabs.split(" ").includes(shown);
-    }
-    this.dispatchEvent(new CustomEvent("change", { detail: shown }));
+    this.#panel.setAttribute("aria-labelledby", this.#links.get(tab).id);
+    mark(this.#root, "tab", tab);
+    this.dispatchEvent(new CustomEvent("change", { detail: { tab, before } }));
+  }
+
+  /** The tablist's keys are its own: the arrows that drive do not drive from here. */
+  #key(event) {
+    const link = event.target.closest("[role=tab]");
+    if (!link || event.ctrlKey || event.altKey || event.metaKey) return;
+    const tab = tabByKey(event.key, link.hash.slice(1), this.#names);
+    if (tab === null) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.#links.get(tab).focus();
+    location.hash = tab;
+  }
+
+  /** After a click the keys belong to driving again. */
+  #clicked(event) {
+    const link = event.target.closest("[role=tab]");
+    if (link && event.detail > 0) link.blur();
   }
 }

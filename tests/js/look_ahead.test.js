@@ -20,10 +20,10 @@ describe("the button that lets the head look ahead", () => {
     expect(button.hidden).toBe(false);
   });
 
-  it("asks under the number of this tab's control", () => {
+  it("asks while this tab has control", () => {
     look.fence = 7;
     button.click();
-    expect(send).toHaveBeenCalledWith({ t: "look_ahead", fence: 7 });
+    expect(send).toHaveBeenCalledWith({ t: "look_ahead" });
   });
 
   it("asks nothing without control", () => {

@@ -1,70 +1,100 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { endText, Motions } from "../../static/js/motions.js";
+import { durationText, endNotice, inGroups, Motions } from "../../static/js/motions.js";
 
-const RUNNING = { name: "wave", who: "Ann", since_s: 2.7 };
+const WAVE = { name: "wave", title: "Wave", usage: "demo", description: "A hand", duration_s: 3.2 };
+const HOME = { name: "home", title: "Home", usage: "tuck", description: "", duration_s: null };
+const BOW = { name: "bow", title: "Bow", usage: "demo" };
 
-describe("the list of motions and its button", () => {
+function pageParts() {
+  const names = ["motion-list", "motions-none", "motions-hint"];
+  const parts = Object.fromEntries(names.map((name) => [name, document.createElement("div")]));
+  return { ...parts, "motions-refresh": document.createElement("button") };
+}
+
+describe("the list of motions", () => {
   let parts;
   let send;
   let motions;
+  const button = (name) =>
+    [...parts["motion-list"].querySelectorAll("button")].find((found) =>
+      found.textContent.includes(name),
+    );
 
   beforeEach(() => {
-    parts = {
-      motions: document.createElement("section"),
-      "motion-choice": document.createElement("select"),
-      "motion-play": document.createElement("button"),
-      "motion-state": document.createElement("p"),
-    };
-    parts.motions.hidden = true;
+    parts = pageParts();
     send = vi.fn();
     motions = new Motions(parts, send);
-    motions.state = { motions: ["home", "wave"] };
+    motions.offers = { motions: [WAVE, HOME, BOW] };
   });
 
-  it("is there for robots with motions only", () => {
-    expect(parts.motions.hidden).toBe(false);
-    motions.state = { motions: [] };
-    expect(parts.motions.hidden).toBe(true);
+  it("shows the robot's own words, by groups", () => {
+    const rows = [...parts["motion-list"].querySelectorAll("li")].map((row) => row.textContent);
+    expect(rows).toEqual(["demo", "PlayWaveA hand3.2 s", "PlayBow", "tuck", "PlayHome"]);
   });
 
-  it("plays what is chosen under this tab's control", () => {
-    motions.fence = 7;
-    parts["motion-choice"].value = "wave";
-    motions.state = { motions: ["home", "wave"] };
-    parts["motion-play"].click();
-    expect(send).toHaveBeenCalledWith({ t: "play", fence: 7, motion: "wave" });
+  it("plays what is pressed, and cancels it in the same place", () => {
+    motions.rights = { mayPlay: true, mayCancel: true };
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "wave", title: "Wave" });
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    expect(button("Wave").firstElementChild.textContent).toBe("Cancel");
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play_cancel" });
+    motions.state = { motion: null };
+    expect(button("Wave").firstElementChild.textContent).toBe("Play");
   });
 
-  it("keeps the choice when the robot's list changes", () => {
-    motions.fence = 7;
-    parts["motion-choice"].value = "wave";
-    motions.state = { motions: ["bow", "home", "wave"] };
-    expect(parts["motion-choice"].value).toBe("wave");
+  it("lets a second one be pressed: the robot says why not, and who runs which", () => {
+    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    button("Bow").click();
+    expect(send).toHaveBeenCalledWith({ t: "play", motion: "bow", title: "Bow" });
   });
 
-  it("cancels in the same place while one runs, and says which and for whom", () => {
-    motions.fence = 7;
-    motions.state = { motions: ["home", "wave"], motion: RUNNING };
-    expect(parts["motion-play"].textContent).toBe("Cancel");
-    expect(parts["motion-choice"].disabled).toBe(true);
-    expect(parts["motion-state"].textContent).toBe("wave, for Ann");
-    parts["motion-play"].click();
-    expect(send).toHaveBeenCalledWith({ t: "play_cancel", fence: 7 });
+  it("looks as if it did nothing without control; a supervisor may cancel all the same", () => {
+    motions.rights = { mayPlay: false, mayCancel: true };
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
+    expect(parts["motions-hint"].hidden).toBe(false);
+    expect(button("Wave").getAttribute("aria-disabled")).toBeNull();
+    motions.rights = { mayPlay: true, mayCancel: true };
+    expect(button("Bow").getAttribute("aria-disabled")).toBeNull();
   });
 
-  it("asks nothing without control", () => {
-    parts["motion-play"].click();
-    motions.fence = 7;
-    motions.fence = null;
-    parts["motion-play"].click();
-    expect(send).not.toHaveBeenCalled();
+  it("says why there are none, and asks the robot again", () => {
+    motions.offers = { motions: [], motions_text: "play_motion does not run." };
+    expect(parts["motions-none"].textContent).toBe("play_motion does not run.");
+    parts["motions-refresh"].click();
+    expect(send).toHaveBeenCalledWith({ t: "refresh" });
   });
 
-  it("tells how the last one ended", () => {
-    const ended = { number: 3, name: "wave", outcome: "intruder", text: "Laser, 0.3 m ahead." };
-    motions.state = { motions: ["wave"], motion_ended: ended };
-    expect(parts["motion-state"].textContent).toBe("wave: intruder. Laser, 0.3 m ahead.");
-    expect(endText({ name: "wave", outcome: "succeeded", text: "" })).toBe("wave: done.");
-    expect(endText({ name: "wave", outcome: "failed", text: "" })).toBe("wave: failed.");
+  it("knows a motion's name for people", () => {
+    expect(motions.titleOf("wave")).toBe("Wave");
+    expect(motions.titleOf("gone")).toBe("gone");
+  });
+});
+
+describe("motions in words", () => {
+  it("tell how one ended, with the robot's own words where something went wrong", () => {
+    const ended = { name: "wave", outcome: "intruder", text: "Laser, 0.3 m ahead." };
+    expect(endNotice(ended, "Wave")).toMatchObject({
+      level: "warning",
+      text: "Wave: cancelled, because something came near. Laser, 0.3 m ahead.",
+    });
+    expect(endNotice({ outcome: "succeeded", text: "" }, "Wave").level).toBe("success");
+    expect(endNotice({ outcome: "failed", text: "Code -7." }, "Wave")).toMatchObject({
+      level: "error",
+      text: "Wave: failed. Code -7.",
+    });
+  });
+
+  it("say how long one takes, if the robot knows", () => {
+    expect(durationText(3.24)).toBe("3.2 s");
+    expect(durationText(12.6)).toBe("13 s");
+    expect(durationText(null)).toBe("");
+  });
+
+  it("keep the robot's order within a group", () => {
+    expect(inGroups([WAVE, HOME, BOW]).map(({ name }) => name)).toEqual(["wave", "bow", "home"]);
   });
 });

@@ -1,21 +1,80 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Notices } from "../../static/js/notices.js";
 
-beforeEach(() => vi.useFakeTimers());
-afterEach(() => vi.useRealTimers());
+function pageParts() {
+  const names = ["notices", "said", "alarm", "log-list", "log-none"];
+  const parts = Object.fromEntries(names.map((name) => [name, document.createElement("div")]));
+  const dialog = document.createElement("dialog");
+  const close = document.createElement("button");
+  close.dataset.close = "";
+  dialog.append(close);
+  dialog.show = () => {
+    dialog.open = true;
+  };
+  return { ...parts, "log-dialog": dialog, "log-open": document.createElement("button") };
+}
 
 describe("notices", () => {
-  it("leave by themselves, or when dismissed, and the same one twice is one", () => {
-    const list = document.createElement("div");
-    const notices = new Notices(list);
-    notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
+  let parts;
+  let notices;
+  const texts = () =>
+    [...parts.notices.querySelectorAll("p > span")].map((text) => text.textContent);
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    parts = pageParts();
+    notices = new Notices(parts);
+  });
+  afterEach(() => {
+    notices.close();
+    vi.useRealTimers();
+  });
+
+  it("leave after five seconds, or when dismissed", () => {
     notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
     notices.add({ level: "warning", code: "other", text: "<b>not markup</b>" });
-    expect(list.children).toHaveLength(2);
-    expect(list.lastElementChild.querySelector("p").textContent).toBe("<b>not markup</b>");
-    list.lastElementChild.querySelector("button").click();
-    expect(list.children).toHaveLength(1);
-    vi.advanceTimersByTime(6000);
-    expect(list.children).toHaveLength(0);
+    expect(texts()).toEqual(["<b>not markup</b>", "Bo asks for control."]);
+    parts.notices.querySelector("button").click();
+    expect(texts()).toEqual(["Bo asks for control."]);
+    vi.advanceTimersByTime(4900);
+    expect(texts()).toHaveLength(1);
+    vi.advanceTimersByTime(200);
+    expect(texts()).toEqual([]);
+  });
+
+  it("stay while the pointer is over them", () => {
+    notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
+    parts.notices.firstElementChild.dispatchEvent(new Event("pointerenter"));
+    vi.advanceTimersByTime(60_000);
+    expect(texts()).toHaveLength(1);
+    parts.notices.firstElementChild.dispatchEvent(new Event("pointerleave"));
+    vi.advanceTimersByTime(5100);
+    expect(texts()).toEqual([]);
+  });
+
+  it("fold repeats into one that counts", () => {
+    for (let i = 0; i < 12; i += 1)
+      notices.add({ level: "warning", code: "play busy", text: "Busy." });
+    expect(texts()).toEqual(["Busy."]);
+    expect(parts.notices.querySelector(".notice-times").textContent).toBe("×12");
+    expect(parts.said.textContent).toBe("Warning: Busy.");
+  });
+
+  it("say what they are by word and sign, errors to the assertive region", () => {
+    notices.add({ level: "error", code: "stop", text: "Not confirmed." });
+    expect(parts.notices.querySelector(".notice-word").textContent).toBe("Error");
+    expect(parts.notices.querySelector(".notice-icon").textContent).toBe("✕");
+    expect(parts.alarm.textContent).toBe("Error: Not confirmed.");
+    expect(parts.said.textContent).toBe("");
+  });
+
+  it("are never more than four at once, and the last hundred are kept in the log", () => {
+    for (let i = 0; i < 120; i += 1)
+      notices.add({ level: "success", code: `said ${i}`, text: `Said ${i}.` });
+    expect(texts()).toEqual(["Said 119.", "Said 118.", "Said 117.", "Said 116."]);
+    parts["log-open"].click();
+    expect(parts["log-list"].children).toHaveLength(100);
+    expect(parts["log-list"].firstElementChild.textContent).toContain("Said 119.");
+    expect(parts["log-none"].hidden).toBe(true);
   });
 });

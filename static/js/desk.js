@@ -1,0 +1,178 @@
+/** Everything besides driving: motions, speech, topics, and the orders and notices that they share. */
+
+import { History } from "./history.js";
+import { LookAhead } from "./look_ahead.js";
+import { endNotice, Motions } from "./motions.js";
+import { Orders } from "./orders.js";
+import { Phrases } from "./phrases.js";
+import { Running } from "./running.js";
+import { Say, speechEndNotice } from "./say.js";
+import { socketUrl } from "./socket.js";
+import { TopicsTab } from "./topics/topics_tab.js";
+
+const MAY_CANCEL_WITHOUT_CONTROL = new Set(["supervisor", "staff"]);
+
+/** Tells the person who began or cancelled something how it ended; others only see it end. */
+class Endings {
+  mine = false; // the next ending answers to this page
+  name = ""; // of what runs, or ran
+  #tell;
+  #last; // number of the ending that is known already
+
+  /** @param {(ended: object, name: string) => void} tell */
+  constructor(tell) {
+    this.#tell = tell;
+  }
+
+  /**
+   * @param {?string} name of what runs @param {?object} ended the last that ended, with its number
+   * @returns {boolean} whether something ended since
+   */
+  follow(name, ended) {
+    if (name !== null) this.name = name;
+    const number = ended?.number ?? 0;
+    const isNew = this.#last !== undefined && number !== this.#last;
+    this.#last = number;
+    if (!isNew) return false;
+    if (this.mine) this.#tell(ended, ended.name ?? this.name);
+    this.mine = false;
+    return true;
+  }
+}
+
+export class Desk {
+  #orders;
+  #motions;
+  #say;
+  #phrases;
+  #history;
+  #running;
+  #lookAhead;
+  #topics;
+  #motionEnds;
+  #speechEnds;
+  #uses = {};
+  #chosen = {};
+  #tab = null;
+  #role = "observer";
+  #fence = null;
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {object} page
+   * @param {string} page.slug of the robot
+   * @param {(message: object) => boolean} page.send
+   * @param {import("./notices.js").Notices} page.notices
+   * @param {() => number} page.clock milliseconds, growing over reloads of the tab
+   */
+  constructor(parts, { slug, send, notices, clock }) {
+    this.#orders = new Orders(send, (notice) => notices.add(notice), Math.floor(clock()));
+    const order = (message) => this.#send(message);
+    this.#motions = new Motions(parts, order);
+    this.#say = new Say(parts, order);
+    this.#phrases = new Phrases(parts, `/api/robots/${slug}/phrases/`, order);
+    this.#history = new History(parts, `/api/robots/${slug}/speech/`, order);
+    this.#running = new Running(parts, order, (name) => this.#motions.titleOf(name));
+    this.#lookAhead = new LookAhead(parts["look-ahead"], order);
+    const topics = socketUrl(`/ws/robots/${slug}/topics/`);
+    this.#topics = new TopicsTab(parts, topics, { send: order }, clock);
+    this.#motionEnds = new Endings((ended, name) =>
+      notices.add(endNotice(ended, this.#motions.titleOf(name))),
+    );
+    this.#speechEnds = new Endings((ended, text) => notices.add(speechEndNotice(ended, text)));
+    this.#phrases.load();
+    this.#enable();
+  }
+
+  /** @param {{role: string, robot: object}} welcome */
+  set welcome({ role, robot }) {
+    this.#role = role;
+    this.#lookAhead.facts = robot;
+    this.#topics.isStaff = role === "staff";
+    this.#enable();
+  }
+
+  /** @param {object} offers of the robot */
+  set offers(offers) {
+    this.#uses = offers.uses ?? {};
+    this.#motions.offers = offers;
+    this.#say.languages = offers.languages ?? [];
+    this.#topics.offers = offers;
+    this.#markTopic();
+  }
+
+  /** @param {object} state of the robot */
+  set state(state) {
+    const { motion = null, motion_ended: motionEnded = null } = state;
+    const { speech = null, speech_ended: speechEnded = null, chosen = {} } = state;
+    this.#chosen = chosen;
+    this.#motions.state = state;
+    this.#running.state = state;
+    this.#topics.state = state;
+    this.#motionEnds.follow(motion?.name ?? null, motionEnded);
+    const spoken = this.#speechEnds.follow(speech?.text ?? null, speechEnded);
+    if (spoken && this.#tab === "speech") this.#history.load();
+    this.#markTopic();
+  }
+
+  /** @param {?number} fence of this tab's control; null: it has none */
+  set fence(fence) {
+    this.#fence = fence;
+    this.#orders.fence = fence;
+    this.#lookAhead.fence = fence;
+    this.#enable();
+  }
+
+  /** @param {string} tab that is shown now */
+  set tab(tab) {
+    if (this.#tab === "topics") this.#topics.hide();
+    this.#tab = tab;
+    this.#motions.showAll();
+    this.#phrases.showAll();
+    if (tab === "topics") this.#topics.show();
+    if (tab === "speech") this.#history.load();
+  }
+
+  /** @returns {boolean} whether the message was an answer to an order */
+  heard(message) {
+    return this.#orders.heard(message);
+  }
+
+  lost() {
+    this.#orders.lost();
+  }
+
+  close() {
+    const opened = [this.#motions, this.#say, this.#phrases, this.#history, this.#running];
+    for (const part of [...opened, this.#lookAhead, this.#topics, this.#orders]) part.close();
+  }
+
+  async #send(order) {
+    const ends = this.#endingsOf(order);
+    if (!ends) return this.#orders.send(order);
+    const { mine, name } = ends;
+    ends.mine = true;
+    ends.name = order.text ?? name;
+    const refusal = await this.#orders.send(order);
+    if (refusal && refusal.code !== "no_answer") Object.assign(ends, { mine, name });
+    return refusal;
+  }
+
+  #endingsOf({ t }) {
+    if (t === "play" || t === "play_cancel") return this.#motionEnds;
+    return t === "say" || t === "say_cancel" ? this.#speechEnds : null;
+  }
+
+  #enable() {
+    const mayAct = this.#fence !== null;
+    const mayCancel = mayAct || MAY_CANCEL_WITHOUT_CONTROL.has(this.#role);
+    this.#motions.rights = { mayPlay: mayAct, mayCancel };
+    this.#running.mayCancel = mayCancel;
+    this.#say.mayAct = this.#phrases.mayAct = this.#history.mayAct = mayAct;
+    this.#topics.mayAct = mayAct;
+  }
+
+  #markTopic() {
+    this.#history.topic = this.#chosen.speech ?? this.#uses.speech?.topic ?? null;
+  }
+}

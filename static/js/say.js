@@ -1,0 +1,170 @@
+/** What a robot says: a text of one's own in a language of one's choice. */
+
+import { mark, say, show } from "./dom.js";
+import { inLanguage, languageChoices, languageName } from "./languages.js";
+import { SearchList } from "./list.js";
+import { shortened } from "./orders.js";
+import { recall, remember } from "./prefs.js";
+
+export const LONGEST = 500; // characters
+const LANGUAGE = "language";
+
+/** How many characters a text has, as the robot's side counts them. */
+export function lengthOf(text) {
+  return Array.from(text).length;
+}
+
+/** How a speech ended, as a notice. */
+export function speechEndNotice({ outcome, text: why }, text) {
+  const outcomes = {
+    done: gettext("Said: “%s”."),
+    sent: gettext("Sent: “%s”. This robot does not tell when it has spoken."),
+    cancelled: gettext("Cancelled: “%s”."),
+    rejected: gettext("The robot did not accept “%s”."),
+    failed: gettext("The robot failed to say “%s”."),
+    stopped: gettext("Ended by the stop: “%s”."),
+    unheard: gettext("Nothing more was heard of “%s”."),
+  };
+  const levels = { done: "success", sent: "success", cancelled: "success", stopped: "warning" };
+  const said = interpolate(outcomes[outcome] ?? `${outcome}: “%s”`, [shortened(text)]);
+  return {
+    level: levels[outcome] ?? "error",
+    code: `speech ${outcome} ${text}`,
+    text: why && outcome !== "done" && outcome !== "sent" ? `${said} ${why}` : said,
+  };
+}
+
+/** The form: text, language, and how much room is left. */
+export class Say {
+  #parts;
+  #send;
+  #list;
+  #language = recall(LANGUAGE, null);
+  #own = [];
+  #mayAct = false;
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {(order: object) => Promise<?object>} send resolves with why it was refused
+   */
+  constructor(parts, send) {
+    this.#parts = parts;
+    this.#send = send;
+    this.#list = new SearchList(parts["language-list"], {
+      label: gettext("Search languages"),
+      text: ({ name, code }) => `${name} ${code}`,
+      group: ({ own }) => (own ? gettext("This robot’s") : gettext("Others")),
+      note: ({ code }) => code,
+      act: ({ code }) => this.#choose(code),
+    });
+    const { signal } = this.#listening;
+    const on = (part, type, act) => parts[part].addEventListener(type, act, { signal });
+    on("say-text", "input", () => this.#count());
+    on("say-text", "keydown", (event) => this.#key(event));
+    on("say-form", "submit", (event) => this.#submit(event));
+    on("language", "click", () => this.#open(parts["language-box"].hidden));
+    on("language-box", "keydown", ({ key }) => key === "Escape" && this.#closeLanguages());
+    this.#showLanguage();
+    this.#count();
+  }
+
+  /** @param {string[]} codes in which the robot speaks, its first choice first */
+  set languages(codes) {
+    if (codes.join() === this.#own.join()) return;
+    this.#own = codes;
+    this.#list.items = [];
+    this.#showLanguage();
+  }
+
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    this.#mayAct = may;
+    show(this.#parts["say-hint"], !may);
+    this.#count();
+  }
+
+  get language() {
+    return this.#language ?? this.#own[0] ?? "en-GB";
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#list.close();
+  }
+
+  // --- language --------------------------------------------------------------------------------
+
+  #open(open) {
+    if (open && this.#list.items.length === 0) this.#list.items = languageChoices(this.#own);
+    show(this.#parts["language-box"], open);
+    this.#parts.language.setAttribute("aria-expanded", String(open));
+    if (open) this.#list.focus();
+  }
+
+  #closeLanguages() {
+    this.#open(false);
+    this.#parts.language.focus();
+  }
+
+  #choose(code) {
+    this.#language = code;
+    remember(LANGUAGE, code);
+    this.#showLanguage();
+    this.#open(false);
+    this.#parts["say-text"].focus();
+  }
+
+  #showLanguage() {
+    say(this.#parts["language-name"], languageName(this.language));
+    inLanguage(this.#parts["say-text"], this.language);
+  }
+
+  // --- text ------------------------------------------------------------------------------------
+
+  #count() {
+    const length = lengthOf(this.#parts["say-text"].value);
+    const { "say-count": count, "say-send": send } = this.#parts;
+    say(count, `${length} / ${LONGEST}`);
+    mark(count, "over", length > LONGEST);
+    send.disabled = !this.#mayAct || length > LONGEST;
+  }
+
+  /** Enter sends; Shift and Enter break the line; what is being composed (an accent, a syllable) is not yet a text. */
+  #key(event) {
+    if (event.key !== "Enter" || event.shiftKey || event.isComposing) return;
+    event.preventDefault();
+    this.#parts["say-form"].requestSubmit();
+  }
+
+  async #submit(event) {
+    event.preventDefault();
+    const field = this.#parts["say-text"];
+    const text = field.value.trim();
+    const fault = this.#fault(text);
+    this.#say(fault);
+    if (fault) return;
+    const refusal = await this.#send({ t: "say", text, language: this.language });
+    if (refusal) this.#say(refusal.text);
+    else if (field.value.trim() === text) this.#clear();
+  }
+
+  #fault(text) {
+    if (!text) return gettext("Write what the robot should say.");
+    if (!this.#mayAct) return gettext("Take control first: then the robot can speak.");
+    if (lengthOf(text) > LONGEST)
+      return interpolate(gettext("At most %s characters: shorten it."), [LONGEST]);
+    return "";
+  }
+
+  #clear() {
+    this.#parts["say-text"].value = "";
+    this.#count();
+  }
+
+  #say(text) {
+    say(this.#parts["say-fault"], text);
+    show(this.#parts["say-fault"], text !== "");
+    this.#parts["say-text"].setAttribute("aria-invalid", String(text !== ""));
+  }
+}

@@ -1,0 +1,259 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { History, outcomeText, whenText } from "../../static/js/history.js";
+import { languageChoices, languageName } from "../../static/js/languages.js";
+import { byLanguage, Phrases } from "../../static/js/phrases.js";
+import { aroundWord, Running } from "../../static/js/running.js";
+import { Say, speechEndNotice } from "../../static/js/say.js";
+
+function made(tags) {
+  return Object.fromEntries(
+    Object.entries(tags).map(([name, tag]) => [name, document.createElement(tag)]),
+  );
+}
+
+function answering(...bodies) {
+  const answers = bodies.map((body) => ({ ok: body !== null, json: async () => body }));
+  return vi.fn(async () => answers.shift());
+}
+
+describe("languages", () => {
+  it("are shown by name, the robot's own first", () => {
+    expect(languageName("es", "en")).toBe("Spanish");
+    expect(languageName("not a code", "en")).toBe("not a code");
+    const choices = languageChoices(["es-ES", "en-GB"], "en");
+    expect(choices.slice(0, 2).map(({ code }) => code)).toEqual(["es-ES", "en-GB"]);
+    expect(choices.filter(({ code }) => code.startsWith("es"))).toHaveLength(1);
+    expect(choices.length).toBeGreaterThan(50);
+    expect(choices.find(({ code }) => code === "ca-ES")).toMatchObject({
+      name: "Catalan (Spain)",
+      own: false,
+    });
+  });
+});
+
+describe("a text of one's own", () => {
+  let parts;
+  let send;
+  let form;
+  const write = (text) => {
+    parts["say-text"].value = text;
+    parts["say-text"].dispatchEvent(new Event("input"));
+  };
+  const press = (key, options = {}) =>
+    parts["say-text"].dispatchEvent(new KeyboardEvent("keydown", { key, ...options }));
+
+  beforeEach(() => {
+    localStorage.clear();
+    parts = made({
+      "say-text": "textarea",
+      "say-form": "form",
+      "say-count": "span",
+      "say-send": "button",
+      "say-hint": "span",
+      "say-fault": "p",
+      language: "button",
+      "language-name": "span",
+      "language-box": "div",
+      "language-list": "div",
+    });
+    parts["language-box"].hidden = true;
+    parts["say-form"].append(parts["say-text"], parts["say-send"]);
+    document.body.append(parts["say-form"]);
+    send = vi.fn(async () => null);
+    form = new Say(parts, send);
+    form.languages = ["es-ES", "en-GB"];
+    form.mayAct = true;
+  });
+  afterEach(() => {
+    form.close();
+    parts["say-form"].remove();
+  });
+
+  it("is sent by Enter, in the robot's first language, and the field is free again", async () => {
+    write("Hola");
+    press("Enter");
+    expect(send).toHaveBeenCalledWith({ t: "say", text: "Hola", language: "es-ES" });
+    await vi.waitFor(() => expect(parts["say-text"].value).toBe(""));
+  });
+
+  it("is not sent by Shift and Enter, nor while a letter is being composed", () => {
+    write("Hola");
+    press("Enter", { shiftKey: true });
+    press("Enter", { isComposing: true });
+    expect(send).not.toHaveBeenCalled();
+  });
+
+  it("is counted, and longer than 500 characters not sent", () => {
+    write("🙂".repeat(500));
+    expect(parts["say-count"].textContent).toBe("500 / 500");
+    expect(parts["say-send"].disabled).toBe(false);
+    write("x".repeat(501));
+    expect(parts["say-count"].dataset.over).toBe("true");
+    press("Enter");
+    expect(send).not.toHaveBeenCalled();
+    expect(parts["say-fault"].textContent).toContain("500");
+  });
+
+  it("is kept when the robot refuses it, with why", async () => {
+    send.mockResolvedValue({ code: "speaking", text: "Ann has it speak." });
+    write("Hola");
+    press("Enter");
+    await vi.waitFor(() => expect(parts["say-fault"].textContent).toBe("Ann has it speak."));
+    expect(parts["say-text"].value).toBe("Hola");
+  });
+
+  it("needs control", () => {
+    form.mayAct = false;
+    write("Hola");
+    press("Enter");
+    expect(send).not.toHaveBeenCalled();
+    expect(parts["say-fault"].textContent).toContain("Take control");
+  });
+
+  it("is in the language that was chosen, now and the next time", () => {
+    parts.language.click();
+    const search = parts["language-list"].querySelector("input");
+    search.value = "catal";
+    search.dispatchEvent(new Event("input"));
+    search.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
+    expect(parts["language-name"].textContent).toBe("Catalan (Spain)");
+    expect(parts["language-box"].hidden).toBe(true);
+    expect(parts["say-text"].lang).toBe("ca-ES");
+    expect(form.language).toBe("ca-ES");
+  });
+});
+
+describe("phrases", () => {
+  const PHRASES = [
+    { id: 1, text: "Hello!", language: "en", tags: ["greeting"] },
+    { id: 2, text: "مرحبا", language: "ar", tags: ["greeting"] },
+    { id: 3, text: "Goodbye.", language: "en", tags: [] },
+  ];
+
+  it("are buttons in their own script, by language", async () => {
+    vi.stubGlobal("fetch", answering(PHRASES));
+    const parts = made({ "phrase-list": "div", "phrases-none": "p" });
+    const send = vi.fn();
+    const phrases = new Phrases(parts, "/phrases/", send);
+    phrases.mayAct = true;
+    await phrases.load();
+    const buttons = [...parts["phrase-list"].querySelectorAll("button")];
+    expect(buttons.map(({ textContent }) => textContent)).toEqual(["Hello!", "Goodbye.", "مرحبا"]);
+    expect(buttons[2]).toMatchObject({ lang: "ar", dir: "auto" });
+    buttons[2].click();
+    expect(send).toHaveBeenCalledWith({ t: "say", text: "مرحبا", language: "ar" });
+    phrases.mayAct = false;
+    expect(buttons.every((button) => button.getAttribute("aria-disabled"))).toBe(true);
+    expect(byLanguage(PHRASES).map(({ id }) => id)).toEqual([1, 3, 2]);
+  });
+
+  it("say so when they cannot be read", async () => {
+    vi.stubGlobal("fetch", answering(null));
+    const parts = made({ "phrase-list": "div", "phrases-none": "p" });
+    await new Phrases(parts, "/phrases/", vi.fn()).load();
+    expect(parts["phrases-none"].hidden).toBe(false);
+  });
+});
+
+describe("the history", () => {
+  const entry = (number, topic) => ({
+    number,
+    text: `Text ${number}`,
+    language: "es",
+    topic,
+    who: "Ann",
+    at: "2026-11-21T10:00:00Z",
+    outcome: "done",
+    why: "",
+  });
+
+  it("marks the entries of the topic that is chosen, and repeats one where it went", async () => {
+    vi.stubGlobal(
+      "fetch",
+      answering(
+        { entries: [entry(9, "/tts"), entry(8, "/other")], more: true },
+        { entries: [entry(3, "/tts")], more: false },
+      ),
+    );
+    const parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
+    const send = vi.fn();
+    const history = new History(parts, "/speech/", send);
+    history.mayAct = true;
+    history.topic = "/tts";
+    await history.load();
+    const rows = () => [...parts["history-list"].querySelectorAll(".hit")];
+    expect(rows().map(({ dataset }) => dataset.here)).toEqual(["true", undefined]);
+    rows()[1].querySelector("button").click();
+    const repeated = { t: "say", text: "Text 8", language: "es", topic: "/other" };
+    expect(send).toHaveBeenCalledWith(repeated);
+    expect(parts["history-more"].hidden).toBe(false);
+    parts["history-more"].click();
+    await vi.waitFor(() => expect(rows()).toHaveLength(3));
+    expect(fetch).toHaveBeenLastCalledWith("/speech/?limit=50&before=8", expect.anything());
+    expect(parts["history-more"].hidden).toBe(true);
+    history.topic = "/other";
+    expect(rows().map(({ dataset }) => dataset.here)).toEqual([undefined, "true", undefined]);
+  });
+
+  it("tells when and how in words", () => {
+    const now = new Date("2026-11-21T12:00:00Z");
+    expect(whenText("2026-11-21T10:00:00Z", now)).not.toContain("2026");
+    expect(whenText("2026-11-19T10:00:00Z", now)).toContain("2026");
+    expect(outcomeText("done")).toBe("done");
+    expect(outcomeText(null)).toBe("not over yet");
+  });
+});
+
+describe("what is being said", () => {
+  it("is cut at the word that is spoken, by characters", () => {
+    expect(aroundWord("Hola 🙂 mundo", [7, 12])).toEqual(["Hola 🙂 ", "mundo", ""]);
+    expect(aroundWord("Hola", null)).toEqual(["", "", "Hola"]);
+  });
+
+  it("is shown with its status and its Cancel, as is a motion", () => {
+    const parts = made({
+      running: "section",
+      "motion-runs": "div",
+      "motion-name": "strong",
+      "motion-who": "span",
+      "motion-cancel": "button",
+      "speech-runs": "div",
+      "speech-status": "strong",
+      "speech-text": "p",
+      "speech-before": "span",
+      "speech-word": "mark",
+      "speech-after": "span",
+      "speech-cancel": "button",
+    });
+    const send = vi.fn();
+    const running = new Running(parts, send, (name) => name.toUpperCase());
+    running.state = {};
+    expect(parts.running.hidden).toBe(true);
+    running.mayCancel = true;
+    running.state = {
+      motion: { name: "wave", who: "Ann" },
+      speech: { text: "Hola mundo", language: "es", status: "speaking", word: [5, 10] },
+    };
+    expect(parts["motion-name"].textContent).toBe("WAVE");
+    expect(parts["motion-who"].textContent).toBe("for Ann");
+    expect(parts["speech-status"].textContent).toBe("Speaking");
+    expect(parts["speech-word"].textContent).toBe("mundo");
+    expect(parts["speech-text"]).toMatchObject({ lang: "es", dir: "auto" });
+    parts["motion-cancel"].click();
+    parts["speech-cancel"].click();
+    expect(send.mock.calls).toEqual([[{ t: "play_cancel" }], [{ t: "say_cancel" }]]);
+    running.mayCancel = false;
+    expect(parts["speech-cancel"].hidden).toBe(true);
+  });
+
+  it("is told when it ended", () => {
+    expect(speechEndNotice({ outcome: "done", text: "" }, "Hola")).toMatchObject({
+      level: "success",
+      text: "Said: “Hola”.",
+    });
+    expect(speechEndNotice({ outcome: "failed", text: "No voice." }, "Hola")).toMatchObject({
+      level: "error",
+      text: "The robot failed to say “Hola”. No voice.",
+    });
+  });
+});
