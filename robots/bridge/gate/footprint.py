@@ -241,7 +241,7 @@ def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
 
 def _product(places: list[Metres], moments: list[Metres]) -> Quick:
     """One matrix product of what poses and what points contribute, (all poses, N)."""
-    rows = np.stack([place.ravel() for place in places], axis=1).astype(np.float32)
-    columns = np.stack(moments).astype(np.float32)
+    rows = np.array([place.ravel() for place in places], dtype=np.float32).T.copy()
+    columns = np.array(moments, dtype=np.float32)
     product: Quick = rows @ columns
     return product

@@ -238,9 +238,9 @@ class Gate:
             text = "" if age_s <= ODOMETRY_STALE_S else f"nothing new for {age_s:.1f} s"
         return SensorHealth("odometry", "odometry", not text, age_s, text)
 
-    def _with_latency_of(self, now_s: float) -> GateProfile:
+    def _with_latency_of(self, latency_s: float) -> GateProfile:
         """The profile with the robot's latency as it is now in the place of the assumed one."""
-        latency_s = round(self.latency.in_force_s(now_s), 2)
+        latency_s = round(latency_s, 2)
         if latency_s != self._reckoned.parameters.latency_s:
             parameters = structs.replace(self.profile.parameters, latency_s=latency_s)
             self._reckoned = structs.replace(self.profile, parameters=parameters)
@@ -259,7 +259,9 @@ class Gate:
         return verdict
 
     def _decided(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
-        limits = self._standing_limits(now_s)
+        latency_s = self.latency.in_force_s(now_s)
+        everywhere = [*self._arm_hold(now_s), *self._delay_holds(latency_s)]
+        limits = self._standing_limits(everywhere, now_s)
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
         possible = clamped(asked, self.profile)
@@ -268,12 +270,12 @@ class Gate:
         if fault := self._fault(now_s):
             text = f"stopped: {fault.text}"
             return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
-        wanted, code, text = self._held(asked, possible, now_s)
+        wanted, code, text = self._held(asked, possible, everywhere, now_s)
         if is_still(wanted):
             return Verdict(STILL, asked, code, text, limits=limits)
         obstacles = self.obstacles(now_s)
         turn_rates = (self._velocity.w, sent.w)
-        profile = self._with_latency_of(now_s)
+        profile = self._with_latency_of(latency_s)
         hulls = self._hulls(obstacles)
         allowed, cause = wanted, None
         for hull, near in hulls:
@@ -369,8 +371,13 @@ class Gate:
                 return Fault("scan_unpaired", text, laser.name)
         return None
 
-    def _held(self, asked: Velocity, wanted: Velocity, now_s: float) -> tuple[Velocity, str, str]:
-        """The possible twist within all limits but obstacles, with code and words of the last that bit."""
+    def _held(
+        self, asked: Velocity, wanted: Velocity, everywhere: list[Hold], now_s: float
+    ) -> tuple[Velocity, str, str]:
+        """The possible twist within all limits but obstacles, with code and words of the last that bit.
+
+        `everywhere` are the limits that hold in every direction.
+        """
         code, text = "free", ""
         if wanted != asked:
             code, text = "robot_limit", "held to what the robot can do"
@@ -378,8 +385,7 @@ class Gate:
         if speed > 0.0:
             direction = math.atan2(wanted.vy, wanted.vx)
             holds = [
-                *self._arm_hold(now_s),
-                *self._delay_holds(now_s),
+                *everywhere,
                 *self._depth_hold(wanted, now_s),
                 *self._direction_hold(direction, now_s),
             ]
@@ -400,9 +406,9 @@ class Gate:
                 wanted, code = slowed, "scan_late"
         return wanted, code, text
 
-    def _standing_limits(self, now_s: float) -> tuple[str, ...]:
+    def _standing_limits(self, everywhere: list[Hold], now_s: float) -> tuple[str, ...]:
         """In words, every limit on speed that holds whatever is in the way."""
-        holds = [*self._arm_hold(now_s), *self._delay_holds(now_s), *self._depth_hold(AHEAD, now_s)]
+        holds = [*everywhere, *self._depth_hold(AHEAD, now_s)]
         ways = (0.0, math.pi) if self.profile.limits.lateral_mps == 0.0 else (0.0, math.pi, 1.57, -1.57)
         for direction in ways:
             holds += self._direction_hold(direction, now_s)
@@ -418,13 +424,13 @@ class Gate:
         text = f"held to {words.figure(posture.AWAY_MPS)} m/s: {why}"
         return [Hold("arm_away", text, posture.AWAY_MPS)]
 
-    def _delay_holds(self, now_s: float) -> list[Hold]:
+    def _delay_holds(self, latency_s: float) -> list[Hold]:
         """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""
         parameters, full_mps = self.profile.parameters, self.profile.limits.forward_mps
         linear, _ = braking.deceleration(self.profile)
         holds = []
         for code, delay_s, assumed_s, who in (
-            ("robot_late", self.latency.in_force_s(now_s), parameters.latency_s, "the robot answers"),
+            ("robot_late", latency_s, parameters.latency_s, "the robot answers"),
             ("operator_late", self._operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
         ):
             if delay_s > assumed_s:

@@ -31,7 +31,7 @@ def wrapped(angle: float) -> float:
 
 def from_columns(x: NDArray[np.float64], y: NDArray[np.float64]) -> Points:
     """Points (N, 2) whose two columns each lie together in memory, as the arithmetic reads them."""
-    return np.stack((x, y)).T
+    return np.array((x, y)).T
 
 
 def chosen(points: Points, rows: NDArray[np.intp]) -> Points:

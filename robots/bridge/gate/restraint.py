@@ -185,7 +185,7 @@ def _passing_shares(
 
 def _lowest(values: Metres, numbers: Rows, count: int) -> list[int | None]:
     """Where the lowest value of each twist is, None if it has none. Values come in order of their twists' numbers."""
-    ends = np.searchsorted(numbers, range(count + 1)).tolist()
+    ends = np.searchsorted(numbers, np.arange(count + 1)).tolist()
     return [start + int(values[start:end].argmin()) if start < end else None for start, end in pairwise(ends)]
 
 
