@@ -18,10 +18,11 @@ from script.stack.client import Driver, sign_in
 from script.stack.processes import Child, ReservedPort
 from script.stack.stack import PRACTICE_ROBOTS, Stack, daphne
 from tests.script.servers import Redis, postgresql
+from tests.script.support import listens, until
 
-NEWS_S = 1.5  # less than a regular look at the database may take
-LOOK_S = 4.0  # by then there was one
-ZERO_S = 1.0  # from the death of a web process to standstill, as a page sees it
+READY_S = 60.0
+NEWS_S = 5.0
+ZERO_S = 2.0  # from the death of a web process to standstill, as a page sees it
 ROBOT = PRACTICE_ROBOTS[0].slug
 
 
@@ -49,12 +50,9 @@ def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
         try:
             with Stack(tmp_path / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
                 where = ["--bind", port.host, "--port", str(port.number)]
-                yield House(
-                    stack,
-                    redis,
-                    stack.start_child("web-2", [*daphne(), *where], stack.environment),
-                    port.number,
-                )
+                second = stack.start_child("web-2", [*daphne(), *where], stack.environment)
+                until(lambda: listens(port.number), "the second web process listens", READY_S)
+                yield House(stack, redis, second, port.number)
         finally:
             redis.kill()
             port.close()
@@ -96,9 +94,9 @@ async def meet(house: House) -> None:
         house.redis.kill()  # news takes longer; nothing else changes
         await drive_a_little(supervisor)
         await supervisor.send(wire.Release())
-        await operator.until(lambda: operator.control and operator.control.state == "free", LOOK_S)
+        await operator.until(lambda: operator.control and operator.control.state == "free", NEWS_S)
         await supervisor.take()
-        await operator.until(lambda: holder(operator) == "Supervisor", LOOK_S)
+        await operator.until(lambda: holder(operator) == "Supervisor", NEWS_S)
 
         await drive_a_little(supervisor)
         house.second.signal(signal.SIGKILL)
