@@ -326,6 +326,18 @@ def test_a_topic_that_changes_its_type_is_shown_with_the_new_one(inspector):
     assert shown.fields == {"data": True}
 
 
+def test_the_only_message_of_a_topic_is_shown_again_for_who_looks_later(inspector):
+    publisher = rospy.Publisher("/look/once", String, queue_size=1, latch=True)
+    publisher.publish("for long")
+    try:
+        inspector.look(**{"look/once": 10.0})
+        first, again = (inspector.shown("/look/once", lambda s: s.number) for _ in range(2))
+    finally:
+        publisher.unregister()
+    assert first.fields == again.fields == {"data": "for long"}
+    assert (first.number, again.number) == (1, 1)
+
+
 def test_nothing_is_subscribed_while_nobody_looks(inspector, rosmaster):
     with talking("/look/seldom", Empty()):
         inspector.look(**{"look/seldom": 10.0})

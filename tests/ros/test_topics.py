@@ -70,6 +70,14 @@ def inspector_of(bridge: BridgeProcess) -> psutil.Process:
     return process
 
 
+def ended(process: psutil.Process) -> bool:
+    """Gone, or a zombie where nobody collects orphans."""
+    try:
+        return bool(process.status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True
+
+
 def ask(hand: Hand, question: Any) -> Any:
     hand.send(wire.Inspect(5, question))
     inspected = hand.until(lambda report: isinstance(report, wire.Inspected) and report.seq == 5, "an answer")
@@ -177,3 +185,15 @@ def test_an_inspector_that_dies_is_replaced_and_what_it_published_does_not_begin
         assert number > 0
         falls_silent(notes)
     assert "publish.end inspector ended" in bridge.records.read_text()
+
+
+def test_a_bridge_that_is_killed_takes_its_inspector_along(rosmaster, tmp_path):
+    process = BridgeProcess(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path)
+    hand = process.link()
+    hand.send(wire.LookAt({ODOMETRY: 10.0}))
+    shown(hand, ODOMETRY)
+    inspector = inspector_of(process)
+    process.kill()
+    hand.close()
+    until(lambda: ended(inspector), "the end of the inspector")
+    process.stop()

@@ -28,11 +28,11 @@ log = logging.getLogger(__name__)
 
 LARGEST_SHOWN = 16 * 1024  # bytes of a `Shown`
 LEVELS = (Limits(32, 16, 500), Limits(8, 4, 100), Limits(2, 1, 40))  # of detail; the first that fits is shown
-FIGURES_S = 1.0  # without a message, the figures are shown anew this often, where they changed
+AGAIN_S = (
+    1.0  # what is known is said this often without a message, too: for its figures, and for who looks later
+)
 RATE_WINDOW_S = 10.0
 RATE_SAMPLES = 2000
-
-Figures = tuple[int, float | None, int]  # number of the message, rate (Hz), publishers
 
 _encode = msgspec.json.Encoder().encode
 
@@ -43,15 +43,14 @@ class Look:
     def __init__(self, topic: str, rate_hz: float, awake: threading.Condition) -> None:
         self.topic = topic
         self.gap_s = 1.0 / rate_hz
-        self.shown_s = (
-            time.monotonic() - self.gap_s
-        )  # the first message at once; a word on silence after a while
+        # So the first message is shown at once, and a word on silence comes after a while.
+        self.shown_s = time.monotonic() - self.gap_s
         self._awake = awake
         self._arrivals: deque[float] = deque(maxlen=RATE_SAMPLES)
         self._newest: rospy.AnyMsg | None = None
         self._newest_wall_s = 0.0
         self._number = 0
-        self._shown: Figures = (0, None, -1)  # as they were shown last
+        self._shown_number = 0
         self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message, queue_size=1)
 
     def close(self) -> None:
@@ -66,29 +65,16 @@ class Look:
             self._awake.notify()
 
     def due_s(self) -> float:
-        """When it is to be shown next: as soon as its pace allows if something came, else for its figures' sake."""
-        fresh = self._number != self._shown[0]
-        return self.shown_s + (self.gap_s if fresh else max(self.gap_s, FIGURES_S))
+        """When it is to be shown next: as soon as its pace allows if something came, else after a while."""
+        fresh = self._number != self._shown_number
+        return self.shown_s + (self.gap_s if fresh else max(self.gap_s, AGAIN_S))
 
-    def show(self, definitions: Definitions, now_s: float) -> bytes | None:
-        """The `Shown` of now; None if nothing changed since the last."""
-        self.shown_s = now_s
+    def show(self, definitions: Definitions, now_s: float) -> bytes:
+        """The `Shown` of now."""
         with self._awake:
             message, number, wall_s = self._newest, self._number, self._newest_wall_s
-        figures = (number, self._rate_hz(now_s), self._subscriber.get_num_connections())
-        if figures == self._shown:
-            return None
-        self._shown = figures
-        return self._shown_message(message, wall_s, figures, definitions)
-
-    def _shown_message(
-        self,
-        message: rospy.AnyMsg | None,
-        wall_s: float,
-        figures: Figures,
-        definitions: Definitions,
-    ) -> bytes:
-        number, rate_hz, publishers = figures
+        self.shown_s, self._shown_number = now_s, number
+        publishers, rate_hz = self._subscriber.get_num_connections(), self._rate_hz(now_s)
         silence = _silence(self.topic, number, publishers)
         shown = wire.Shown(self.topic, "*", number, rate_hz, 0, None, publishers, {}, refusal=silence)
         if message is None:
@@ -172,8 +158,8 @@ class Looks:
 
     def _show_due(self, now_s: float) -> None:
         for look in self._looks.values():
-            if look.due_s() <= now_s and (shown := look.show(self._definitions, now_s)):
-                self._send(look.topic, shown)
+            if look.due_s() <= now_s:
+                self._send(look.topic, look.show(self._definitions, now_s))
 
     def _subscribe(self) -> None:
         """Make the subscriptions those that are wanted. Asks the master, so it is done on this thread."""
