@@ -2,7 +2,7 @@
 
 import { LiveSocket } from "../socket.js";
 
-const PATIENCE_MS = 4000; // the robot's own services may take a moment
+const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment
 
 /** What was refused, as an error. */
 export class RefusedError extends Error {

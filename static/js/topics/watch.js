@@ -22,7 +22,7 @@ export class Watch extends EventTarget {
     this.#figures = make("p", { className: "quiet", text: gettext("Waiting for a message.") });
     this.#problem = make("p", { className: "why" });
     this.#problem.hidden = true;
-    this.#table = make("dl", { className: "message" });
+    this.#table = make("dl", { className: "told" });
     const end = make("button", { className: "button", text: gettext("Close") });
     end.type = "button";
     end.addEventListener("click", () => this.dispatchEvent(new CustomEvent("end")));
