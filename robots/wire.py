@@ -540,7 +540,6 @@ class State(Struct, frozen=True):
     watchers_more: int = 0
     motion: Motion | None = None
     motion_ended: MotionEnd | None = None  # the last one
-    motions: list[str] = []  # that the robot offers
     speech: Speech | None = None
     speech_ended: SpeechEnd | None = None  # the last one
     chosen: dict[str, str] = {}  # by use: the topic where input goes instead of the default

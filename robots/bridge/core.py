@@ -319,7 +319,6 @@ class Core:
             watchers_more=watchers_more,
             motion=self.orders.motions.view(now_s),
             motion_ended=self.orders.motions.last,
-            motions=[offer.name for offer in self.orders.catalogue.now().motions],
             speech=self.orders.speaking.view(now_s),
             speech_ended=self.orders.speaking.last,
             chosen=dict(self.orders.choices.chosen),
