@@ -758,7 +758,7 @@ class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
     number: int  # of this message among all that came
     rate_hz: float | None
     bytes: int
-    age_s: float | None  # from its header's stamp to its arrival, by the console's clock; None if it has no stamp
+    age_s: float | None  # from its header's stamp to arrival, by the console's clock; None: no stamp
     publishers: int
     fields: dict[str, Any]
     shortened: list[str] = []  # paths of arrays that are shown in part, with their whole length
