@@ -6,9 +6,9 @@ import { coloursOf } from "./colours.js";
 const WINDOW_S = 20;
 const AGES_S = [15, 10, 5, 0];
 const SERIES = [
-  { label: "asked", colour: "--view-hold", dash: [4, 4] },
-  { label: "allowed", colour: "--view-path" },
-  { label: "measured", colour: "--view-laser" },
+  { label: () => gettext("asked"), colour: "--view-hold", dash: [4, 4] },
+  { label: () => gettext("allowed"), colour: "--view-path" },
+  { label: () => gettext("measured"), colour: "--view-laser" },
 ];
 
 /** Columns of the last seconds, as uPlot wants them: [times, asked, allowed, measured]. */
@@ -78,7 +78,7 @@ export class SpeedChart {
         {
           ...axis,
           splits: (plot) => AGES_S.map((age) => plot.scales.x.max - age),
-          values: () => AGES_S.map((age) => (age ? `−${age} s` : "now")),
+          values: () => AGES_S.map((age) => (age ? `−${age} s` : gettext("now"))),
           size: 24,
         },
         { ...axis, values: (_, ticks) => ticks.map((v) => v.toFixed(1)), size: 36 },
@@ -86,7 +86,7 @@ export class SpeedChart {
       series: [
         {},
         ...SERIES.map(({ label, dash }, i) => ({
-          label,
+          label: label(),
           stroke: lines[i],
           width: 2,
           dash,

@@ -47,7 +47,11 @@ export class Choices extends EventTarget {
         data: { share: String(share) },
       });
       button.type = "button";
-      button.setAttribute("aria-label", `${Math.round(share * 100)} percent of full speed`);
+      const percent = Math.round(share * 100);
+      button.setAttribute(
+        "aria-label",
+        interpolate(gettext("%s percent of full speed"), [percent]),
+      );
       return button;
     });
     this.#parts.shares.replaceChildren(...buttons);

@@ -55,7 +55,7 @@ export class ControlPanel extends EventTarget {
     say(why, reason);
     show(why, reason !== "");
     show(lease, left !== null);
-    if (left !== null) say(lease, `${clockText(left)} left`);
+    if (left !== null) say(lease, interpolate(gettext("%s left"), [clockText(left)]));
     mark(lease, "last", yours && isLastCall(left));
     for (const button of this.#parts.actions.children)
       show(button, actions.includes(button.dataset.action));
@@ -63,11 +63,13 @@ export class ControlPanel extends EventTarget {
 
   #showRequests(requests) {
     const items = requests.map(({ id, name }) => {
-      const children = [make("span", { text: `${name} asks for control` })];
+      const children = [
+        make("span", { text: interpolate(gettext("%s asks for control"), [name]) }),
+      ];
       if (this.#control.state === "yours") {
         const button = make("button", {
           className: "button primary",
-          text: `Hand over to ${name}`,
+          text: interpolate(gettext("Hand over to %s"), [name]),
         });
         button.type = "button";
         button.addEventListener("click", () => this.#choose({ t: "hand_over", request: id }));

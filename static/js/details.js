@@ -4,17 +4,17 @@ import { make, say, show } from "./dom.js";
 
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
-  if (ageS === null) return "never seen";
-  return ok ? "ok" : `${ageS.toFixed(1)} s old`;
+  if (ageS === null) return gettext("never seen");
+  return ok ? gettext("ok") : interpolate(gettext("%s s old"), [ageS.toFixed(1)]);
 }
 
 export function latencyText({ latency_s: latencyS, latency_measured: measured }) {
-  return `${Math.round(latencyS * 1000)} ms${measured ? "" : " (assumed)"}`;
+  return `${Math.round(latencyS * 1000)} ms${measured ? "" : gettext(" (assumed)")}`;
 }
 
 export function watchersText({ watchers, watchers_more: more }) {
-  const names = more ? [...watchers, `${more} more`] : watchers;
-  return names.join(", ") || "Nobody";
+  const names = more ? [...watchers, interpolate(gettext("%s more"), [more])] : watchers;
+  return names.join(", ") || gettext("Nobody");
 }
 
 function sameTexts(list, texts) {
@@ -38,14 +38,17 @@ export class Details {
   set state(state) {
     const { watchers, sensors, latency, foreign, refusals, "all-limits": limits } = this.#parts;
     const { limits: standing = [] } = state.verdict;
-    fill(limits, standing.length ? standing : ["None"]);
+    fill(limits, standing.length ? standing : [gettext("None")]);
     say(latency, latencyText(state));
     say(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);
     show(foreign, state.foreign.length > 0);
-    say(foreign, `Also publishing to the drive topic: ${state.foreign.join(", ")}`);
+    say(
+      foreign,
+      interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
+    );
     const counts = Object.entries(state.refused).map(([code, count]) => `${code}: ${count}`);
-    fill(refusals, counts.length ? counts : ["None"]);
+    fill(refusals, counts.length ? counts : [gettext("None")]);
   }
 
   #showSensors(list, sensors) {

@@ -70,7 +70,7 @@ export class Face {
   #showConnection({ connected, gone, delayMs, echoMs }) {
     const { connection, delay, echo } = this.#parts;
     mark(connection, "level", connected && !gone ? "ok" : "fail");
-    say(connection, connected ? (gone ? "No link" : "Connected") : "Offline");
+    say(connection, connectionText(connected, gone));
     say(delay, milliseconds(connected ? delayMs : null));
     say(echo, milliseconds(echoMs));
   }
@@ -88,7 +88,7 @@ export class Face {
   #showBattery({ battery_percent: percent, charging }) {
     const { battery } = this.#parts;
     const known = percent !== null;
-    say(battery, known ? `${Math.round(percent)} %${charging ? ", charging" : ""}` : "–");
+    say(battery, known ? `${Math.round(percent)} %${charging ? gettext(", charging") : ""}` : "–");
     mark(battery, "low", known && percent < LOW_BATTERY_PERCENT);
   }
 
@@ -105,6 +105,11 @@ export class Face {
     say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
     if (text) this.#announcer.say(text, `${verdict.code} ${verdict.side}`);
   }
+}
+
+function connectionText(connected, gone) {
+  if (!connected) return gettext("Offline");
+  return gone ? gettext("No link") : gettext("Connected");
 }
 
 function milliseconds(value) {

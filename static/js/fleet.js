@@ -13,7 +13,7 @@ export function cardOf({ state, refusal }) {
   if (!state)
     return {
       level: "fail",
-      status: "No link",
+      status: gettext("No link"),
       why: refusal?.text ?? "",
       driver: "",
       gate: "",
@@ -23,21 +23,33 @@ export function cardOf({ state, refusal }) {
   const { stop } = state;
   return {
     level: refusal ? "fail" : online ? "ok" : "warn",
-    status: refusal ? "No link" : phaseTitle(state.phase),
+    status: refusal ? gettext("No link") : phaseTitle(state.phase),
     why: refusal?.text ?? (online ? "" : state.text),
-    driver: state.holder ?? "Nobody",
+    driver: state.holder ?? gettext("Nobody"),
     battery:
       state.battery_percent === null
         ? "–"
-        : `${Math.round(state.battery_percent)} %${state.charging ? ", charging" : ""}`,
-    gate: verdictText(state.verdict) || "Free",
-    stop: stop.state === "clear" ? "Clear" : stop.state === "stopping" ? "Stopping" : "Stopped",
+        : `${Math.round(state.battery_percent)} %${state.charging ? gettext(", charging") : ""}`,
+    gate: verdictText(state.verdict) || gettext("Free"),
+    stop: stopWord(stop.state),
     stopped: stop.state !== "clear",
     stopWhy:
       stop.state === "clear"
         ? ""
-        : [stop.by && `by ${stop.by}`, standstillText(stop)].filter(Boolean).join(". "),
+        : [stop.by && interpolate(gettext("by %s"), [stop.by]), standstillText(stop)]
+            .filter(Boolean)
+            .join(". "),
   };
+}
+
+function stopWord(state) {
+  if (state === "clear") return gettext("Clear");
+  return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
+}
+
+function connectionText(live, open) {
+  if (live) return gettext("Live");
+  return open ? gettext("No news") : gettext("Offline");
 }
 
 class FleetPage {
@@ -137,7 +149,7 @@ class FleetPage {
   #look() {
     const live = this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
     mark(this.#connection, "level", live ? "ok" : "fail");
-    say(this.#connection, live ? "Live" : this.#socket.open ? "No news" : "Offline");
+    say(this.#connection, connectionText(live, this.#socket.open));
     for (const { card } of this.#cards.values()) mark(card, "stale", !live);
   }
 }

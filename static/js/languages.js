@@ -9,7 +9,11 @@ function pageLanguage() {
 
 /** A language in words; its code if nobody knows a name. */
 export function languageName(code, locale = pageLanguage()) {
-  if (!known.has(locale)) known.set(locale, new Intl.DisplayNames([locale], { type: "language" }));
+  if (!known.has(locale))
+    known.set(
+      locale,
+      new Intl.DisplayNames([locale], { type: "language", languageDisplay: "standard" }),
+    );
   try {
     return known.get(locale).of(code);
   } catch {

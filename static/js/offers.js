@@ -2,7 +2,7 @@
 
 /** How the holder is called on this page. */
 function holder(control) {
-  return control.holder ?? "Somebody";
+  return control.holder ?? gettext("Somebody");
 }
 
 /**
@@ -17,30 +17,32 @@ export function offers(control, resumableS = null) {
   const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
   switch (control.state) {
     case "unknown":
-      return { headline: "Control is not known", reason: "", actions: [] };
+      return { headline: gettext("Control is not known"), reason: "", actions: [] };
     case "free":
-      return { headline: "Nobody has control", reason, actions: reason ? [] : ["take"] };
+      return { headline: gettext("Nobody has control"), reason, actions: reason ? [] : ["take"] };
     case "yours":
-      return { headline: "You have control", reason: "", actions: ["renew", "release"] };
+      return { headline: gettext("You have control"), reason: "", actions: ["renew", "release"] };
     case "elsewhere":
       return {
-        headline: "You have control in another tab",
+        headline: gettext("You have control in another tab"),
         reason,
         actions: reason ? [] : ["take"],
       };
     case "away": {
       const wait =
-        resumableS === null ? "" : ` Free in ${Math.ceil(resumableS)} s unless it returns.`;
+        resumableS === null
+          ? ""
+          : interpolate(gettext(" Free in %s s unless it returns."), [Math.ceil(resumableS)]);
       return {
-        headline: `${holder(control)} has control`,
-        reason: `Their page is gone.${wait}`,
+        headline: interpolate(gettext("%s has control"), [holder(control)]),
+        reason: `${gettext("Their page is gone.")}${wait}`,
         actions: reason ? force : ["take"], // one's own vanished page needs no force
       };
     }
     default:
       return {
-        headline: `${holder(control)} has control`,
-        reason: question === "ask_cancel" ? "You asked for it." : "",
+        headline: interpolate(gettext("%s has control"), [holder(control)]),
+        reason: question === "ask_cancel" ? gettext("You asked for it.") : "",
         actions: [question, ...force],
       };
   }

@@ -8,23 +8,29 @@ export function isStale(sinceViewMs) {
 
 /** What the bridge reports of the standstill, in words. */
 export function standstillText(stop) {
-  if (stop.state === "stopping") return "Zero is being sent; standstill is not confirmed yet.";
+  if (stop.state === "stopping")
+    return gettext("Zero is being sent; standstill is not confirmed yet.");
   if (stop.standstill_ms === null || stop.standstill_ms === undefined) return "";
-  return `Standstill confirmed after ${Math.round(stop.standstill_ms)} ms.`;
+  return interpolate(gettext("Standstill confirmed after %s ms."), [
+    Math.round(stop.standstill_ms),
+  ]);
 }
 
 /** The same in two words, for the stop button itself; empty while the latch is clear. */
 export function stopText(stop) {
   if (stop.state === "clear") return "";
-  if (stop.state === "stopping") return "Stopping";
-  return standstillText(stop) ? `Standstill after ${Math.round(stop.standstill_ms)} ms` : "Stopped";
+  if (stop.state === "stopping") return gettext("Stopping");
+  if (!standstillText(stop)) return gettext("Stopped");
+  return interpolate(gettext("Standstill after %s ms"), [Math.round(stop.standstill_ms)]);
 }
 
 function stopBanner(stop) {
-  const by = stop.by ? ` by ${stop.by}` : "";
+  const isStopping = stop.state === "stopping";
+  const anonymous = isStopping ? gettext("Stopping, pressed") : gettext("Stopped");
+  const signed = isStopping ? gettext("Stopping, pressed by %s") : gettext("Stopped by %s");
   return {
     level: "stop",
-    title: stop.state === "stopping" ? `Stopping, pressed${by}` : `Stopped${by}`,
+    title: stop.by ? interpolate(signed, [stop.by]) : anonymous,
     text: [stop.reason, standstillText(stop)].filter(Boolean).join(" "),
     clear: true,
   };
@@ -43,15 +49,21 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
   if (!connected) {
     return {
       level: "fault",
-      title: "No connection",
-      text: "Connecting again. Without it the robot stands still.",
+      title: gettext("No connection"),
+      text: gettext(
+        "Connecting again by itself. Without it the robot stands still. If this lasts, see whether this device has a network.",
+      ),
     };
   }
-  if (gone) return { level: "fault", title: "No link to the robot", text: gone.text };
-  if (!state) return { level: "info", title: "Looking for the robot", text: "" };
+  if (gone) return { level: "fault", title: gettext("No link to the robot"), text: gone.text };
+  if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
   if (isStale(sinceViewMs)) {
     const seconds = (sinceViewMs / 1000).toFixed(0);
-    return { level: "warning", title: `No news for ${seconds} s`, text: "The picture is old." };
+    return {
+      level: "warning",
+      title: interpolate(gettext("No news for %s s"), [seconds]),
+      text: gettext("The picture is old."),
+    };
   }
   if (state.stop.state !== "clear") return stopBanner(state.stop);
   if (state.phase !== "online")
@@ -59,7 +71,7 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
   if (asksNeutral) {
     return {
       level: "info",
-      title: "Let the stick return to the middle",
+      title: gettext("Let the stick return to the middle"),
       text: because(state.neutral_needed),
     };
   }
@@ -68,10 +80,10 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
 
 export function phaseTitle(phase) {
   const titles = {
-    waiting: "Waiting for the robot",
-    connecting: "The robot is starting",
-    refused: "The robot was refused",
-    online: "Online",
+    waiting: gettext("Waiting for the robot"),
+    connecting: gettext("The robot is starting"),
+    refused: gettext("The robot was refused"),
+    online: gettext("Online"),
   };
   return titles[phase] ?? phase;
 }

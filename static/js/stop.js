@@ -5,7 +5,6 @@
 
 const ANSWER_MS = 400;
 const SAME_PRESS_MS = 1000;
-const NO_WAY = "The stop could not be sent. Use the red button on the robot.";
 
 export class StopButton {
   #form;
@@ -41,7 +40,7 @@ export class StopButton {
   /** Stop, now. */
   press() {
     this.#pressedMs = performance.now();
-    this.#say("Stop sent");
+    this.#say(gettext("Stop sent"));
     clearTimeout(this.#timer);
     if (this.#send()) {
       this.#timer = setTimeout(() => this.#answered() || this.#post(), ANSWER_MS);
@@ -72,16 +71,20 @@ export class StopButton {
       });
       if (!answer.ok) this.#fail(await reasonIn(answer));
     } catch {
-      this.#fail(NO_WAY);
+      this.#fail(noWay());
     }
   }
+}
+
+function noWay() {
+  return gettext("The stop could not be sent. Use the red button on the robot.");
 }
 
 /** The server names the robots that it did not reach. */
 async function reasonIn(answer) {
   try {
-    return (await answer.json()).text ?? NO_WAY;
+    return (await answer.json()).text ?? noWay();
   } catch {
-    return NO_WAY;
+    return noWay();
   }
 }

@@ -126,7 +126,7 @@ class Person:
 
     def release(self) -> None:
         """Give control back."""
-        self.press("Release")
+        self.part("actions").get_by_role("button", name="Release").click()
         self.until(lambda: self.control["state"] == "free", "control to be free")
 
     @property

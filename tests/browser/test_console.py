@@ -1,0 +1,202 @@
+"""Everything besides driving, as an operator does it: tabs, motions, speech, notices, keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Locator
+
+from tests.browser.people import Person
+from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap
+
+Arrive = Callable[..., Person]
+
+TABS = ["Centre", "Drive", "Motions", "Speech", "Topics"]
+
+
+def go_to(person: Person, name: str) -> None:
+    """Press a tab and see that it is shown."""
+    tab = person.page.get_by_role("tab", name=name)
+    tab.click()
+    person.until(lambda: tab.get_attribute("aria-selected") == "true", f"the tab {name}")
+
+
+def notice(person: Person, text: str | re.Pattern[str]) -> Locator:
+    """Wait for a notice that says this."""
+    found = person.part("notices").get_by_text(text).first
+    found.wait_for()
+    return found
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_stop_is_in_one_place_on_every_tab_and_the_joystick_where_it_is_used(
+    person: Arrive, width: int, height: int
+) -> None:
+    operator = person("operator", width=width, height=height, touch=width < 1000)
+    operator.take("tiago-2")
+    places = []
+    for name in TABS:
+        go_to(operator, name)
+        stop = box_of(operator.page.locator("form.stop .stop-button"))
+        places.append(stop)
+        size = operator.page.evaluate(
+            "[document.scrollingElement.scrollWidth, document.scrollingElement.scrollHeight]"
+        )
+        assert size == [width, height], name
+        assert found_by_axe(operator) == [], name
+        if name in ("Centre", "Drive"):
+            stick = box_of(operator.part("zone"))
+            assert min(stick["width"], stick["height"]) >= 180
+            assert stick["y"] + stick["height"] <= height
+            assert not overlap(stick, stop)
+        else:
+            assert not operator.part("zone").is_visible()
+    assert all(place == places[0] for place in places)
+    operator.release()
+
+
+def test_the_address_names_the_tab(person: Arrive) -> None:
+    observer = person("observer")
+    observer.watch("tiago-2")
+    go_to(observer, "Speech")
+    assert observer.page.url.endswith("#speech")
+    go_to(observer, "Motions")
+    observer.page.go_back()
+    observer.page.locator(".control[data-tab=speech]").wait_for()
+    observer.page.reload()
+    observer.page.locator(".control[data-tab=speech]").wait_for()
+    # By keys: the arrows choose, and the search is the next thing but the refresh button.
+    observer.page.get_by_role("tab", name="Speech").focus()
+    observer.page.keyboard.press("ArrowLeft")
+    observer.page.locator(".control[data-tab=motions]").wait_for()
+    assert observer.complaints == []
+
+
+def test_a_change_of_tab_stops_the_base_and_latches_nothing(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    start = operator.place
+    operator.page.keyboard.down("ArrowDown")
+    operator.until_driven(start, 0.1)
+    operator.page.evaluate("location.hash = 'motions'")
+    operator.until_still()
+    assert operator.last_drive == (0, 0, 0)
+    assert operator.state["stop"]["state"] == "clear"
+    operator.page.keyboard.up("ArrowDown")
+    operator.release()
+
+
+def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refused(person: Arrive) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    operator.take("tiago-2")
+    supervisor.watch("tiago-2")
+    operator.press("Play Inspect surroundings")
+    operator.until(lambda: operator.state["motion"] is not None, "the motion")
+    for name in TABS:
+        go_to(operator, name)
+        assert operator.part("motion-cancel").is_visible(), name
+        assert operator.part("motion-name").inner_text() == "Inspect surroundings"
+    go_to(operator, "Motions")
+    search = operator.page.get_by_label("Search motions")
+    search.fill("WÀV")
+    search.press("Enter")
+    notice(operator, re.compile("Play Wave: .*asked for by Operator"))
+    search.press("Escape")
+    assert search.input_value() == ""
+    operator.press("Cancel Inspect surroundings")
+    notice(operator, re.compile("Inspect surroundings: cancelled"))
+
+    operator.press("Play Inspect surroundings")
+    supervisor.part("motion-cancel").click()  # supervisors need no control for it
+    notice(supervisor, re.compile("Inspect surroundings: cancelled. Cancelled by Supervisor"))
+    operator.release()
+
+
+def test_a_sentence_in_spanish_is_said_another_cancelled_a_phrase_said_and_one_repeated(
+    person: Arrive,
+) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    go_to(operator, "Speech")
+    operator.part("language").click()
+    operator.page.get_by_label("Search languages").fill("spanish")
+    operator.page.keyboard.press("Enter")
+    text = operator.part("say-text")
+    text.fill("Me llamo TIAGo.")
+    text.press("Enter")
+    operator.until(lambda: (operator.state["speech"] or {}).get("word"), "a word that is spoken")
+    assert operator.state["speech"]["language"].startswith("es")
+    assert operator.part("speech-word").inner_text() != ""
+    notice(operator, "Said: “Me llamo TIAGo.”.")
+
+    text.fill("Esta frase es demasiado larga para escucharla hasta el final, así que alguien la cancela.")
+    text.press("Enter")
+    operator.part("speech-cancel").click()
+    notice(operator, re.compile("Cancelled: “Esta frase"))
+
+    go_to(operator, "Centre")
+    operator.part("phrase-list").get_by_role("button").first.click()
+    operator.until(lambda: operator.state["speech"] is not None, "the phrase")
+    operator.until(lambda: operator.state["speech"] is None, "its end")
+    assert operator.state["speech_ended"]["outcome"] == "done"
+    go_to(operator, "Speech")
+    mine = operator.part("history-list").locator(".hit").filter(has_text="Me llamo TIAGo.").first
+    mine.get_by_role("button", name="Repeat").click()
+    operator.until(lambda: (operator.state["speech"] or {}).get("text") == "Me llamo TIAGo.", "the repeat")
+    assert operator.state["speech"]["language"].startswith("es")
+    operator.until(lambda: operator.state["speech"] is None, "its end")
+    operator.release()
+
+
+def test_keys_write_in_a_field_and_a_map_of_them_opens_on_a_question_mark(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    go_to(operator, "Speech")
+    operator.part("say-text").press_sequentially("was? ")
+    assert operator.part("say-text").input_value() == "was? "
+    assert operator.state["stop"]["state"] == "clear"
+    assert all((drive["x"], drive["w"]) == (0, 0) for drive in operator.drives)
+    go_to(operator, "Drive")
+    operator.page.keyboard.press("?")
+    assert operator.page.get_by_role("dialog", name="Keyboard and gamepad").is_visible()
+    assert found_by_axe(operator) == []
+    operator.page.keyboard.press("Escape")
+    assert not operator.page.get_by_role("dialog").is_visible()
+    operator.release()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_notices_are_kept_in_a_log_and_never_lie_over_stop_or_joystick(
+    person: Arrive, width: int, height: int
+) -> None:
+    observer = person("observer", width=width, height=height)
+    observer.watch("tiago-2")
+    plays = observer.part("motion-list").get_by_role("button")
+    plays.first.wait_for()
+    for i in range(6):
+        plays.nth(i).evaluate("button => button.click()")
+    notice(observer, re.compile("Take control first"))
+    assert observer.page.locator(".notices .notice-times").first.inner_text().endswith("6")
+    assert found_by_axe(observer) == []
+    shown = observer.page.locator(".notices .notice")
+    for protected in (observer.page.locator("form.stop .stop-button"), observer.part("zone")):
+        assert not overlap(box_of(shown.first), box_of(protected))
+    observer.page.locator(".menu summary").click()
+    observer.press("Notices")
+    assert observer.page.get_by_role("dialog", name="Notices").get_by_text(re.compile(r"^.6$")).is_visible()
+
+
+def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) -> None:
+    observer = person("observer")
+    note = observer.page.get_by_label("Cookies")
+    observer.press("Understood")
+    observer.open("/")
+    assert not note.is_visible()
+    observer.page.locator("summary").click()
+    observer.page.get_by_role("link", name="Cookies").click()
+    names = {cookie["name"] for cookie in observer.context.cookies()}
+    for name in names:
+        observer.page.get_by_text(name, exact=True).wait_for()
+    assert len(names) == 2
