@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,7 @@ from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.tcpros import connect_to_publisher, read_header
+from robots.bridge.ros.tcpros import Header, connect_to_publisher, read_header
 from robots.ending import leave_within
 
 if TYPE_CHECKING:
@@ -58,14 +58,8 @@ class Inspector:
         self._say = say
         self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._node: Node | None = None
         self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
-
-    @cached_property
-    def _node(self) -> Node:
-        """The rospy node. Made when it is needed: most questions are answered without, and sooner."""
-        from robots.bridge.ros.inspector.node import Node
-
-        return Node(self._config, self._master, self._definitions, self._seen)
 
     def hear(self, line: bytes) -> None:
         """One request. Never waits, so that the end of stdin is always heard."""
@@ -88,14 +82,24 @@ class Inspector:
 
     def close(self) -> None:
         """Off the master's books."""
-        if "_node" in self.__dict__:
+        if self._node is not None:
             self._node.close()
 
+    # --- what concerns the rospy node ------------------------------------------------------------------
+
+    def _made_node(self) -> Node:
+        """Made when it is needed: most questions are answered without, and sooner."""
+        if self._node is None:
+            from robots.bridge.ros.inspector.node import Node
+
+            self._node = Node(self._config, self._master, self._definitions, self._seen)
+        return self._node
+
     def _look_at(self, topics: dict[str, float]) -> None:
-        if not topics and "_node" not in self.__dict__:
+        if not topics and self._node is None:
             return
         try:
-            self._node.looks.look_at(topics)
+            self._made_node().looks.look_at(topics)
         except OSError:
             text = f"No ROS master answers at {self._config.master_uri}."
             refusal = wire.Refusal("robot_offline", text, "robot")
@@ -104,8 +108,16 @@ class Inspector:
                 self._seen(topic, wire.encode(shown))
             raise
 
+    def _publish(self, order: wire.Publish) -> None:
+        definition = self._checked.get((order.topic, order.type)) or self._definition(order.type, order.topic)
+        values = fitted(definition.fields, order.fields)
+        self._made_node().publishings.publish(
+            order.topic, definition, lambda: definition.layout.write(values, _now()), order.rate_hz
+        )
+
     def _silence(self, number: int, topic: str) -> None:
-        self._node.publishings.stop(topic)
+        if self._node is not None:
+            self._node.publishings.stop(topic)
         self._report(Done(number))
 
     # --- saying ---------------------------------------------------------------------------------------
@@ -171,24 +183,22 @@ class Inspector:
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
         """As a publisher of the topic has it, if there is one of this type; else as known here."""
-        for told in self._publishers(topic) if topic else ():
-            if told.get("type") == type_name:
-                return self._definitions.of_connection(told)
+        told = self._told(topic) if topic else {}
+        if told.get("type") == type_name:
+            return self._definitions.of_connection(told)
         return self._definitions.of_type(type_name)
 
-    def _publishers(self, topic: str) -> list[dict[str, str]]:
-        """What the first publisher that can be reached says of itself."""
+    def _told(self, topic: str) -> Header:
+        """What the first publisher that can be reached says of itself; nothing if there is none."""
         for node in self._master.system_state().publishers.get(topic, []):
             uri = None if node.startswith(graph.OWN) else self._master.node_uri(node)
             try:
                 if uri:
                     with connect_to_publisher(topic, uri, graph.OWN) as connection:
-                        return [read_header(connection)]
+                        return read_header(connection)
             except (OSError, MasterError, ValueError) as error:
                 log.info("%s says nothing of %s: %s", node, topic, error)
-        return []
-
-    # --- publishing -------------------------------------------------------------------------------------
+        return {}
 
     def _check(self, number: int, order: wire.Publish) -> None:
         try:
@@ -200,13 +210,6 @@ class Inspector:
         except Exception as error:  # noqa: BLE001  (as above)
             refusal = _refusal(error)
         self._report(Done(number, refusal))
-
-    def _publish(self, order: wire.Publish) -> None:
-        definition = self._checked.get((order.topic, order.type)) or self._definition(order.type, order.topic)
-        values = fitted(definition.fields, order.fields)
-        self._node.publishings.publish(
-            order.topic, definition, lambda: definition.layout.write(values, _now()), order.rate_hz
-        )
 
 
 def _refusal(error: Exception) -> wire.Refusal:
