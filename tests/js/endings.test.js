@@ -1,0 +1,32 @@
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import { Endings } from "../../static/js/endings.js";
+
+describe("endings", () => {
+  let tell;
+  let ends;
+
+  beforeEach(() => {
+    tell = vi.fn();
+    ends = new Endings(tell);
+    ends.follow(null, { number: 4, outcome: "done" });
+  });
+
+  it("are told once, to the page that began it", () => {
+    ends.mine = true;
+    ends.follow("Hola", { number: 4, outcome: "done" });
+    expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(true);
+    expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(false);
+    expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "failed" }, "Hola"]]);
+  });
+
+  it("of others are not told, nor one from before this page was opened", () => {
+    expect(ends.follow(null, { number: 5, outcome: "done" })).toBe(true);
+    expect(tell).not.toHaveBeenCalled();
+  });
+
+  it("are named as the robot names them", () => {
+    ends.mine = true;
+    ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" });
+    expect(tell.mock.calls[0][1]).toBe("wave");
+  });
+});
