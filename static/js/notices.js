@@ -5,6 +5,7 @@ import { make, say, show } from "./dom.js";
 const SHOWN_MS = 5000;
 const SHOWN_AT_MOST = 4;
 const KEPT = 100;
+const ANNOUNCED_MS = 1500; // then a screen reader has it, and finds it on the page once
 
 /** Never by colour alone. */
 function levels() {
@@ -96,6 +97,7 @@ export class Notices {
   #parts;
   #shown = new Map();
   #log = [];
+  #timer = null;
   #listening = new AbortController();
 
   /**
@@ -134,6 +136,7 @@ export class Notices {
 
   close() {
     for (const { item } of [...this.#shown.values()]) item.end();
+    clearTimeout(this.#timer);
     this.#listening.abort();
   }
 
@@ -142,10 +145,19 @@ export class Notices {
     const item = new Shown(entry, () => this.#shown.delete(key));
     this.#shown.set(key, { item, entry });
     this.#parts.notices.prepend(item.element);
-    const region = entry.level === "error" ? this.#parts.alarm : this.#parts.said;
-    region.textContent = `${levels()[entry.level].word}: ${entry.text}`;
+    this.#announce(entry);
     this.#log.unshift(entry);
     this.#log.length = Math.min(this.#log.length, KEPT);
+  }
+
+  #announce({ level, text }) {
+    const { alarm, said } = this.#parts;
+    say(level === "error" ? alarm : said, `${levels()[level].word}: ${text}`);
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => {
+      say(alarm, "");
+      say(said, "");
+    }, ANNOUNCED_MS);
   }
 
   #openLog() {

@@ -84,7 +84,7 @@ def test_staff_take_over_with_a_reason(person: Arrive) -> None:
     staff.page.get_by_label("Reason").fill("the door must be kept free")
     staff.page.keyboard.press("Enter")
     staff.until(lambda: staff.control["state"] == "yours", "control to be taken over")
-    operator.page.get_by_text("the door must be kept free").wait_for()
+    operator.part("notices").get_by_text("the door must be kept free").wait_for()
     staff.release()
 
 

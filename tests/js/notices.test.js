@@ -66,6 +66,8 @@ describe("notices", () => {
     expect(parts.notices.querySelector(".notice-icon").textContent).toBe("✕");
     expect(parts.alarm.textContent).toBe("Error: Not confirmed.");
     expect(parts.said.textContent).toBe("");
+    vi.advanceTimersByTime(1500);
+    expect(parts.alarm.textContent).toBe(""); // a screen reader finds it once
   });
 
   it("are never more than four at once, and the last hundred are kept in the log", () => {
