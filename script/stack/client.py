@@ -178,12 +178,15 @@ class Driver:
     async def hold_stick(
         self, x: float, w: float, until: Callable[[], Any], *, share: float = 0.4, timeout_s: float = 20.0
     ) -> None:
-        """Hold the stick there, sending as a page does, until `until()` is true."""
+        """Hold the stick there, as a person does, until `until()` is true; let it go where that is asked for."""
         end_s = time.monotonic() + timeout_s
         while not until():
             if time.monotonic() > end_s:
                 raise TimeoutError(f"{timeout_s:g} s of driving were not enough; {self.said_last()}")
-            await self.drive(x, w, share)
+            if self.state and self.state.neutral_needed:
+                await self.drive(0.0, 0.0)
+            else:
+                await self.drive(x, w, share)
             await asyncio.sleep(DRIVE_PERIOD_S)
 
     async def order(self, order: wire.Order) -> wire.Accepted | wire.Refused:

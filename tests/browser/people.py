@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Browser, Locator, Page, WebSocket
 
 from script.stack.client import Console
+from script.stack.places import REPOSITORY
+from script.stack.stack import SimulatedRobot
 
 PATIENCE_S = 15.0
 POLL_MS = 20
@@ -186,6 +192,21 @@ class Person:
         self.until(
             lambda: all(abs(self.state["odometry"][axis]) < 0.02 for axis in ("vx", "vy", "w")), "standstill"
         )
+
+
+@contextmanager
+def robot_side(robot: SimulatedRobot, role: str, said: Path) -> Iterator[subprocess.Popen[str]]:
+    """A rospy process at the robot (tests/browser/robot_side.py); what it prints goes to the file `said`."""
+    with said.open("w") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tests.browser.robot_side", role],
+            cwd=REPOSITORY, env=robot.environment, stdin=subprocess.PIPE, stdout=file, text=True,
+        )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 class Fingers:

@@ -15,7 +15,7 @@ from tests.gate.conftest import Feeder, tiago_profile
 
 
 def recorded(path):
-    """Two seconds towards a wall that comes nearer."""
+    """Two seconds in which what is all around closes in."""
     feeder, sent = Feeder(tiago_profile()), STILL
     with Recorder(path, feeder.gate.profile) as recorder:
         feeder.gate = recorder.recorded(feeder.gate)
@@ -37,7 +37,7 @@ def replayed(*arguments):
 def test_a_recording_gives_the_same_verdicts_and_each_change_in_words(tmp_path):
     told = replayed(str(recorded(tmp_path / "wall.gate")))
     assert "40 decisions, 0 other than recorded" in told
-    assert "obstacle" in told and "laser" in told
+    assert "mover" in told and "laser" in told
 
 
 def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatch, capsys):

@@ -67,6 +67,11 @@ def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
     return msgspec.structs.replace(config, **changes)
 
 
+def drivable(state: wire.State) -> bool:
+    """Online, and every sensor has spoken: before, the gate holds and asks for a neutral stick."""
+    return state.phase == "online" and all(sensor.ok for sensor in state.sensors if sensor.kind != "depth")
+
+
 class BridgeProcess:
     """One bridge, its standard input the life line that the supervisor would hold."""
 

@@ -27,7 +27,7 @@ from sensor_msgs.msg import Range
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.process import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
-from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import Master, SimulatorProcess, until
 
 ODOMETRY = "/mobile_base_controller/odom"
@@ -64,11 +64,6 @@ def hand(bridge):
     hand.take_control(1)
     yield hand
     hand.close()
-
-
-def drivable(state: wire.State) -> bool:
-    """Online, and every sensor has spoken: before, the gate holds and asks for a neutral stick."""
-    return state.phase == "online" and all(sensor.ok for sensor in state.sensors if sensor.kind != "depth")
 
 
 def moving(message: Odometry) -> bool:

@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist
 from robots import wire
 from robots.bridge.config import Allowed, Topic
 from robots.bridge.ros.types import message_class
-from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import until
 
 TTS, PLAY = "pal_interaction_msgs/TtsAction", "play_motion_msgs/PlayMotionAction"
@@ -45,7 +45,7 @@ def talk(robot, rosmaster, tmp_path_factory):
         msgspec.structs.replace(config, topics=topics, allowed=ALLOWED), rosmaster, folder
     )
     hand = process.link()
-    hand.state_until(lambda state: state.phase == "online", "a robot online")
+    hand.state_until(drivable, "a robot online")
     hand.take_control(1)
     yield hand, lambda: process.records.read_text().splitlines()
     hand.close()

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from robots import wire
 from robots.bridge.config import DepthSource, HeadSource
 from robots.bridge.gate.values import DepthView
-from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import until
 
 IMAGES = DepthSource(
@@ -55,7 +55,7 @@ def bridge(master, folder, source, **topics):
     )
     hand = process.link()
     try:
-        hand.state_until(lambda state: state.phase == "online", "a robot that can be driven")
+        hand.state_until(drivable, "a robot that can be driven")
         yield hand
     finally:
         hand.close()

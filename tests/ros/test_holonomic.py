@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from robots.bridge.config import ScanSource, Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits
-from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 
 HALF_WIDTH_M = 0.28
 TOPICS = Topics(
@@ -49,7 +49,7 @@ def test_the_lateral_stick_slides_the_base_and_the_gate_holds_it_off_the_wall_at
             ros.listen("/ground_truth/pose", Odometry) as truth,
             ros.listen("/ground_truth/contacts", String) as contacts,
         ):
-            hand.state_until(lambda state: state.phase == "online", "a robot that can be driven")
+            hand.state_until(drivable, "a robot that can be driven")
             hand.take_control(1)
             contacts.drain()
             hand.stick(0.0, y=-1.0)

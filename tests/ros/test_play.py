@@ -45,17 +45,12 @@ def bridge(master, folder):
     hand = process.link()
     try:
         hand.until(lambda report: isinstance(report, wire.Offers) and report.motions, "a robot with motions")
-        hand.state_until(watched, "a robot that sees")
+        hand.state_until(drivable, "a robot that sees")
         hand.take_control(1)
         yield hand, lambda: process.records.read_text().splitlines()
     finally:
         hand.close()
         process.stop()
-
-
-def watched(state):
-    """Online, and every sensor tells what is there."""
-    return state.phase == "online" and all(sensor.ok for sensor in state.sensors)
 
 
 @contextmanager

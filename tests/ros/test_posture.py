@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import ArmSource, Topic
 from robots.simulator.joints import HOME
-from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 
 JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]
 ARM = ArmSource(
@@ -43,7 +43,7 @@ def bridge(master, folder):
     process = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
     hand = process.link()
     try:
-        hand.state_until(lambda state: state.phase == "online", "a robot that can be driven")
+        hand.state_until(drivable, "a robot that can be driven")
         yield hand
     finally:
         hand.close()

@@ -63,7 +63,7 @@ def test_it_speaks_and_tells_each_word(voice):
     result = voice.result(goal_id)
     assert result.status.status == GoalStatus.SUCCEEDED
     assert result.result.text == "hello lab"
-    told = [message.feedback for message in voice.feedback.drain()]
+    told = [voice.feedback.next().feedback for _ in range(3)]
     assert [(event.event_type, event.text_said) for event in told] == [
         (FEEDBACK.TTS_EVENT_STARTED_PLAYING_WORD, "hello"),
         (FEEDBACK.TTS_EVENT_STARTED_PLAYING_WORD, "hello lab"),

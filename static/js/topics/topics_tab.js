@@ -218,7 +218,9 @@ export class TopicsTab {
   }
 
   #shown(watch, message) {
+    const isNew = message.number !== watch.number;
     watch.show(message);
+    if (!isNew) return; // told once more, so that its figures are of now
     const numbers = watch.numbers(message);
     if (numbers.size) this.#plot.add(numbers);
   }

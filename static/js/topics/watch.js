@@ -7,6 +7,7 @@ import { figuresText, isNumeric, numberAt, rows, valueText, wholeLengths } from 
 export class Watch extends EventTarget {
   element;
   topic;
+  number = null; // of the newest message
   #type;
   #figures;
   #problem;
@@ -37,6 +38,7 @@ export class Watch extends EventTarget {
 
   /** @param {object} message as in `shown` */
   show(message) {
+    this.number = message.number;
     say(this.#type, message.type);
     say(this.#figures, figuresText(message));
     say(this.#problem, message.refusal?.text ?? "");

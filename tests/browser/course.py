@@ -1,0 +1,48 @@
+"""A course through the 0.80 m door, and somebody who follows it: by what odometry says, with stick or keys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from robots.bridge.gate.planar import wrapped
+
+START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; odometry begins there
+# Before the door, in it, behind it; from the start.
+COURSE = ((0.8, 0.8), (0.8, 1.8), (0.8, 2.25))
+THERE_M = 0.15
+# Farther astray, a driver turns on the spot. Keys give full speed in a bend too, a stick, whose rim is round, less.
+ASTRAY_BY_KEYS_RAD = 0.5
+ASTRAY_BY_STICK_RAD = 0.25
+TURN_PER_RAD = 2.0
+AIM_RAD = 0.06  # a key is let go of within it
+SHARE = 0.4
+
+
+class Follower:
+    """Where a competent driver holds the stick: forward and left turn, each -1..1."""
+
+    def __init__(self, astray_rad: float, course: Sequence[tuple[float, float]] = COURSE) -> None:
+        self._astray_rad = astray_rad
+        self._course = list(course)
+
+    @property
+    def arrived(self) -> bool:
+        """The end is reached."""
+        return not self._course
+
+    def stick(self, x: float, y: float, yaw: float) -> tuple[float, float]:
+        """For this pose by odometry."""
+        while self._course and math.dist((x, y), self._course[0]) < THERE_M:
+            del self._course[0]
+        if not self._course:
+            return 0.0, 0.0
+        goal_x, goal_y = self._course[0]
+        astray = wrapped(math.atan2(goal_y - y, goal_x - x) - yaw)
+        forward = 0.0 if abs(astray) > self._astray_rad else 1.0
+        return forward, min(max(TURN_PER_RAD * astray, -1.0), 1.0)
+
+
+def keys(forward: float, turn: float) -> tuple[float, float]:
+    """The same with keys, which know no half."""
+    return forward, 0.0 if abs(turn) < TURN_PER_RAD * AIM_RAD else math.copysign(1.0, turn)

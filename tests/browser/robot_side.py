@@ -1,0 +1,86 @@
+"""``python -m tests.browser.robot_side ROLE``: what tests do at a robot without the console.
+
+keys     drive the course by keys, no gate between; prints the seconds that it took
+unknown  publish a type that is installed nowhere, on /weather
+hear     print what comes on /fleet_demo/place
+person   obey lines of stdin ("person 1.0 2.0") in the simulated world, print what the robot touches
+"""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import sys
+import threading
+import time
+
+import genpy.dynamic
+import rospy
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from robots.bridge.ros.convert import planar
+from tests.browser.course import ASTRAY_BY_KEYS_RAD, SHARE, Follower, keys
+
+FULL_MPS, FULL_RADPS = 1.0, 2.0944
+PERIOD_S = 0.05
+
+
+def drive_by_keys() -> None:
+    """As somebody would with a keyboard on the robot itself."""
+    newest: list[Odometry] = []
+    rospy.Subscriber("/mobile_base_controller/odom", Odometry, lambda message: newest.append(message))
+    publisher = rospy.Publisher("/key_vel", Twist, queue_size=1)
+    while not (newest and publisher.get_num_connections()):
+        time.sleep(0.01)
+    follower = Follower(ASTRAY_BY_KEYS_RAD)
+    began_s = time.monotonic()
+    while not follower.arrived:
+        pose, _ = planar(newest[-1])
+        forward, turn = keys(*follower.stick(pose.x, pose.y, pose.yaw))
+        twist = Twist()
+        twist.linear.x, twist.angular.z = forward * SHARE * FULL_MPS, turn * SHARE * FULL_RADPS
+        publisher.publish(twist)
+        time.sleep(PERIOD_S)
+    print(f"{time.monotonic() - began_s:.2f}", flush=True)
+
+
+def be_the_world() -> None:
+    """People come where they are told to; contacts are told."""
+    rospy.Subscriber("/ground_truth/contacts", String, lambda message: print(message.data, flush=True))
+    publisher = rospy.Publisher("/ground_truth/person", String, queue_size=5)
+    while not publisher.get_num_connections():
+        time.sleep(0.01)
+    for line in sys.stdin:
+        publisher.publish(String(line.strip()))
+
+
+def publish_unknown() -> None:
+    """A message of a package that the console has not."""
+    text = "uint8 SUN=0\nuint8 RAIN=1\nuint8 sky\nfloat32 celsius\nstring words\n"
+    weather = genpy.dynamic.generate_dynamic("fleet_test_msgs/Weather", text)["fleet_test_msgs/Weather"]
+    publisher = rospy.Publisher("/weather", weather, queue_size=1)
+    while not rospy.is_shutdown():
+        publisher.publish(weather(sky=1, celsius=7.5, words="Take a coat."))
+        time.sleep(0.1)
+
+
+def hear_places() -> None:
+    """Where somebody says that something is."""
+
+    def heard(message: PoseStamped) -> None:
+        position = message.pose.position
+        print(f"{message.header.frame_id} {position.x:g} {position.y:g}", flush=True)
+
+    rospy.Subscriber("/fleet_demo/place", PoseStamped, heard)
+    rospy.spin()
+
+
+if __name__ == "__main__":
+    rospy.init_node(f"usability_{sys.argv[1]}", anonymous=True, disable_signals=True)
+    threading.Thread(target=rospy.spin, daemon=True).start()
+    roles = {"keys": drive_by_keys, "person": be_the_world, "unknown": publish_unknown, "hear": hear_places}
+    roles[sys.argv[1]]()
+    rospy.signal_shutdown("done")

@@ -1,0 +1,121 @@
+"""The Topics tab, as an operator uses it: where input goes, what the robot says, what is published."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from script.stack.stack import Stack
+from tests.browser.people import Person, robot_side
+from tests.browser.test_pages import found_by_axe
+
+Arrive = Callable[..., Person]
+ROBOT = "tiago-2"
+
+
+def topics_of(person: Person) -> None:
+    """Open the tab, and wait for the robot's topics."""
+    person.page.get_by_role("tab", name="Topics").click()
+    person.part("topic-list").get_by_role("button").first.wait_for()
+
+
+def test_driving_goes_elsewhere_and_back_with_one_press(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take(ROBOT)
+    topics_of(operator)
+    drive = operator.part("uses").get_by_role("listitem").filter(has_text="Drive")
+    drive.get_by_role("button", name="Change…").click()
+    dialog = operator.part("choose-dialog")
+    dialog.get_by_label("Search topics").fill("vel")
+    assert dialog.get_by_role("button", name=re.compile("/joy_vel")).is_disabled()
+    assert "not on the allow-list" in dialog.get_by_role("button", name=re.compile("/joy_vel")).inner_text()
+    dialog.get_by_label("Search topics").fill("phone")
+    operator.page.keyboard.press("Enter")
+    operator.until(lambda: operator.state["chosen"] == {"drive": "/phone_vel"}, "the choice")
+    drive.get_by_text("chosen").wait_for()
+    assert "/phone_vel" in drive.inner_text()
+
+    start = operator.place
+    operator.page.get_by_role("tab", name="Drive").click()
+    operator.page.keyboard.down("ArrowDown")
+    operator.until_driven(start, 0.05)
+    operator.page.keyboard.up("ArrowDown")
+    operator.until_still()
+
+    topics_of(operator)
+    drive.get_by_role("button", name="Back to the default").click()
+    operator.until(lambda: operator.state["chosen"] == {}, "the default")
+    drive.get_by_text("default").wait_for()
+    operator.release()
+    assert operator.complaints == []
+
+
+def test_a_type_that_is_installed_nowhere_is_watched_and_plotted(
+    person: Arrive, stack: Stack, tmp_path: Path
+) -> None:
+    observer = person("observer")
+    observer.watch(ROBOT)
+    with robot_side(stack.robots[ROBOT], "unknown", tmp_path / "said"):
+        topics_of(observer)
+        row = observer.part("topic-list").get_by_role("button", name=re.compile("/weather"))
+        while not row.count():
+            observer.part("topics-refresh").click()
+            observer.page.wait_for_timeout(200)
+        row.click()
+        watched = observer.part("watches").get_by_label("/weather")
+        watched.get_by_text("Take a coat.").wait_for()
+        watched.get_by_text(re.compile(r"10(\.\d)? Hz")).wait_for()
+        assert "7.5" in watched.inner_text()
+        watched.get_by_role("button", name="Plot celsius").click()
+        observer.part("topic-plot").locator("canvas").wait_for()
+        assert found_by_axe(observer) == []
+        watched.get_by_role("button", name="Close").click()
+        assert not observer.part("topic-plot").is_visible()
+    assert observer.complaints == []
+
+
+def test_a_nested_message_is_published_and_a_wrong_field_is_named(
+    person: Arrive, stack: Stack, tmp_path: Path
+) -> None:
+    operator = person("operator")
+    operator.take(ROBOT)
+    topics_of(operator)
+    said = tmp_path / "said"
+    with robot_side(stack.robots[ROBOT], "hear", said):
+        operator.part("publish-topic").select_option("/fleet_demo/place")
+        operator.page.locator("#field-header-frame_id").fill("odom")
+        operator.page.locator("#field-pose-position-x").fill("far")
+        operator.press("Publish")
+        assert "not a number" in operator.page.locator("#field-pose-position-x-note").inner_text()
+        operator.page.locator("#field-pose-position-x").fill("1.5")
+        operator.press("Publish")
+        operator.until(lambda: "odom 1.5 0" in said.read_text(), "the message at the robot")
+
+        operator.part("publish-as").select_option("text")
+        operator.part("publish-text").fill('{"pose.position.y": "near"}')
+        operator.press("Publish")
+        operator.part("publish-fault").get_by_text("pose.position.y").wait_for()
+        operator.part("publish-text").fill('{"header.frame_id": "map", "pose.position.y": 2}')
+        operator.part("publish-rate").fill("5")
+        operator.press("Publish")
+        operator.until(lambda: said.read_text().count("map 0 2") > 3, "messages at a rate")
+        operator.part("publish-running").get_by_role("button", name="Stop").click()
+        operator.until(lambda: operator.state["publishing"] == [], "the end")
+    operator.release()
+
+
+def test_a_velocity_that_is_published_goes_through_the_gate_and_ends_with_the_tab(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take(ROBOT)
+    topics_of(operator)
+    operator.part("publish-topic").select_option("/key_vel")
+    operator.page.locator("#field-linear-x").fill("-0.1")
+    operator.part("publish-rate").fill("10")
+    start = operator.place
+    operator.press("Publish")
+    operator.until_driven(start, 0.05)
+    assert operator.state["verdict"]["asked"][0] < 0.0
+    operator.page.get_by_role("tab", name="Motions").click()
+    operator.until_still()
+    operator.release()

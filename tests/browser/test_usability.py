@@ -1,0 +1,167 @@
+"""The tasks that the former controller was judged by, done as a person does them; prints time and presses of each."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser
+
+from script.stack.places import REPOSITORY
+from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
+from tests.browser.course import ASTRAY_BY_STICK_RAD, SHARE, START, Follower
+from tests.browser.people import Person, robot_side
+
+COURSE_RATIO = 1.15  # on-screen joystick behind the gate, to keys without one
+STICK_PERIOD_MS = 30
+PATIENCE_S = 60.0
+DRIVEN, BESIDE = (PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START) for number in (1, 2))
+
+
+@pytest.fixture(scope="module")
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """Two robots at the same start, each in an office of its own: one behind the gate, one driven without."""
+    stack = Stack(tmp_path_factory.mktemp("usability"), robots=(DRIVEN, BESIDE))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
+        stack.launch()
+    try:
+        stack.wait_ready()
+        yield stack
+    finally:
+        stack.end()
+
+
+class Tasks:
+    """What a person does, timed, with presses counted."""
+
+    def __init__(self, person: Person) -> None:
+        self.person = person
+        self.presses = 0
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def task(self, name: str, at_most: int | None = None) -> Iterator[None]:
+        """One of the tasks; `at_most` presses."""
+        before, began_s = self.presses, time.monotonic()
+        yield
+        self.seconds[name] = time.monotonic() - began_s
+        presses = self.presses - before
+        print(f"{name}: {self.seconds[name]:.1f} s, {presses} presses")
+        assert at_most is None or presses <= at_most, name
+
+    def press(self, name: str) -> None:
+        """A button, by its name."""
+        self.presses += 1
+        self.person.press(name)
+
+    def press_part(self, name: str) -> None:
+        """An element, by the name that the page's script knows."""
+        self.presses += 1
+        self.person.part(name).click()
+
+
+def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> None:
+    without_gate_s = driven_by_keys(stack.robots[BESIDE.slug])
+    print(f"the course by keys, without gate: {without_gate_s:.1f} s")
+    person = Person(stack, browser, "operator")
+    tasks = Tasks(person)
+    try:
+        with tasks.task("connect", at_most=3):
+            person.sign_in()
+            person.watch(DRIVEN.slug)
+            tasks.press("Take control")
+            person.until_in_control()
+        person.until(lambda: all(sensor["ok"] for sensor in person.state["sensors"]), "every sensor")
+        with tasks.task("wave", at_most=2):
+            tasks.press("Play Wave")
+            person.until(lambda: person.state["motion"], "the motion")
+        person.until(lambda: person.state["arm"], "an arm that leaves its home, by the joint states")
+        person.until(lambda: person.state["motion"] is None, "its end")
+        with tasks.task("say hello", at_most=2):
+            tasks.press("Hello! It is nice to meet you.")
+            person.until(lambda: person.state["speech"], "the greeting")
+        person.until(lambda: person.state["speech"] is None, "its end")
+        with tasks.task("say a sentence of one's own", at_most=3):
+            tasks.presses += 1
+            person.page.get_by_role("tab", name="Speech").click()
+            person.part("say-text").fill("The lift is to the left.")
+            tasks.presses += 1
+            person.part("say-text").press("Enter")
+            person.until(lambda: person.state["speech"], "the sentence")
+        tasks.presses += 1
+        person.page.get_by_role("tab", name="Centre").click()
+        tasks.press("Play Home")  # a wave ends with the arm held out, too wide for the door
+        person.until(lambda: person.state["motion"], "the motion")
+        person.until(lambda: person.state["motion"] is None and not person.state["arm"], "an arm at home")
+        person.until(lambda: person.state["speech"] is None, "silence")
+        with tasks.task("drive the course through the door"):
+            follow_course(tasks)
+        person.until_still()
+        contacts = tmp_path / "contacts"
+        with (
+            robot_side(stack.robots[DRIVEN.slug], "person", contacts) as world,
+            tasks.task("try to hit the person"),
+        ):
+            try_to_hit(tasks, world)
+        assert contacts.read_text() == ""
+        with tasks.task("disconnect", at_most=2):
+            tasks.press("Release")
+            person.until(lambda: person.control["state"] == "free", "control to be free")
+    finally:
+        person.leave()
+    ratio = tasks.seconds["drive the course through the door"] / without_gate_s
+    print(f"the course: {ratio:.2f} times as long as by keys without gate")
+    assert ratio <= COURSE_RATIO
+
+
+def driven_by_keys(robot: SimulatedRobot) -> float:
+    """Seconds that the course takes without console and gate."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.browser.robot_side", "keys"],
+        cwd=REPOSITORY, env=robot.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=True,
+    )  # fmt: skip
+    return float(done.stdout.split()[-1])
+
+
+def follow_course(tasks: Tasks) -> None:
+    """With the mouse on the joystick, at the speed that the page offers."""
+    person, follower = tasks.person, Follower(ASTRAY_BY_STICK_RAD)
+    assert person.part("speed").inner_text().startswith(f"{SHARE:.2f}")
+    x, y = person.middle_of("zone")
+    person.page.mouse.move(x, y)
+    tasks.presses += 1
+    person.page.mouse.down()
+    deadline = time.monotonic() + PATIENCE_S
+    while not follower.arrived:
+        assert time.monotonic() < deadline, f"stuck: {person.state}"
+        odometry = person.state["odometry"]
+        forward, turn = follower.stick(odometry["x"], odometry["y"], odometry["yaw"])
+        person.page.mouse.move(x - person.stick_reach * turn, y - person.stick_reach * forward)
+        person.page.wait_for_timeout(STICK_PERIOD_MS)
+    person.page.mouse.up()
+
+
+def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
+    """Somebody stands in the way; the stick is full ahead until the gate has stopped the robot."""
+    person = tasks.person
+    assert world.stdin is not None
+    world.stdin.write("person 2.5 5.1\n")  # a metre ahead of the course's end
+    world.stdin.flush()
+    x, y = person.middle_of("zone")
+    person.page.mouse.move(x, y)
+    tasks.presses += 1
+    person.page.mouse.down()
+    person.page.mouse.move(x, y - person.stick_reach)
+    person.until(
+        lambda: person.state["verdict"]["allowed"] == [0, 0, 0] and person.state["verdict"]["asked"][0] > 0,
+        "the gate to hold the robot",
+    )
+    person.until_still()
+    person.page.mouse.up()
+    assert person.part("words").inner_text() != ""  # it says why
