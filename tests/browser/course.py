@@ -11,9 +11,10 @@ START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; odometry beg
 # Before the door, in it, behind it; from the start.
 COURSE = ((0.8, 0.8), (0.8, 1.8), (0.8, 2.25))
 THERE_M = 0.15
+DEAD_ZONE = 0.08  # of the page's stick
 # Farther astray, a driver turns on the spot. Keys give full speed in a bend too, a stick, whose rim is round, less.
 ASTRAY_BY_KEYS_RAD = 0.5
-ASTRAY_BY_STICK_RAD = 0.25
+ASTRAY_BY_STICK_RAD = 0.4
 TURN_PER_RAD = 2.0
 AIM_RAD = 0.06  # a key is let go of within it
 SHARE = 0.4
@@ -41,6 +42,15 @@ class Follower:
         astray = wrapped(math.atan2(goal_y - y, goal_x - x) - yaw)
         forward = 0.0 if abs(astray) > self._astray_rad else 1.0
         return forward, min(max(TURN_PER_RAD * astray, -1.0), 1.0)
+
+
+def pushed(axis: float) -> float:
+    """How far a thumb goes for this: the page's stick (static/js/shaping.js) is fine near its middle."""
+    wanted, low, high = abs(axis), 0.0, 1.0
+    for _ in range(20):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if 0.5 * middle + 0.5 * middle**3 < wanted else (low, middle)
+    return math.copysign(DEAD_ZONE + (1.0 - DEAD_ZONE) * high if wanted else 0.0, axis)
 
 
 def keys(forward: float, turn: float) -> tuple[float, float]:

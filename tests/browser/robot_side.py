@@ -75,6 +75,7 @@ def hear_places() -> None:
         print(f"{message.header.frame_id} {position.x:g} {position.y:g}", flush=True)
 
     rospy.Subscriber("/fleet_demo/place", PoseStamped, heard)
+    print("listening", flush=True)
     rospy.spin()
 
 

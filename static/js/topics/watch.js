@@ -73,11 +73,11 @@ export class Watch extends EventTarget {
     this.#table.replaceChildren(
       ...found.map(({ path, value, depth, leaf }) => {
         const name = make("dt", { text: path.slice(path.lastIndexOf(".") + 1) });
-        const cell = make("dd");
-        this.#rows.set(path, cell);
-        const line = make("div", { data: { depth: Math.min(depth, 6) }, children: [name, cell] });
-        if (leaf && isNumeric(value)) line.append(this.#plotButton(path));
-        return line;
+        const shown = make("span");
+        const cell = make("dd", { children: [shown] });
+        this.#rows.set(path, shown);
+        if (leaf && isNumeric(value)) cell.append(this.#plotButton(path));
+        return make("div", { data: { depth: Math.min(depth, 6) }, children: [name, cell] });
       }),
     );
   }
