@@ -15,11 +15,12 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 PICTURES = REPOSITORY / "docs/img"
 ROBOT = "tiago-1"
 DRIVEN_S = 20.0
+SETTLED_S = 1.0  # until notices of what went before are fewer
 APPROACH_S = 1.5  # towards the obstacle, once the gate has begun to hold back
 
 
 def main() -> None:
-    """Fleet page, control page on a desk and on a phone."""
+    """Fleet page, the tabs of the control page on a desk, the centre on a phone."""
     PICTURES.mkdir(exist_ok=True)
     # The first stands before a parcel, not far from the partition and a doorway.
     robots = (replace(PRACTICE_ROBOTS[0], pose=(5.4, 2.6, 8.0)), *PRACTICE_ROBOTS[1:])
@@ -32,6 +33,11 @@ def main() -> None:
             drive_to_the_wall(page, stack)
             page.screenshot(path=PICTURES / "control.png")
             page.keyboard.up("w")
+            for tab in ("motions", "speech", "topics"):
+                page.goto(f"{stack.url}/robots/{ROBOT}/#{tab}")
+                page.locator(f".control[data-tab={tab}] .hit").first.wait_for()
+                page.wait_for_timeout(1000.0 * SETTLED_S)
+                page.screenshot(path=PICTURES / f"{tab}.png")
             page.goto(f"{stack.url}/")
             page.get_by_text("Online").first.wait_for()
             page.screenshot(path=PICTURES / "fleet.png")
