@@ -15,6 +15,9 @@ from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
 RECORDED_CHARACTERS = 2000  # of a message's fields
+HALTED = Refusal(
+    "halted", "It was not done: control ended, or the robot was stopped, before it was on record.", "robot"
+)
 
 
 class Publisher(Protocol):
@@ -84,8 +87,7 @@ class Publishings:
         """All of it ends, also what waits for its record."""
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
-            text = "It was not sent: control ended, or the robot was stopped, before it was on record."
-            publishing.answer(Refusal("halted", text, "robot"))
+            publishing.answer(HALTED)
         for topic in list(self._running):
             self._end(topic, why, now_s)
 
