@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from msgspec import structs
 
@@ -16,7 +16,7 @@ from robots import wire
 from robots.bridge import twists
 from robots.bridge.choices import Choices, Switch
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drives import Answer, DriveLog
+from robots.bridge.drives import Answer, DriveLog, not_recorded
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, Velocity
@@ -25,7 +25,7 @@ from robots.bridge.head import Aim, Head
 from robots.bridge.motions import Motions, Player
 from robots.bridge.never import admissible
 from robots.bridge.offers import Catalogue
-from robots.bridge.publishings import Publisher, Publishings
+from robots.bridge.publishings import HALTED, Publisher, Publishings
 from robots.bridge.room import why_no_room
 from robots.bridge.sink import Holder
 from robots.bridge.speech import Speaking, Utterance, Voice, why_not_speakable
@@ -66,6 +66,13 @@ class Performer(Player, Voice, Switch, Protocol):
         """Ask the robot for its motions. Returns at once; `Catalogue.read` follows for each action."""
 
 
+class _Look(NamedTuple):
+    """A look ahead that was asked for, and is being put on record."""
+
+    number: Future[int]
+    answer: Answer
+
+
 class Orders:
     """The orders of one robot's holder."""
 
@@ -92,7 +99,7 @@ class Orders:
         self._log = log
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
-        self._look: Future[int] | None = None  # asked for, and being put on record
+        self._looks: list[_Look] = []
 
     def take(self, order: wire.Order, link: int, now_s: float, answer: Answer) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
@@ -106,17 +113,18 @@ class Orders:
                 self._publish(order, grant, link, now_s, answer)
             case wire.Play():
                 self._play(order.motion, grant, now_s, answer)
+            case wire.LookAhead():
+                self._look_ahead(grant, now_s, answer)
             case wire.Say():
                 self._say(order, grant, now_s, answer)
             case wire.Choose():
                 self.choices.take(order, holder_of(grant), now_s, answer)
             case _:
-                answer(self._begin(order, grant, now_s))
+                answer(self._end(order, now_s))
 
-    def _begin(self, order: wire.Order, grant: Grant, now_s: float) -> Refusal | None:
+    def _end(self, order: wire.Order, now_s: float) -> Refusal | None:
+        """What ends something is done at once, and its outcome put on record."""
         match order:
-            case wire.LookAhead():
-                return self._look_ahead(grant, now_s)
             case wire.PlayCancel():
                 return self._cancel_motion("Its holder cancelled it.")
             case wire.SayCancel():
@@ -163,14 +171,14 @@ class Orders:
 
     def stopped(self, by: str, now_s: float) -> None:
         """The emergency stop was pressed."""
-        self._look = None
+        self._forget_looks()
         self.publishings.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""
-        self._look = None
+        self._forget_looks()
         self.publishings.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
         if self.speaking.waiting:
@@ -185,11 +193,20 @@ class Orders:
 
     # --- head -----------------------------------------------------------------------------------------
 
-    def _look_ahead(self, grant: Grant, now_s: float) -> Refusal | None:
+    def _look_ahead(self, grant: Grant, now_s: float, answer: Answer) -> None:
+        """Put it on record; the head is turned, and the question answered, once that is done."""
         refusal = self._why_no_look(now_s)
-        if refusal is None and self._look is None:
-            self._look = self._log.request(holder_of(grant), "head.look_ahead", {}, now_s)
-        return refusal
+        if refusal is not None:
+            answer(refusal)
+            return
+        number = self._log.request(holder_of(grant), "head.look_ahead", {}, now_s)
+        self._looks.append(_Look(number, answer))
+
+    def _forget_looks(self) -> None:
+        """What is not on record yet will not be done."""
+        looks, self._looks = self._looks, []
+        for look in looks:
+            look.answer(HALTED)
 
     def _why_no_look(self, now_s: float) -> Refusal | None:
         if self._head is None:
@@ -202,17 +219,28 @@ class Orders:
         return None
 
     def _move_head(self, sent: Velocity, now_s: float) -> None:
-        """What was asked for and is on record now; else, by setting, into the turn."""
+        """Where it was asked to look and that is on record now; else, by setting, into the turn."""
         if self._head is None:
             return
-        asked, aim = self._look, None
-        if asked is not None and asked.done():
-            self._look = None
-            aim = self._head.ahead(now_s) if asked.exception() is None else None
-        elif self._rules.grants.current and sent != STILL:
+        aim = None
+        if self._take_look(now_s):
+            aim = self._head.ahead(now_s)
+        elif self._rules.grants.current and sent != STILL and self._why_no_look(now_s) is None:
             aim = self._head.follow(sent, now_s)
-        if aim is not None and self._rules.grants.current and self._why_no_look(now_s) is None:
+        if aim is not None:
             self._performer.aim_head(aim)
+
+    def _take_look(self, now_s: float) -> bool:
+        """Answer what is on record now. Whether there was a look that nothing forbids."""
+        due = [look for look in self._looks if look.number.done()]
+        self._looks = [look for look in self._looks if look not in due]
+        granted = False
+        for look in due:
+            error = look.number.exception()
+            refusal = not_recorded(error) if error else self._why_no_look(now_s)
+            granted = granted or refusal is None
+            look.answer(refusal)
+        return granted
 
     # --- publishing -----------------------------------------------------------------------------------
 

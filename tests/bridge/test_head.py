@@ -26,12 +26,21 @@ def bench():
 
 
 def ask(bench, fence=1, link=1):
-    return bench.order(wire.LookAhead(fence), link)
+    """The answers so far."""
+    return bench.ask(wire.LookAhead(fence), link)
+
+
+def codes(answers):
+    return [refusal and refusal.code for refusal in answers]
 
 
 def settled(bench):
     bench.recorded()
     bench.core.tick(bench.now_s)
+
+
+def others_play(bench):
+    bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s)
 
 
 def turn(bench):
@@ -40,33 +49,53 @@ def turn(bench):
         bench.pass_time(0.1)
 
 
-def test_the_head_moves_once_the_request_is_on_record(bench):
+def test_the_head_moves_and_that_is_answered_once_the_request_is_on_record(bench):
     bench.sink.open.clear()
-    assert ask(bench) is None
+    answers = ask(bench)
     bench.core.tick(bench.now_s)
-    assert bench.base.aims == []
+    assert (bench.base.aims, answers) == ([], [])
     bench.sink.open.set()
     settled(bench)
     [aim] = bench.base.aims
     assert (aim.pan, aim.tilt) == (0.0, -0.68)
+    assert answers == [None]
     assert bench.sink.kinds == ["head.look_ahead"]
 
 
-def test_what_cannot_be_recorded_is_not_done(bench):
+def test_each_request_is_on_record_and_answered(bench):
+    answers = ask(bench), ask(bench)
+    settled(bench)
+    bench.pass_time(0.1)
+    assert answers == ([None], [None])
+    assert bench.sink.kinds == ["head.look_ahead"] * 2
+
+
+def test_what_cannot_be_recorded_is_not_done_and_that_is_the_answer(bench):
     bench.sink.fails = "disk full"
-    ask(bench)
+    answers = ask(bench)
     settled(bench)
     assert bench.base.aims == []
+    assert codes(answers) == ["not_recorded"]
 
 
-def test_a_request_ends_with_the_control_under_which_it_was_made(bench):
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s) or bench.granted(2), "halted"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "halted"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s) or bench.core.clear(1, bench.now_s), "halted"),
+        (lambda bench: others_play(bench), "motion_running"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
+    ],
+)
+def test_what_comes_in_between_request_and_record_keeps_the_head_where_it_is(bench, spoil, code):
     bench.sink.open.clear()
-    ask(bench)
-    bench.core.revoke(1, "over", bench.now_s)
-    bench.granted(2)
+    answers = ask(bench)
+    spoil(bench)
     bench.sink.open.set()
     settled(bench)
     assert bench.base.aims == []
+    assert codes(answers) == [code]
 
 
 @pytest.mark.parametrize(
@@ -74,28 +103,25 @@ def test_a_request_ends_with_the_control_under_which_it_was_made(bench):
     [
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (
-            lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s),
-            "motion_running",
-        ),
+        (lambda bench: others_play(bench), "motion_running"),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )
 def test_a_look_that_must_not_be_is_refused_and_not_recorded(bench, spoil, code):
     spoil(bench)
-    assert ask(bench).code == code
+    assert codes(ask(bench)) == [code]
     settled(bench)
     assert bench.base.aims == []
     assert "head.look_ahead" not in bench.sink.kinds
 
 
 def test_only_the_holder_is_obeyed(bench):
-    assert ask(bench, fence=2).code == "unknown_fence"
-    assert ask(bench, link=5).code == "other_link"
+    assert codes(ask(bench, fence=2)) == ["unknown_fence"]
+    assert codes(ask(bench, link=5)) == ["other_link"]
 
 
 def test_a_robot_without_a_head_says_so():
-    assert ask(Bench().online().granted()).code == "no_head"
+    assert codes(ask(Bench().online().granted())) == ["no_head"]
 
 
 def test_the_head_follows_a_turn_slowly_and_not_too_far():
