@@ -12,7 +12,7 @@ from typing import Any
 from csp.constants import NONE, SELF
 from django.core.management.utils import get_random_secret_key
 
-from fleet import environment, logs
+from fleet import environment, languages, logs
 from fleet.environment import Environment
 
 os.umask(0o077)  # what our processes write is for their own account: the database holds session keys
@@ -63,6 +63,7 @@ MIDDLEWARE = [
     "csp.middleware.CSPMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
+    "django.middleware.locale.LocaleMiddleware",
     "django.middleware.common.CommonMiddleware",
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
@@ -198,7 +199,9 @@ WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = DEBUG
 
 # --- language, time, logging ------------------------------------------------------------------
 
-LANGUAGE_CODE = "en-gb"
+LANGUAGE_CODE = "en-gb"  # of the source; a browser may ask for another that is there
+LOCALE_PATHS = [BASE_DIR / "fleet/locale"]
+LANGUAGES = languages.spoken(LANGUAGE_CODE, LOCALE_PATHS[0])
 TIME_ZONE = "UTC"
 USE_TZ = True
 

@@ -14,6 +14,8 @@ from django.forms import ModelForm
 from django.http import HttpRequest
 from django.urls import reverse
 from django.utils.html import format_html
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
 from robots import services, shipped
@@ -49,7 +51,7 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
     model = RobotRole
     extra = 0
     autocomplete_fields = ["user"]
-    verbose_name_plural = "people (staff may do everything without an entry)"
+    verbose_name_plural = _("people (staff may do everything without an entry)")
 
 
 class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
@@ -66,10 +68,8 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
         """`ValidationError` if the entry was saved since the form was opened."""
         as_of: str = self.cleaned_data["as_of"]
         if as_of and as_of != self.initial.get("as_of", as_of):  # a copy of an entry is new
-            raise forms.ValidationError(
-                f"The {self.instance._meta.verbose_name} was changed meanwhile by {last_editor(self.instance)}. Open "
-                "this page again; nothing was saved."
-            )
+            told = gettext("It was changed meanwhile by %s. Open this page again; nothing was saved.")
+            raise forms.ValidationError(told % last_editor(self.instance))
         return as_of
 
 
@@ -112,41 +112,49 @@ class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
             },
         ),
         (
-            "Network",
+            _("Network"),
             {
                 "fields": ["master_uri", "advertised_address", "host_aliases", "bridge_address"],
-                "description": "ROS nodes call each other back by name, so names must resolve both ways: most "
-                "of what goes wrong in a lab goes wrong here. Save, then open the check.",
+                "description": _(
+                    "ROS nodes call each other back by name, so names must resolve both ways: most of what goes "
+                    "wrong in a lab goes wrong here. Save, then open the check."
+                ),
             },
         ),
         (
-            "Driving",
+            _("Driving"),
             {
                 "fields": ["drive_topic", "default_share", "max_share", "stick", "overrides"],
-                "description": "What differs from the profile. A change takes effect within 3 s; the robot "
-                "stops for it, other robots do not.",
+                "description": _(
+                    "What differs from the profile. A change takes effect within 3 s; the robot stops for it, "
+                    "other robots do not."
+                ),
             },
         ),
     ]
 
-    @admin.display(description="bridge")
+    @admin.display(description=_("bridge"))
     def bridge_state(self, robot: Robot) -> str:
         """How the bridge process fares, as far as anybody knows."""
         status = getattr(robot, "bridge", None)
         if status is None:
-            return "not seen by a supervisor yet"
-        since = f"{status.get_state_display()} since {status.since:%Y-%m-%d %H:%M:%S} UTC"
+            return gettext("not seen by a supervisor yet")
+        since = gettext("%(state)s since %(time)s UTC") % {
+            "state": status.get_state_display(),
+            "time": f"{status.since:%Y-%m-%d %H:%M:%S}",
+        }
         told = f"{since}: {status.detail}" if status.detail else since
         if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
             return told
-        return f"no supervisor is running; the last one said: {told}"
+        return gettext("no supervisor is running; the last one said: %s") % told
 
-    @admin.display(description="check")
+    @admin.display(description=_("check"))
     def check_link(self, robot: Robot) -> str:
         """A link to the check page."""
         if robot._state.adding:
-            return "after saving"
-        return format_html('<a href="{}">Check this robot</a>', reverse("robot-check", args=[robot.slug]))
+            return gettext("after saving")
+        url = reverse("robot-check", args=[robot.slug])
+        return format_html('<a href="{}">{}</a>', url, gettext("Check this robot"))
 
     def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
         """Save by the service."""
@@ -215,37 +223,45 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
     fieldsets = [
         (None, {"fields": ["name", "slug", "holonomic", "source", "as_of"]}),
         (
-            "Limits",
+            _("Limits"),
             {
                 "fields": [
                     *("forward_mps", "reverse_mps", "lateral_mps", "turn_radps"),
                     *("linear_mps2", "angular_radps2", "blind_mps"),
                 ],
-                "description": "What the safety gate believes of the base. A number above what the base can "
-                "do makes the gate brake too late.",
+                "description": _(
+                    "What the safety gate believes of the base. A number above what the base can do makes the "
+                    "gate brake too late."
+                ),
             },
         ),
-        ("Driving", {"fields": ["default_share", "reverse_steering", "stick", "drive_topic", "drive_type"]}),
-        ("Body and ROS interface", {"fields": ["footprint", "topics", "gate"]}),
+        (
+            _("Driving"),
+            {"fields": ["default_share", "reverse_steering", "stick", "drive_topic", "drive_type"]},
+        ),
+        (_("Body and ROS interface"), {"fields": ["footprint", "topics", "gate"]}),
     ]
 
-    @admin.display(description="source")
+    @admin.display(description=_("source"))
     def source(self, profile: RobotProfile) -> str:
         """Whether the profile is as shipped."""
         file = shipped.file_of(profile)
         if file is None:
-            return "made here"
-        return "edited here; the shipped one differs" if shipped.differs(profile, file) else "as shipped"
+            return gettext("made here")
+        if shipped.differs(profile, file):
+            return gettext("edited here; the shipped one differs")
+        return gettext("as shipped")
 
-    @admin.action(description="Give up local edits, take the shipped version")
+    @admin.action(description=_("Give up local edits, take the shipped version"))
     def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
         """Back to the data file."""
         for profile in queryset:
             taken = services.profile_take_shipped(profile=profile, actor=actor_of(request))
-            text = "is as shipped now" if taken else "was made here; nothing is shipped for it"
-            self.message_user(
-                request, f"{profile.name} {text}.", messages.SUCCESS if taken else messages.WARNING
-            )
+            if taken:
+                self.message_user(request, gettext("%s is as shipped now.") % profile.name, messages.SUCCESS)
+            else:
+                told = gettext("%s was made here; nothing is shipped for it.") % profile.name
+                self.message_user(request, told, messages.WARNING)
 
     def save_model(
         self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
@@ -253,12 +269,12 @@ class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subs
         """Save by the service, and say it where a limit of the gate was loosened."""
         services.profile_save(profile=obj, actor=actor_of(request))
         if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
-            self.message_user(
-                request,
-                f"The blind speed of every {obj.name} is {obj.blind_mps:g} m/s now, it was "
-                f"{form.initial['blind_mps']:g}: where no sensor watches, only the operator's eyes do.",
-                messages.WARNING,
+            told = gettext(
+                "The blind speed of every %(name)s is %(now)s m/s now, it was %(before)s: where no sensor watches, "
+                "only the operator's eyes do."
             )
+            figures = {"now": f"{obj.blind_mps:g}", "before": f"{form.initial['blind_mps']:g}"}
+            self.message_user(request, told % {"name": obj.name, **figures}, messages.WARNING)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         """The allow-list by the service."""

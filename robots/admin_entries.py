@@ -12,6 +12,8 @@ from django.db.models import QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import URLPattern, path
+from django.utils.translation import gettext, ngettext
+from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
 from robots import phrases, services
@@ -41,7 +43,7 @@ class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not sub
     model = Allowance
     extra = 0
     fields = ["what", "use", "name", "type", "role"]
-    verbose_name_plural = "allow-list (what is not there, nobody may)"
+    verbose_name_plural = _("allow-list (what is not there, nobody may)")
 
 
 class EntryAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
@@ -49,10 +51,10 @@ class EntryAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptab
 
     list_select_related = ["profile", "robot"]
 
-    @admin.display(description="of", ordering="profile")
+    @admin.display(description=_("of"), ordering="profile")
     def whose(self, entry: Phrase | Allowance) -> str:
         """A kind of robot, or one robot."""
-        return f"every {entry.profile}" if entry.profile else str(entry.robot)
+        return gettext("every %s") % entry.profile if entry.profile else str(entry.robot)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> list[str]:
         """Whose it is, once it is somebody's."""
@@ -103,16 +105,21 @@ class PhraseAdmin(EntryAdmin):
         """A form; what is wrong with a file is said at it."""
         form = ImportForm(request.POST or None, request.FILES or None)
         if not form.is_valid():
-            context = {**self.admin_site.each_context(request), "title": "Import phrases", "form": form}
+            context = {
+                **self.admin_site.each_context(request),
+                "title": gettext("Import phrases"),
+                "form": form,
+            }
             return render(request, "admin/robots/phrase/import.html", context)
         asked = form.cleaned_data
         new = services.phrases_import(
             owner=asked["owner"], lines=asked["lines"], actor=actor_of(request), replace=asked["replace"]
         )
-        self.message_user(request, f"{asked['owner']}: {new} new phrases.", messages.SUCCESS)
+        told = ngettext("%(owner)s: %(count)d new phrase.", "%(owner)s: %(count)d new phrases.", new)
+        self.message_user(request, told % {"owner": asked["owner"], "count": new}, messages.SUCCESS)
         return redirect("admin:robots_phrase_changelist")
 
-    @admin.action(description="Export to a text file")
+    @admin.action(description=_("Export to a text file"))
     def export(self, request: HttpRequest, queryset: QuerySet[Phrase]) -> HttpResponse:
         """The chosen ones, in their order."""
         content = phrases.written(phrase.line for phrase in queryset.order_by("order", "id"))
@@ -124,17 +131,23 @@ class ImportForm(forms.Form):
     """A file of phrases, and for whom."""
 
     profile = forms.ModelChoiceField(
-        RobotProfile.objects.all(), required=False, help_text="Every robot of a kind,"
+        RobotProfile.objects.all(),
+        required=False,
+        label=_("Profile"),
+        help_text=_("Every robot of a kind,"),
     )
-    robot = forms.ModelChoiceField(Robot.objects.all(), required=False, help_text="or one robot.")
-    file = forms.FileField(widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"}))
+    robot = forms.ModelChoiceField(
+        Robot.objects.all(), required=False, label=_("Robot"), help_text=_("or one robot.")
+    )
+    file = forms.FileField(label=_("File"), widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"}))
     language = forms.CharField(
         max_length=35,
         required=False,
-        help_text="Of lines without one, such as en-GB. Empty: the robot's first.",
+        label=_("Language"),
+        help_text=_("Of lines without one, such as en-GB. Empty: the robot's first."),
     )
     replace = forms.BooleanField(
-        required=False, label="Replace", help_text="Instead of what is there; otherwise after it."
+        required=False, label=_("Replace"), help_text=_("Instead of what is there; otherwise after it.")
     )
 
     def clean(self) -> dict[str, Any]:
@@ -142,7 +155,7 @@ class ImportForm(forms.Form):
         asked = super().clean() or {}
         profile, robot, language = asked.get("profile"), asked.get("robot"), asked.get("language")
         if (profile is None) == (robot is None):
-            self.add_error(None, "Name either a profile or a robot.")
+            self.add_error(None, gettext("Name either a profile or a robot."))
         elif language and (why := phrases.why_no_language(language)):
             self.add_error("language", why)
         elif "file" in asked:

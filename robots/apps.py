@@ -8,12 +8,14 @@ from django.apps import AppConfig
 from django.apps import apps as installed_apps
 from django.db import DEFAULT_DB_ALIAS
 from django.db.models.signals import post_migrate
+from django.utils.translation import gettext_lazy as _
 
 
 class RobotsConfig(AppConfig):
     """Loads the shipped profiles after each migration."""
 
     name = "robots"
+    verbose_name = _("Robots")
     default_auto_field = "django.db.models.BigAutoField"
 
     def ready(self) -> None:
@@ -21,7 +23,7 @@ class RobotsConfig(AppConfig):
         post_migrate.connect(_load_shipped_profiles, sender=self)
 
 
-def _load_shipped_profiles(*, using: str, apps: Any = installed_apps, **_: Any) -> None:
+def _load_shipped_profiles(*, using: str, apps: Any = installed_apps, **_others: Any) -> None:
     """Only on a fully migrated table, with the audit log there: an older state does not fit today's model.
 
     `manage.py flush` sends the signal without `apps`.

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 
 import msgspec
 from django.conf import settings
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_noop
 from msgspec import Struct
 
 from robots.bridge.config import BridgeConfig
@@ -44,26 +46,25 @@ def run_checks(robot: Robot) -> list[Check]:
         config = bridge_config(robot)
         environment = ros_environment(config, settings.FLEET_RUN_DIR)
     except Problems as problems:
-        return [Check("registry", FAIL, str(problems), "Correct the robot's entry or its profile.")]
+        return [Check(_("registry"), FAIL, str(problems), _("Correct the robot's entry or its profile."))]
     except NoWrapper as error:
-        return [Check("host aliases", FAIL, str(error), "Install it on the console's computer.")]
+        return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console's computer."))]
     try:
         return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
     except subprocess.TimeoutExpired:
-        return [
-            Check("probe", FAIL, f"No answer within {PROBE_TIMEOUT_S:g} s.", "Is the network overloaded?")
-        ]
+        text = _("No answer within %d s.") % PROBE_TIMEOUT_S
+        return [Check(_("probe"), FAIL, text, _("Is the network overloaded?"))]
     except (subprocess.CalledProcessError, msgspec.DecodeError) as error:
-        return [Check("probe", FAIL, f"The probe failed: {error}", "See the console's log.")]
+        return [Check(_("probe"), FAIL, _("The probe failed: %s") % error, _("See the console's log."))]
 
 
 def _elsewhere(robot: Robot) -> Iterator[Check]:
     if robot.bridge_address:
         yield Check(
-            "asked from here",
+            _("asked from here"),
             WARN,
-            f"This computer asked, but the robot's bridge runs at {robot.bridge_address}.",
-            f"What counts is the answer of manage.py check_robot {robot.slug} on that computer.",
+            _("This computer asked, but the robot's bridge runs at %s.") % robot.bridge_address,
+            _("What counts is the answer of manage.py check_robot %s on that computer.") % robot.slug,
         )
 
 
@@ -114,13 +115,13 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     """Answers, the most basic first."""
     if findings.master_error is not None:
         yield Check(
-            "master",
+            _("master"),
             FAIL,
             findings.master_error,
-            f"Is the robot on, and in this network? Its ROS_MASTER_URI should be {config.master_uri}.",
+            _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % config.master_uri,
         )
         return
-    yield Check("master", OK, f"The ROS master at {config.master_uri} answers.")
+    yield Check(_("master"), OK, _("The ROS master at %s answers.") % config.master_uri)
     yield _names_here(findings.hosts)
     if findings.callback is not None:
         yield _names_there(findings.callback)
@@ -132,113 +133,139 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
 
 
 def _names_here(hosts: list[HostFound]) -> Check:
-    name = "names, robot to console"
+    name = _("names, robot to console")
     unknown = [host.name for host in hosts if host.address is None]
     if unknown:
         return Check(
             name,
             FAIL,
-            f"The robot's nodes call themselves {_and(unknown)}, which cannot be resolved here.",
-            f'Add it to the robot\'s host aliases, such as {{"{unknown[0]}": "10.68.0.1"}}.',
+            _("The robot's nodes call themselves %s, which cannot be resolved here.") % _and(unknown),
+            _("Add it to the robot's host aliases, such as %s.") % f'{{"{unknown[0]}": "10.68.0.1"}}',
         )
     unreached = [f"{host.name} ({host.address}: {host.error})" for host in hosts if host.error]
     if unreached:
         return Check(
             name,
             FAIL,
-            f"Nodes on {_and(unreached)} cannot be reached.",
-            "Is the address right (host aliases), a firewall between, or the node dead (rosnode cleanup)?",
+            _("Nodes on %s cannot be reached.") % _and(unreached),
+            _("Is the address right (host aliases), a firewall between, or the node dead (rosnode cleanup)?"),
         )
-    return Check(name, OK, f"The robot's nodes ({_and([host.name for host in hosts])}) can be reached.")
+    return Check(name, OK, _("The robot's nodes (%s) can be reached.") % _and([host.name for host in hosts]))
 
 
 def _names_there(callback: CallbackFound) -> Check:
-    name = "names, console to robot"
+    name = _("names, console to robot")
     if callback.called:
-        return Check(name, OK, f"The robot called the console back at {callback.advertised}.")
-    text = f"The robot could not call the console back at {callback.advertised}"
-    text += f" ({callback.error})." if callback.error else "."
+        return Check(name, OK, _("The robot called the console back at %s.") % callback.advertised)
+    where = f"{callback.advertised} ({callback.error})" if callback.error else callback.advertised
+    text = _("The robot could not call the console back at %s.") % where
     if callback.route and callback.advertised != callback.route:
-        return Check(name, FAIL, text, f"Set the robot's advertised address to {callback.route}.")
-    return Check(name, FAIL, text, "Does a firewall on this computer keep the robot out?")
+        return Check(name, FAIL, text, _("Set the robot's advertised address to %s.") % callback.route)
+    return Check(name, FAIL, text, _("Does a firewall on this computer keep the robot out?"))
 
 
 def _clock(topics: list[TopicFound]) -> Check:
+    name = _("clock")
     skews = [topic.skew_s for topic in topics if topic.skew_s is not None]
     if not skews:
-        return Check("clock", WARN, "No stamped message arrived, so clocks could not be compared.")
+        return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))
     skew_s = min(skews, key=abs)
     if abs(skew_s) <= SKEW_S:
-        return Check("clock", OK, f"Robot and console agree within {max(abs(skew_s), 0.01):.2f} s.")
-    way = "ahead of" if skew_s > 0 else "behind"
+        agree = _("Robot and console agree within %.2f s.") % max(abs(skew_s), 0.01)
+        return Check(name, OK, agree)
+    ahead = _("The robot's stamps are %.1f s ahead of the console's clock.")
+    behind = _("The robot's stamps are %.1f s behind the console's clock.")
     return Check(
-        "clock",
+        name,
         WARN,
-        f"The robot's stamps are {abs(skew_s):.1f} s {way} the console's clock.",
-        "Let both follow the same time server (chrony). The console does not depend on it; recordings may.",
+        (ahead if skew_s > 0 else behind) % abs(skew_s),
+        _(
+            "Let both follow the same time server (chrony). The console does not depend on it; recordings may."
+        ),
     )
 
 
 def _topic(listened: Listened, found: TopicFound) -> Check:
+    name = _named(listened.what)
     bad = FAIL if listened.what.split()[0] in NEEDED else WARN
-    where = f"{listened.topic} ({listened.type})"
+    words = {"topic": listened.topic, "type": listened.type}
     if not found.publishers:
-        return Check(listened.what, bad, f"Nobody publishes {where}.", _MISSING)
+        return Check(name, bad, _("Nobody publishes %(topic)s (%(type)s).") % words, _(_MISSING))
     if found.error is not None:
-        return Check(listened.what, bad, f"{listened.topic} cannot be read: {found.error}.", _UNREADABLE)
+        text = _("%(topic)s cannot be read: %(error)s.") % {**words, "error": found.error}
+        return Check(name, bad, text, _(_UNREADABLE))
     if found.type != listened.type:
-        return Check(
-            listened.what, bad, f"{listened.topic} is a {found.type}, not a {listened.type}.", _MISSING
-        )
+        text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
+        return Check(name, bad, text, _(_MISSING))
     if found.our_md5 is None:
-        return Check(listened.what, bad, f"The console does not know the type {listened.type}.", _UNKNOWN)
+        return Check(name, bad, _("The console does not know the type %s.") % listened.type, _(_UNKNOWN))
     if found.md5 != found.our_md5:
-        text = f"{where} has md5 {found.md5} on the robot and {found.our_md5} here: they cannot talk."
-        return Check(listened.what, bad, text, "The robot has another version of the message's package.")
+        text = _("%(topic)s (%(type)s) has md5 %(theirs)s on the robot and %(ours)s here: they cannot talk.")
+        sums = {"theirs": found.md5, "ours": found.our_md5}
+        return Check(name, bad, text % {**words, **sums}, _(_OTHER_VERSION))
     if not found.messages and listened.what not in QUIET:
-        return Check(listened.what, bad, f"{where} is there, but no message came.", _SILENT)
+        text = _("%(topic)s (%(type)s) is there, but no message came.") % words
+        return Check(name, bad, text, _(_SILENT))
     unseen = sorted(set(listened.frames) - set(found.frames))
     if unseen:
-        text = f"{listened.topic} says nothing from {_and(unseen)}, only from {_and(found.frames)}."
-        return Check(listened.what, bad, text, "Correct the sensors' frame ids in the profile.")
-    return Check(listened.what, OK, f"{where}: right type" + (", alive." if found.messages else "."))
+        frames = {"unseen": _and(unseen), "frames": _and(found.frames)}
+        text = _("%(topic)s says nothing from %(unseen)s, only from %(frames)s.") % {**words, **frames}
+        return Check(name, bad, text, _("Correct the sensors' frame ids in the profile."))
+    alive, quiet = _("%(topic)s (%(type)s): right type, alive."), _("%(topic)s (%(type)s): right type.")
+    return Check(name, OK, (alive if found.messages else quiet) % words)
 
 
-_MISSING = "Is the node running, and is the topic's name in the robot's profile right (rostopic list)?"
-_UNREADABLE = "See the answers on names above."
-_UNKNOWN = "Choose one of the types that the profile's help text names."
-_SILENT = "Is the sensor switched on and its driver well (rostopic hz)?"
+def _named(what: str) -> str:
+    """`Listened.what` in the reader's language; topics in it stay."""
+    kind, slash, topic = what.partition(" /")
+    return _(kind) + slash + topic
+
+
+# Of `_listened`, for translators' catalogues.
+_KINDS = (
+    *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
+    *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
+    *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions")),
+)
+_MISSING = gettext_noop(
+    "Is the node running, and is the topic's name in the robot's profile right (rostopic list)?"
+)
+_UNREADABLE = gettext_noop("See the answers on names above.")
+_UNKNOWN = gettext_noop("Choose one of the types that the profile's help text names.")
+_OTHER_VERSION = gettext_noop("The robot has another version of the message's package.")
+_SILENT = gettext_noop("Is the sensor switched on and its driver well (rostopic hz)?")
 
 
 def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
-    drive = config.topics.drive
+    name, drive = _("drive"), config.topics.drive
+    words = {"topic": drive.name, "type": drive.type}
     if found.type not in (None, "*", drive.type):
-        yield Check(
-            "drive",
-            FAIL,
-            f"{drive.name} is a {found.type}, not a {drive.type}.",
-            "Correct the profile's type.",
-        )
+        text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
+        yield Check(name, FAIL, text, _("Correct the profile's type."))
     elif not found.subscribers:
         yield Check(
-            "drive",
+            name,
             FAIL,
-            f"Nobody listens to {drive.name}: the robot would not move.",
-            "Is the base controller (on TIAGo: twist_mux) running, and the drive topic right?",
+            _("Nobody listens to %(topic)s: the robot would not move.") % words,
+            _("Is the base controller (on TIAGo: twist_mux) running, and the drive topic right?"),
         )
     else:
-        yield Check("drive", OK, f"{_and(found.subscribers)} listens to {drive.name} ({drive.type}).")
-    foreign = [node for node in found.publishers if node != BRIDGE_NODE]
-    if foreign:
-        yield Check(
-            "other drivers",
-            WARN,
-            f"{_and(foreign)} publishes to {drive.name} too, past the console's gate.",
-            "Stop it, or choose a drive topic of the console's own.",
-        )
-    else:
-        yield Check("other drivers", OK, f"Nobody else publishes to {drive.name}.")
+        text = _("%(nodes)s listens to %(topic)s (%(type)s).") % {**words, "nodes": _and(found.subscribers)}
+        yield Check(name, OK, text)
+    yield _others(drive.name, [node for node in found.publishers if node != BRIDGE_NODE])
+
+
+def _others(topic: str, nodes: list[str]) -> Check:
+    name = _("other drivers")
+    if not nodes:
+        return Check(name, OK, _("Nobody else publishes to %s.") % topic)
+    text = _("%(nodes)s publishes to %(topic)s too, past the console's gate.")
+    words = {"nodes": _and(nodes), "topic": topic}
+    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic of the console's own."))
 
 
 def _and(names: list[str]) -> str:
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1] if names else ""])) or "nothing"
+    if not names:
+        return _("nothing")
+    *first, last = names
+    return _("%(first)s and %(last)s") % {"first": ", ".join(first), "last": last} if first else last

@@ -12,6 +12,9 @@ from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
 from django.db import models
 from django.utils.functional import cached_property
+from django.utils.text import format_lazy
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
 
 from robots import described, effective, phrases
 from robots.bridge import stick
@@ -21,7 +24,7 @@ T = TypeVar("T")
 
 _topic_name = RegexValidator(
     r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$",
-    "Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _.",
+    _("Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _."),
 )
 
 
@@ -35,10 +38,10 @@ class Role(models.TextChoices):
     Staff is no row: `User.is_staff` means staff on every robot.
     """
 
-    OBSERVER = "observer", "Observer: may look, and stop"
-    OPERATOR = "operator", "Operator: may drive"
-    SUPERVISOR = "supervisor", "Supervisor: may also take over control"
-    STAFF = "staff", "Staff: everything, on every robot"
+    OBSERVER = "observer", _("Observer: may look, and stop")
+    OPERATOR = "operator", _("Operator: may drive")
+    SUPERVISOR = "supervisor", _("Supervisor: may also take over control")
+    STAFF = "staff", _("Staff: everything, on every robot")
 
     @property
     def rank(self) -> int:
@@ -62,8 +65,8 @@ class Role(models.TextChoices):
 class ReverseSteering(models.TextChoices):
     """What stick left means while reversing."""
 
-    TURN = "turn", "Stick left always turns the robot left"
-    CAR = "car", "Like a car: mirrored in reverse"
+    TURN = "turn", _("Stick left always turns the robot left")
+    CAR = "car", _("Like a car: mirrored in reverse")
 
 
 def default_stick() -> list[dict[str, float | str]]:
@@ -75,91 +78,119 @@ def default_stick() -> list[dict[str, float | str]]:
 class RobotProfile(models.Model):
     """What a kind of robot has in common."""
 
-    slug = models.SlugField(unique=True)
-    name = models.CharField(max_length=80)
-    holonomic = models.BooleanField(default=False, help_text="The base can also move sideways.")
+    slug = models.SlugField(_("slug"), unique=True)
+    name = models.CharField(_("name"), max_length=80)
+    holonomic = models.BooleanField(
+        _("holonomic"), default=False, help_text=_("The base can also move sideways.")
+    )
 
     forward_mps = models.FloatField(
-        "forward, m/s", validators=_between(0.05, 3.0), help_text="The fastest that this kind of robot goes."
+        _("forward, m/s"),
+        validators=_between(0.05, 3.0),
+        help_text=_("The fastest that this kind of robot goes."),
     )
     reverse_mps = models.FloatField(
-        "reverse, m/s",
+        _("reverse, m/s"),
         validators=_between(0.0, 3.0),
-        help_text="A positive number. TIAGo's own limit is 0.2.",
+        help_text=_("A positive number. TIAGo's own limit is 0.2."),
     )
     lateral_mps = models.FloatField(
-        "sideways, m/s",
+        _("sideways, m/s"),
         default=0.0,
         validators=_between(0.0, 3.0),
-        help_text="0 unless the base is holonomic.",
+        help_text=_("0 unless the base is holonomic."),
     )
-    turn_radps = models.FloatField("turning, rad/s", validators=_between(0.05, 6.3))
+    turn_radps = models.FloatField(_("turning, rad/s"), validators=_between(0.05, 6.3))
     linear_mps2 = models.FloatField(
-        "acceleration, m/s²",
+        _("acceleration, m/s²"),
         validators=_between(0.05, 10.0),
-        help_text="What the base can speed up and brake with; the gate plans with a share of it.",
+        help_text=_("What the base can speed up and brake with; the gate plans with a share of it."),
     )
-    angular_radps2 = models.FloatField("angular acceleration, rad/s²", validators=_between(0.05, 20.0))
+    angular_radps2 = models.FloatField(_("angular acceleration, rad/s²"), validators=_between(0.05, 20.0))
     blind_mps = models.FloatField(
-        "blind speed, m/s",
+        _("blind speed, m/s"),
         validators=_between(0.01, 0.5),
-        help_text="The fastest in directions, or at heights, that no sensor watches. Raising it trusts the "
-        "operator's eyes instead of a sensor.",
+        help_text=_(
+            "The fastest in directions, or at heights, that no sensor watches. Raising it trusts the "
+            "operator's eyes instead of a sensor."
+        ),
     )
     default_share = models.FloatField(
-        "default speed share",
+        _("default speed share"),
         default=0.4,
         validators=_between(0.01, 1.0),
-        help_text="What part of the limits a full stick means when a page is opened, above 0 up to 1. "
-        f"At most {effective.BEGINNER_MPS:g} m/s may come of it: everybody begins as a beginner.",
+        help_text=format_lazy(
+            _(
+                "What part of the limits a full stick means when a page is opened, above 0 up to 1. "
+                "At most {speed} m/s may come of it: everybody begins as a beginner."
+            ),
+            speed=f"{effective.BEGINNER_MPS:g}",
+        ),
     )
     reverse_steering = models.CharField(
-        max_length=8, choices=ReverseSteering.choices, default=ReverseSteering.TURN
+        _("steering in reverse"), max_length=8, choices=ReverseSteering.choices, default=ReverseSteering.TURN
     )
     drive_topic = models.CharField(
+        _("drive topic"),
         max_length=200,
         validators=[_topic_name],
-        help_text="Where velocities are published. On TIAGo this chooses what wins over the console. "
-        "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every "
-        "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by "
-        "the locks of priority 100: a console there ignores emergency_brake. "
-        "/mobile_base_controller/cmd_vel bypasses the mux, the joystick's priority and every lock.",
+        help_text=_(
+            "Where velocities are published. On TIAGo this chooses what wins over the console. "
+            "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every "
+            "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by "
+            "the locks of priority 100: a console there ignores emergency_brake. "
+            "/mobile_base_controller/cmd_vel bypasses the mux, the joystick's priority and every lock."
+        ),
     )
     drive_type = models.CharField(
+        _("drive type"),
         max_length=80,
         choices=[(name, name) for name in USE_TYPES["drive"]],
         default=USE_TYPES["drive"][0],
     )
     footprint = models.JSONField(
-        help_text='Metres, base frame: {"radius_m": 0.27} or {"outline": [[0.3, 0.2], [-0.3, 0.2], ...]}, '
-        "convex, with the base frame's origin inside."
+        _("footprint"),
+        help_text=_(
+            'Metres, base frame: {"radius_m": 0.27} or {"outline": [[0.3, 0.2], [-0.3, 0.2], ...]}, '
+            "convex, with the base frame's origin inside."
+        ),
     )
     topics = models.JSONField(
-        help_text="The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
-        "charging, speech, languages, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres "
-        "and radians. Leave out what the robot does not have."
+        _("topics"),
+        help_text=_(
+            "The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
+            "charging, speech, languages, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, "
+            "metres and radians. Leave out what the robot does not have."
+        ),
     )
     gate = models.JSONField(
+        _("gate"),
         default=dict,
         blank=True,
-        help_text="Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
-        "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} "
-        "unless you have measured.",
+        help_text=_(
+            "Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
+            "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} "
+            "unless you have measured."
+        ),
     )
     stick = models.JSONField(
+        _("stick"),
         default=default_stick,
         blank=True,
-        help_text="What a stick position passes on its way to the gate, in order; [] is nothing. Steps: scale (x, y, "
-        "w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to "
-        "steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways.",
+        help_text=_(
+            "What a stick position passes on its way to the gate, in order; [] is nothing. Steps: scale (x, y, "
+            "w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to "
+            "steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways."
+        ),
     )
     shipped = models.JSONField(default=dict, editable=False)  # as last taken from a data file
     shipped_phrases = models.JSONField(default=list, editable=False)  # likewise: `phrases.Line`s
-    updated_at = models.DateTimeField(auto_now=True)
+    updated_at = models.DateTimeField(_("last saved"), auto_now=True)
 
     class Meta:
         ordering = ["name"]
-        verbose_name = "robot profile"
+        verbose_name = _("robot profile")
+        verbose_name_plural = _("robot profiles")
 
     def __str__(self) -> str:
         return self.name
@@ -177,7 +208,7 @@ class RobotProfile(models.Model):
         if None not in (self.default_share, self.forward_mps, self.reverse_mps, self.lateral_mps):
             _collect(errors, "default_share", effective.check_profile_share, self)
         if not self.holonomic and self.lateral_mps:
-            errors["lateral_mps"] = ["A base that is not holonomic cannot move sideways: 0."]
+            errors["lateral_mps"] = [gettext("A base that is not holonomic cannot move sideways: 0.")]
         if errors:
             raise ValidationError(errors)
 
@@ -186,78 +217,101 @@ class Robot(models.Model):
     """One robot: where it is, how it differs from its profile, who may use it."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    slug = models.SlugField(unique=True, help_text="Short name in addresses and commands, such as tiago-1.")
-    name = models.CharField(max_length=80)
-    profile = models.ForeignKey(RobotProfile, on_delete=models.PROTECT, related_name="robots")
+    slug = models.SlugField(
+        _("slug"), unique=True, help_text=_("Short name in addresses and commands, such as tiago-1.")
+    )
+    name = models.CharField(_("name"), max_length=80)
+    profile = models.ForeignKey(
+        RobotProfile, on_delete=models.PROTECT, related_name="robots", verbose_name=_("profile")
+    )
     enabled = models.BooleanField(
+        _("enabled"),
         default=True,
-        help_text="Untick to take the robot out of service: it is stopped, its bridge ends within 3 s.",
+        help_text=_("Untick to take the robot out of service: it is stopped, its bridge ends within 3 s."),
     )
     practice = models.BooleanField(
-        "simulated",
+        _("simulated"),
         default=False,
-        help_text="Shown as a practice robot, so that nobody takes it for a real one.",
+        help_text=_("Shown as a practice robot, so that nobody takes it for a real one."),
     )
 
     master_uri = models.CharField(
-        "ROS master", max_length=200, help_text="ROS_MASTER_URI of the robot, such as http://tiago-42c:11311."
+        _("ROS master"),
+        max_length=200,
+        help_text=_("ROS_MASTER_URI of the robot, such as http://tiago-42c:11311."),
     )
     advertised_address = models.CharField(
+        _("advertised address"),
         max_length=200,
         blank=True,
-        help_text="What the console calls itself to this robot, so that the robot can call back: this "
-        "computer's address in the robot's network, such as 10.68.0.2. Empty: this computer's host name.",
+        help_text=_(
+            "What the console calls itself to this robot, so that the robot can call back: this "
+            "computer's address in the robot's network, such as 10.68.0.2. Empty: this computer's host name."
+        ),
     )
     host_aliases = models.JSONField(
+        _("host aliases"),
         default=dict,
         blank=True,
-        help_text="Host names that the robot's nodes use and this network does not know, with addresses: "
-        '{"tiago-42c": "10.68.0.1"}.',
+        help_text=_(
+            "Host names that the robot's nodes use and this network does not know, with addresses: "
+            '{"tiago-42c": "10.68.0.1"}.'
+        ),
     )
     bridge_address = models.CharField(
+        _("bridge address"),
         max_length=200,
         blank=True,
-        help_text="Empty: the bridge runs on this computer. Otherwise where it listens: wss://host:port.",
+        help_text=_("Empty: the bridge runs on this computer. Otherwise where it listens: wss://host:port."),
     )
 
     drive_topic = models.CharField(
+        _("drive topic"),
         max_length=200,
         blank=True,
         validators=[_topic_name],
-        help_text="Empty: the profile's. See there what the choice means.",
+        help_text=_("Empty: the profile's. See there what the choice means."),
     )
     default_share = models.FloatField(
-        "default speed share",
+        _("default speed share"),
         null=True,
         blank=True,
         validators=_between(0.01, 1.0),
-        help_text="Empty: the profile's.",
+        help_text=_("Empty: the profile's."),
     )
     max_share = models.FloatField(
-        "largest speed share",
+        _("largest speed share"),
         default=1.0,
         validators=_between(0.01, 1.0),
-        help_text="The largest part of the limits that anybody may choose, above 0 up to 1.",
+        help_text=_("The largest part of the limits that anybody may choose, above 0 up to 1."),
     )
     overrides = models.JSONField(
+        _("overrides"),
         default=dict,
         blank=True,
-        help_text='Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. '
-        "Entries of topics replace the profile's (null: this robot has no such thing); limits and gate may "
-        'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
+        help_text=_(
+            'Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. '
+            "Entries of topics replace the profile's (null: this robot has no such thing); limits and gate may "
+            'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.'
+        ),
     )
 
     stick = models.JSONField(
+        _("stick"),
         null=True,
         blank=True,
-        help_text="Empty or null: the profile's steps; else all that this robot's stick passes, as described there.",
+        help_text=_(
+            "Empty or null: the profile's steps; else all that this robot's stick passes, as described there."
+        ),
     )
 
     fence = models.BigIntegerField("highest fencing number", default=0, editable=False)
-    updated_at = models.DateTimeField(auto_now=True)
+    updated_at = models.DateTimeField(_("last saved"), auto_now=True)
 
     class Meta:
         ordering = ["name"]
+        verbose_name = _("robot")
+        verbose_name_plural = _("robots")
 
     def __str__(self) -> str:
         return self.name
@@ -317,29 +371,50 @@ def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], obje
 class RobotRole(models.Model):
     """What one person may do with one robot."""
 
-    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="roles")
-    user = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="robot_roles")
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="roles", verbose_name=_("robot"))
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.CASCADE,
+        related_name="robot_roles",
+        verbose_name=_("person"),
+    )
     role = models.CharField(
-        max_length=16, choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value]
+        _("role"), max_length=16, choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value]
     )
 
     class Meta:
         constraints = [
             models.UniqueConstraint(fields=["robot", "user"], name="one_role_per_robot_and_person")
         ]
+        verbose_name = _("role on a robot")
+        verbose_name_plural = _("roles on robots")
 
     def __str__(self) -> str:
-        return f"{self.user} is {self.role} of {self.robot}"
+        return gettext("%(person)s is %(role)s of %(robot)s") % {
+            "person": self.user,
+            "role": self.role,
+            "robot": self.robot,
+        }
 
 
 class OfProfileOrRobot(models.Model):
     """What a whole kind of robot has, or one robot in addition."""
 
     profile = models.ForeignKey(
-        RobotProfile, null=True, blank=True, on_delete=models.CASCADE, related_name="%(class)ss"
+        RobotProfile,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="%(class)ss",
+        verbose_name=_("profile"),
     )
     robot = models.ForeignKey(
-        Robot, null=True, blank=True, on_delete=models.CASCADE, related_name="%(class)ss"
+        Robot,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="%(class)ss",
+        verbose_name=_("robot"),
     )
 
     class Meta:
@@ -348,7 +423,7 @@ class OfProfileOrRobot(models.Model):
             models.CheckConstraint(
                 condition=models.Q(profile__isnull=False) ^ models.Q(robot__isnull=False),
                 name="%(class)s_of_profile_or_robot",
-                violation_error_message="Name either a profile or a robot.",
+                violation_error_message=_("Name either a profile or a robot."),
             )
         ]
 
@@ -375,18 +450,28 @@ class Phrase(OfProfileOrRobot):
     """A ready-made message."""
 
     text = models.TextField(
-        validators=[check_phrase_text], help_text="One line, at most 500 characters, in its own script."
+        _("text"),
+        validators=[check_phrase_text],
+        help_text=_("One line, at most 500 characters, in its own script."),
     )
     language = models.CharField(
-        max_length=35, validators=[check_phrase_language], help_text="Such as en-GB (BCP 47)."
+        _("language"),
+        max_length=35,
+        validators=[check_phrase_language],
+        help_text=_("Such as en-GB (BCP 47)."),
     )
-    order = models.PositiveIntegerField(default=0, help_text="Small numbers come first.")
+    order = models.PositiveIntegerField(_("order"), default=0, help_text=_("Small numbers come first."))
     tags = models.CharField(
-        max_length=phrases.LONGEST_TAGS, blank=True, help_text="Words to find it by, separated by commas."
+        _("tags"),
+        max_length=phrases.LONGEST_TAGS,
+        blank=True,
+        help_text=_("Words to find it by, separated by commas."),
     )
 
     class Meta(OfProfileOrRobot.Meta):
         ordering = ["order", "id"]
+        verbose_name = _("phrase")
+        verbose_name_plural = _("phrases")
 
     def __str__(self) -> str:
         return f"{self.language}: {self.text}"
@@ -408,49 +493,55 @@ class Allowance(OfProfileOrRobot):
     class What(models.TextChoices):
         """What is done with the name."""
 
-        CHOOSE = "choose", "choose: input goes to this topic or action"
-        PUBLISH = "publish", "publish on this topic"
-        CALL = "call", "call this service (staff only)"
-        SET = "set", "set this parameter (staff only)"
+        CHOOSE = "choose", _("choose: input goes to this topic or action")
+        PUBLISH = "publish", _("publish on this topic")
+        CALL = "call", _("call this service (staff only)")
+        SET = "set", _("set this parameter (staff only)")
 
     class Use(models.TextChoices):
         """Whose input."""
 
-        DRIVE = "drive", "driving"
-        SPEECH = "speech", "speech"
-        MOTIONS = "motions", "motions"
+        DRIVE = "drive", _("driving")
+        SPEECH = "speech", _("speech")
+        MOTIONS = "motions", _("motions")
 
-    what = models.CharField(max_length=8, choices=What.choices)
+    what = models.CharField(_("what"), max_length=8, choices=What.choices)
     use = models.CharField(
+        _("input"),
         max_length=8,
         choices=Use.choices,
         blank=True,
-        help_text="Of what is chosen: which input goes there. For driving it decides what wins over the console. On "
-        "TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab's joystick and every lock "
-        "win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and /tab_vel (100, not "
-        "masked by emergency_brake) and a controller's own topic are refused here.",
+        help_text=_(
+            "Of what is chosen: which input goes there. For driving it decides what wins over the console. "
+            "On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab's joystick and "
+            "every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and "
+            "/tab_vel (100, not masked by emergency_brake) and a controller's own topic are refused here."
+        ),
     )
     name = models.CharField(
+        _("name"),
         max_length=200,
         validators=[_topic_name],
-        help_text="Of the topic, action, service or parameter, in full.",
+        help_text=_("Of the topic, action, service or parameter, in full."),
     )
     type = models.CharField(
+        _("type"),
         max_length=120,
         blank=True,
         validators=[
             RegexValidator(
                 r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$",
-                "Write package and type, such as std_msgs/String.",
+                _("Write package and type, such as std_msgs/String."),
             )
         ],
-        help_text="What is published needs it, such as std_msgs/String. Otherwise leave it empty.",
+        help_text=_("What is published needs it, such as std_msgs/String. Otherwise leave it empty."),
     )
     role = models.CharField(
+        _("lowest role"),
         max_length=16,
         choices=[choice for choice in Role.choices if choice[0] != Role.OBSERVER.value],
         default=Role.OPERATOR,
-        help_text="The lowest that may. Services and parameters are for staff, whatever is chosen here.",
+        help_text=_("The lowest that may. Services and parameters are for staff, whatever is chosen here."),
     )
 
     class Meta(OfProfileOrRobot.Meta):
@@ -464,6 +555,8 @@ class Allowance(OfProfileOrRobot):
                 fields=["robot", "what", "use", "name"], name="one_allowance_per_robot_and_name"
             ),
         ]
+        verbose_name = _("allow-list entry")
+        verbose_name_plural = _("allow-list entries")
 
     def __str__(self) -> str:
         return f"{self.what} {self.name}"
@@ -475,10 +568,12 @@ class Allowance(OfProfileOrRobot):
         errors: dict[str, str] = {}
         if (self.what == self.What.CHOOSE) != bool(self.use):
             errors["use"] = (
-                "Say which input goes there." if not self.use else "Only for what is chosen: leave it empty."
+                gettext("Say which input goes there.")
+                if not self.use
+                else gettext("Only for what is chosen: leave it empty.")
             )
         if self.what == self.What.PUBLISH and not self.type:
-            errors["type"] = "What is published needs its type."
+            errors["type"] = gettext("What is published needs its type.")
         if errors:
             raise ValidationError(errors)
         self._judge()
@@ -498,7 +593,8 @@ class Allowance(OfProfileOrRobot):
             default = getattr(topics, self.use)
             self.type = default.type if default else ""
         if why := why_never(self.what, self.name, self.type, topics, self.use):
-            raise ValidationError({"name": f"No allow-list admits {self.name}: {why}."})
+            told = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
+            raise ValidationError({"name": told})
 
 
 class BridgeStatus(models.Model):
@@ -507,12 +603,12 @@ class BridgeStatus(models.Model):
     class State(models.TextChoices):
         """Life of a bridge process as its supervisor sees it."""
 
-        STARTING = "starting", "starting"
-        RUNNING = "running", "running"
-        BACKING_OFF = "backing_off", "ended, starts again soon"
-        REFUSED = "refused", "refused to start"
-        DISABLED = "disabled", "disabled"
-        STOPPED = "stopped", "ended with the supervisor"
+        STARTING = "starting", _("starting")
+        RUNNING = "running", _("running")
+        BACKING_OFF = "backing_off", _("ended, starts again soon")
+        REFUSED = "refused", _("refused to start")
+        DISABLED = "disabled", _("disabled")
+        STOPPED = "stopped", _("ended with the supervisor")
 
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="bridge")
     state = models.CharField(max_length=16, choices=State.choices)

@@ -14,6 +14,7 @@ from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.urls import reverse
 from django.utils.html import format_html
+from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
@@ -45,18 +46,19 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     filter_horizontal = []
     fieldsets = [
         (None, {"fields": ["username", "password", "full_name", "email"]}),
-        ("Rights", {"fields": ["is_active", "is_staff", "roles"]}),
-        ("Dates", {"fields": ["last_login", "date_joined"]}),
+        (_("Rights"), {"fields": ["is_active", "is_staff", "roles"]}),
+        (_("Dates"), {"fields": ["last_login", "date_joined"]}),
     ]
     add_fieldsets = [
         (None, {"fields": ["username", "full_name", "email", "usable_password", "password1", "password2"]})
     ]
 
-    @admin.display(description="Roles on robots")
+    @admin.display(description=_("Roles on robots"))
     def roles(self, user: User) -> str:
         """A link to the person's roles."""
         query = urlencode({"user__id__exact": str(user.pk)})
-        return format_html('<a href="{}?{}">Show</a>', reverse("admin:robots_robotrole_changelist"), query)
+        url = reverse("admin:robots_robotrole_changelist")
+        return format_html('<a href="{}?{}">{}</a>', url, query, _("Show"))
 
     def get_object(self, request: HttpRequest, object_id: str, from_field: str | None = None) -> User | None:
         """An account to look at or to change, and who would change it."""

@@ -1,13 +1,14 @@
 """People as a Django app."""
 
 from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
 
 
 class AccountsConfig(AppConfig):
     """Records sign-ins and sign-outs, whatever door they came by."""
 
     name = "fleet.accounts"
-    verbose_name = "People"
+    verbose_name = _("People")
 
     def ready(self) -> None:
         """Importing connects the receivers."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from django.utils.translation import gettext as _
+
 # First match counts: most browsers also claim to be some of those that come after them.
 BROWSERS = [
     ("Edg", "Edge"),
@@ -28,6 +30,6 @@ SYSTEMS = [
 
 def device_of(user_agent: str) -> str:
     """Such as "Firefox on Linux", from a User-Agent header."""
-    browser = next((name for token, name in BROWSERS if token in user_agent), "Unknown browser")
+    browser = next((name for token, name in BROWSERS if token in user_agent), _("Unknown browser"))
     system = next((name for token, name in SYSTEMS if token in user_agent), None)
-    return f"{browser} on {system}" if system else browser
+    return _("%(browser)s on %(system)s") % {"browser": browser, "system": system} if system else browser

@@ -7,6 +7,7 @@ from typing import Any
 
 from django.contrib.auth.forms import AuthenticationForm
 from django.core.exceptions import ValidationError
+from django.utils.translation import ngettext
 
 from fleet.accounts import services, throttle
 
@@ -25,9 +26,10 @@ class SignInForm(AuthenticationForm):
             self.wait_s = throttle.wait_s(username=username, address=services.address_of(self.request))
         if self.wait_s > 0:
             minutes = ceil(self.wait_s / 60)
-            raise ValidationError(
-                "Too many failed attempts for this name, or from this address. "
-                f"Try again in {minutes} minute{'s' if minutes > 1 else ''}.",
-                code=THROTTLED,
+            text = ngettext(
+                "Too many failed attempts for this name, or from this address. Try again in %(minutes)d minute.",
+                "Too many failed attempts for this name, or from this address. Try again in %(minutes)d minutes.",
+                minutes,
             )
+            raise ValidationError(text, code=THROTTLED, params={"minutes": minutes})
         return super().clean()

@@ -9,6 +9,7 @@ from django.contrib.auth.models import AbstractUser
 from django.contrib.sessions.models import Session
 from django.db import models, transaction
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts import changes
 from fleet.accounts.devices import device_of
@@ -20,7 +21,7 @@ class User(AbstractUser):
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     first_name = None  # type: ignore[assignment]
     last_name = None  # type: ignore[assignment]
-    full_name = models.CharField("name", max_length=150, blank=True, help_text="As others see it.")
+    full_name = models.CharField(_("name"), max_length=150, blank=True, help_text=_("As others see it."))
 
     changed_by: User | None = None  # who saves this next, for the record; None: the command line
 
@@ -67,19 +68,25 @@ class SignIn(models.Model):
     # Pages name a sign-in by this, never by its session key: that one is as good as the cookie.
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     session = models.OneToOneField(Session, on_delete=models.CASCADE, related_name="sign_in", editable=False)
-    user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="sign_ins")
+    user = models.ForeignKey(
+        User, on_delete=models.CASCADE, related_name="sign_ins", verbose_name=_("person")
+    )
     auth_hash = models.CharField(max_length=128, editable=False)
-    started_at = models.DateTimeField("since", default=timezone.now)
-    seen_at = models.DateTimeField("last seen", default=timezone.now)
-    address = models.CharField(max_length=64, blank=True)
-    user_agent = models.CharField("browser", max_length=300, blank=True)
+    started_at = models.DateTimeField(_("since"), default=timezone.now)
+    seen_at = models.DateTimeField(_("last seen"), default=timezone.now)
+    address = models.CharField(_("address"), max_length=64, blank=True)
+    user_agent = models.CharField(_("browser"), max_length=300, blank=True)
 
     class Meta:
         ordering = ["-seen_at"]
-        verbose_name = "sign-in"
+        verbose_name = _("sign-in")
+        verbose_name_plural = _("sign-ins")
 
     def __str__(self) -> str:
-        return f"{self.user} from {self.address or 'unknown'}"
+        return _("%(person)s from %(address)s") % {
+            "person": self.user,
+            "address": self.address or _("an unknown address"),
+        }
 
     @property
     def device(self) -> str:

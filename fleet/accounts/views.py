@@ -13,6 +13,8 @@ from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse_lazy
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
@@ -54,7 +56,8 @@ class PasswordView(PasswordChangeView):
         with transaction.atomic():
             response = super().form_valid(form)
             services.own_password_changed(self.request, _person(self.request))
-        messages.success(self.request, "Your password is changed. Every other browser has to sign in again.")
+        told = _("Your password is changed. Every other browser has to sign in again.")
+        messages.success(self.request, told)
         return response
 
 
@@ -70,7 +73,8 @@ def sessions(request: HttpRequest) -> HttpResponse:
 def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
     """End one sign-in; what it holds open ends within a second."""
     ended = services.sign_in_end(user=_person(request), sign_in_id=sign_in_id)
-    messages.success(request, "That session has ended." if ended else "That session had ended already.")
+    told = _("That session has ended.") if ended else _("That session had ended already.")
+    messages.success(request, told)
     return redirect("sessions")
 
 
@@ -78,7 +82,9 @@ def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
 def sessions_end_others(request: HttpRequest) -> HttpResponse:
     """End every sign-in but this one."""
     count = services.sign_ins_end_others(user=_person(request), session_key=request.session.session_key or "")
-    messages.success(request, f"Other sessions ended: {count}." if count else "There was no other session.")
+    ended = ngettext("%(count)d other session ended.", "%(count)d other sessions ended.", count)
+    told = ended % {"count": count} if count else _("There was no other session.")
+    messages.success(request, told)
     return redirect("sessions")
 
 

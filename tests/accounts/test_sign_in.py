@@ -116,7 +116,7 @@ def test_after_ten_failures_even_the_right_password_must_wait(guessed_too_often)
     response = _try("operator", PASSWORD)
     (error,) = response.context["form"].non_field_errors().as_data()
     assert (response.status_code, error.code) == (429, "throttled")
-    assert "Try again in 5 minutes" in error.message
+    assert "Try again in 5 minutes" in error.messages[0]
     assert 290 <= int(response.headers["Retry-After"]) <= 300
 
 

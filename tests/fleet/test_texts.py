@@ -1,10 +1,112 @@
-"""What pages tell without anybody signed in: the texts of their scripts, and which cookies there are."""
+"""What pages tell without anybody signed in: the texts of their scripts, and which cookies there are.
+
+And that every text of a template can be translated.
+"""
 
 from __future__ import annotations
 
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
 import pytest
 from django.conf import settings
+from django.template.base import Lexer, Token, TokenType
 from django.test import Client
+
+from fleet import languages
+
+TEMPLATES = sorted((settings.BASE_DIR / "templates").rglob("*.html"))
+# Blocks that fill the attributes of a tag in base.html: nothing of them is read.
+ATTRIBUTES = {"body_class", "main_attributes"}
+# The console's own name, an example of what is typed, and what reads the same in every language: keys, units.
+SAME_EVERYWHERE = re.compile(r"Fleet console|\{\"linear\.x\": 0\.2\}|\b(?:ms|m/s|rad/s|Hz)\b")
+READ_OUT_OR_SHOWN = {"alt", "aria-description", "aria-label", "aria-valuetext", "placeholder", "title"}
+NOT_FOR_PEOPLE = {"code", "kbd", "samp", "script", "style"}  # what is typed, not said
+A_DEFAULT_IN_WORDS = re.compile(r"""\|(?:default|default_if_none|yesno|pluralize):["'][^"']*[^\W\d_]""")
+
+
+class Visible(HTMLParser):
+    """Collects what a person would read or hear."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+        self._hidden: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in NOT_FOR_PEOPLE:
+            self._hidden.append(tag)
+        said = READ_OUT_OR_SHOWN | ({"value"} if dict(attrs).get("type") in {"submit", "button"} else set())
+        self.texts += [value for name, value in attrs if name in said and value]
+
+    def handle_endtag(self, tag: str) -> None:
+        if self._hidden[-1:] == [tag]:
+            self._hidden.pop()
+
+    def handle_data(self, data: str) -> None:
+        if not self._hidden:
+            self.texts.append(data)
+
+
+def not_translated(source: str) -> list[str]:
+    """Texts of a template that no translation reaches."""
+    visible = Visible()
+    visible.feed("".join(_left_alone(Lexer(source).tokenize())))
+    visible.close()
+    texts = [SAME_EVERYWHERE.sub("", text).strip() for text in visible.texts]
+    return [text for text in texts if any(letter.isalpha() for letter in text)]
+
+
+def _left_alone(tokens: list[Token]) -> list[str]:
+    """The text outside of translations; of variables the words that they fall back to."""
+    kept, until = [], ""
+    for token in tokens:
+        words = token.contents.split() if token.token_type is TokenType.BLOCK else [""]
+        if A_DEFAULT_IN_WORDS.search(token.contents):
+            kept.append(token.contents)
+        if until:
+            until = "" if words[0] == until else until
+        elif words[0] == "blocktranslate" or (words[0] == "block" and words[1] in ATTRIBUTES):
+            until = f"end{words[0]}"
+        elif token.token_type is TokenType.TEXT:
+            kept.append(token.contents)
+    return kept
+
+
+@pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: str(path.relative_to(settings.BASE_DIR)))
+def test_every_text_of_a_template_can_be_translated(template: Path) -> None:
+    assert not_translated(template.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("<p>{% translate 'Stop' %} · {{ name }}</p>", []),
+        ("<p>{% blocktranslate %}Menu of {{ name }}{% endblocktranslate %}</p>", []),
+        ("<p>Menu of {{ name }}</p>", ["Menu of"]),
+        ("{% blocktranslate %}one{% endblocktranslate %}two", ["two"]),
+        ("<a aria-label='All robots' class='back'></a>", ["All robots"]),
+        ("<input type='submit' value='Import'><input type='text' value='x'>", ["Import"]),
+        ("<p>{{ address|default:'Unknown' }}</p>", ["address|default:'Unknown'"]),
+        ("<p>{{ address|default:_('Unknown') }}</p>", []),
+        (
+            "{% include 'part.html' with name=name|default:'Nobody' %}",
+            ["include 'part.html' with name=name|default:'Nobody'"],
+        ),
+        ("<title>Robots · Fleet console</title>", ["Robots ·"]),
+    ],
+)
+def test_a_text_that_was_forgotten_is_found(source: str, found: list[str]) -> None:
+    assert not_translated(source) == found
+
+
+def test_a_language_is_there_when_its_texts_are_compiled(tmp_path: Path) -> None:
+    for folder, file in (("de", "django.mo"), ("pt_BR", "django.mo"), ("fr", "django.po")):
+        (tmp_path / folder / "LC_MESSAGES").mkdir(parents=True)
+        (tmp_path / folder / "LC_MESSAGES" / file).touch()
+    told = languages.spoken("en-gb", tmp_path)
+    assert told == [("en-gb", "British English"), ("de", "Deutsch"), ("pt-br", "Português Brasileiro")]
 
 
 def test_the_texts_of_scripts_are_a_script_for_everybody() -> None:

@@ -75,7 +75,7 @@ def test_a_form_left_open_does_not_bring_a_robot_back_into_service(
     robot.enabled = False
     robot_save(robot=robot, actor=staff)
     answer = admin.post(url, left_open)
-    assert "The robot was changed meanwhile by Sam Staff" in answer.content.decode()
+    assert "changed meanwhile by Sam Staff" in answer.content.decode()
     robot.refresh_from_db()
     assert not robot.enabled and robot.name != "Another name"
 
@@ -88,7 +88,7 @@ def test_a_profiles_form_left_open_undoes_nothing_either(
     tiago.blind_mps = 0.1
     profile_save(profile=tiago, actor=staff)
     answer = admin.post(url, left_open)
-    assert "The robot profile was changed meanwhile by Sam Staff" in answer.content.decode()
+    assert "changed meanwhile by Sam Staff" in answer.content.decode()
     tiago.refresh_from_db()
     assert (tiago.name, tiago.blind_mps) == ("PAL TIAGo", 0.1)
 
