@@ -28,7 +28,7 @@ from robots.bridge.offers import Catalogue
 from robots.bridge.publishings import HALTED, Publisher, Publishings
 from robots.bridge.room import why_no_room
 from robots.bridge.sink import Holder
-from robots.bridge.speech import Speaking, Utterance, Voice, why_not_speakable
+from robots.bridge.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
@@ -335,7 +335,8 @@ class Orders:
         if refusal is not None:
             answer(refusal)
             return
-        utterance = Utterance(order.text, order.language, order.topic or self.choices.topic("speech"))
+        language = own_language(order.language, self._config.topics.languages)
+        utterance = Utterance(order.text, language, order.topic or self.choices.topic("speech"))
         self.speaking.begin(utterance, holder_of(grant), now_s, answer)
 
     def _cancel_speech(self, why: str) -> Refusal | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
@@ -41,6 +41,21 @@ def why_not_speakable(text: str) -> Refusal | None:
         figures: dict[str, float | int | str | None] = {"length": len(text), "limit": LONGEST_CHARACTERS}
         return Refusal("text_too_long", told, "robot", figures)
     return None
+
+
+def own_language(asked: str, own: Sequence[str]) -> str:
+    """What the robot itself calls a language (BCP 47), if it is one of its `own`; else as it was asked for.
+
+    The same tag, in whichever case; else the first that is the same language: voices know es-ES, and neither es nor
+    es-MX.
+    """
+    same = [tag for tag in own if tag.lower() == asked.lower()]
+    akin = [tag for tag in own if _primary(tag) == _primary(asked)]
+    return next(iter(same + akin), asked)
+
+
+def _primary(tag: str) -> str:
+    return tag.lower().partition("-")[0]
 
 
 def word_said(text: str, said: str, after: int = 0) -> tuple[int, int] | None:

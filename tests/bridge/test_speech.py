@@ -5,7 +5,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.bridge.speech import LONGEST_CHARACTERS, Utterance, why_not_speakable, word_said
+from robots.bridge.speech import LONGEST_CHARACTERS, Utterance, own_language, why_not_speakable, word_said
 from tests.bridge.support import CONFIG, Bench
 
 SECOND = Allowed("choose", "/second_tts", "pal_interaction_msgs/TtsAction", "speech")
@@ -34,6 +34,30 @@ def test_a_text_that_is_too_long_is_refused_with_both_lengths():
 def test_control_characters_are_refused_with_their_place(character):
     refusal = why_not_speakable(f"one{character}two")
     assert (refusal.code, refusal.figures) == ("control_characters", {"position": 3})
+
+
+@pytest.mark.parametrize(
+    ("asked", "sent"),
+    [
+        ("es", "es-ES"),
+        ("ES", "es-ES"),
+        ("es-MX", "es-ES"),
+        ("en", "en-US"),
+        ("EN-gb", "en-GB"),
+        ("en-AU", "en-US"),
+        ("zh-hant", "zh-Hant-TW"),
+        ("ca", "ca"),
+        ("esu", "esu"),
+        ("de-AT", "de-AT"),
+        ("EU-es", "EU-es"),
+    ],
+)
+def test_a_language_is_called_what_the_robot_calls_it(asked, sent):
+    assert own_language(asked, ["en-US", "en-GB", "es-ES", "zh-Hant-TW", "ca"]) == sent
+
+
+def test_a_robot_that_lists_no_languages_is_sent_what_was_asked_for():
+    assert own_language("es", []) == "es"
 
 
 # --- what becomes of a text that is asked for --------------------------------------------------------
@@ -109,6 +133,14 @@ def test_it_is_said_and_answered_once_it_is_on_record_and_its_end_is_recorded(be
         {"text": "Hola a todos", "language": "es-ES", "topic": "/tts"},
     )
     assert bench.base.cancelled_goals == []
+
+
+def test_the_language_on_record_is_the_one_that_was_sent(bench):
+    ask(bench, language="es")
+    settled(bench)
+    [(_, said)] = bench.base.said
+    [(_, recorded)] = bench.sink.records
+    assert said.language == recorded["language"] == shown(bench).language == "es-ES"
 
 
 def test_what_cannot_be_recorded_is_not_said_and_that_is_the_answer(bench):

@@ -155,7 +155,7 @@ def end_of(hand, number):
 class TestPalsVoice:
     def test_a_sentence_is_said_with_its_words_marked_and_is_on_record(self, talk):
         hand, records = talk
-        said = word_of(hand, "hola a todos")
+        said = word_of(hand, "hola a todos", "es")
         assert (said.who, said.topic, said.status) == ("Ann", "/tts", "speaking")
         hand.state_until(lambda state: state.speech and state.speech.word == (7, 12), "the last word")
         assert end_of(hand, said.number).outcome == "done"
