@@ -1,0 +1,72 @@
+"""A drive's path: few samples of odometry that tell where the robot was at every moment, to a stated tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+TOLERANCE_M = 0.05
+LEVER_M = (
+    0.25  # what a point so far ahead of the robot's middle misses counts too: so turning on the spot is kept
+)
+MOST_SAMPLES = 600  # of a path, however long the drive
+
+
+class Sample(NamedTuple):
+    """Where the robot was, in the odometry frame."""
+
+    t_s: float  # since the drive began
+    x: float  # metres
+    y: float
+    yaw: (
+        float  # rad, counted on beyond a full turn, so that what lies between two samples can be interpolated
+    )
+    speed: float  # m/s
+
+
+def simplified(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
+    """The fewest of these samples, first and last among them, that Ramer-Douglas-Peucker leaves.
+
+    Whoever goes evenly from one to the next is at the time of each sample that was left out no farther than
+    `tolerance_m` from it. Lines are halved where they are farthest off, after Ramer (1972) and Douglas and Peucker
+    (1973); "off" is measured at equal times, so that speeds and pauses are kept too, after Meratnia and de By,
+    "Spatiotemporal Compression Techniques for Moving Point Objects" (2004).
+    """
+    if len(samples) <= 2:
+        return list(samples)
+    t_s, x, y, yaw, _ = np.array(samples).T
+    places = np.column_stack((x, y, LEVER_M * yaw))
+    kept = {0, len(samples) - 1}
+    lines = [(0, len(samples) - 1)]
+    while lines:
+        first, last = lines.pop()
+        if last - first < 2:
+            continue
+        share = ((t_s[first:last] - t_s[first]) / (t_s[last] - t_s[first]))[:, None]
+        off = places[first:last] - places[first] - share * (places[last] - places[first])
+        squares = np.einsum("ij,ij->i", off, off)
+        farthest = first + int(np.argmax(squares))
+        if squares[farthest - first] > tolerance_m**2:
+            kept.add(farthest)
+            lines += [(first, farthest), (farthest, last)]
+    return [samples[number] for number in sorted(kept)]
+
+
+class Path:
+    """The path of one drive, simplified as it grows, to a tolerance that is widened where it would become too long."""
+
+    def __init__(self, most: int = MOST_SAMPLES) -> None:
+        self.samples: list[Sample] = []
+        self.tolerance_m = TOLERANCE_M  # no sample that was added is farther than this from the path
+        self._most = most
+
+    def extend(self, fresh: Sequence[Sample]) -> None:
+        """Add samples, each later than the one before it."""
+        settled, joint = self.samples[:-1], self.samples[-1:]
+        self.samples = settled + simplified([*joint, *fresh], self.tolerance_m)
+        while len(self.samples) > self._most:
+            # What is simplified again may miss by this once more, so that is what it misses from here on.
+            self.samples = simplified(self.samples, self.tolerance_m)
+            self.tolerance_m *= 2.0
