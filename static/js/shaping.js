@@ -1,4 +1,4 @@
-/** From what a thumb or a gamepad says to the axes of the stick: dead zone, curve, rounding. */
+/** From what a thumb or a gamepad says to the axes of the stick: rim, dead zone, curve, rounding. */
 
 import { NEUTRAL } from "./stick.js";
 
@@ -17,6 +17,16 @@ export function curve(value) {
   return 0.5 * value + 0.5 * value ** 3;
 }
 
+/**
+ * A thumb reaches a round rim, yet forward and turn are two speeds, each with a full of its own: what is pulled to the
+ * rim is full, so that a bend is driven as fast as by keys. The direction, and with it the bend, stays.
+ */
+export function fullAtRim(x, y) {
+  const longest = Math.max(Math.abs(x), Math.abs(y));
+  const stretch = longest > 0 ? Math.hypot(x, y) / longest : 1;
+  return [x * stretch, y * stretch];
+}
+
 function shape(value, deadZone) {
   const shaped = Math.round(curve(withoutDeadZone(value, deadZone)) * 1000) / 1000;
   return shaped === 0 ? 0 : shaped; // never -0
@@ -27,8 +37,7 @@ function shape(value, deadZone) {
  * @param {boolean} slides sideways means sliding (holonomic bases) and not turning
  */
 export function fromJoystick({ right, up }, slides) {
-  const x = shape(up, STICK_DEAD_ZONE);
-  const sideways = shape(-right, STICK_DEAD_ZONE);
+  const [x, sideways] = leftStick(up, -right, slides, STICK_DEAD_ZONE);
   if (x === 0 && sideways === 0) return NEUTRAL;
   return slides ? { x, y: sideways, w: 0 } : { x, y: 0, w: sideways };
 }
@@ -39,10 +48,15 @@ export function fromJoystick({ right, up }, slides) {
  * @param {readonly number[]} axes right is positive, down is positive
  */
 export function fromGamepad(axes, holonomic) {
-  const [leftX = 0, leftY = 0, rightX = 0] = axes;
-  const x = shape(-leftY, GAMEPAD_DEAD_ZONE);
-  const sideways = shape(-leftX, GAMEPAD_DEAD_ZONE);
-  const turn = shape(-rightX, GAMEPAD_DEAD_ZONE);
+  const [right = 0, down = 0, turnRight = 0] = axes;
+  const [x, sideways] = leftStick(-down, -right, holonomic, GAMEPAD_DEAD_ZONE);
+  const turn = shape(-turnRight, GAMEPAD_DEAD_ZONE);
   if (holonomic) return { x, y: sideways, w: turn };
   return { x, y: 0, w: Math.abs(turn) > Math.abs(sideways) ? turn : sideways };
+}
+
+/** Forward and sideways of a stick that drives. Who slides has one speed in all directions: its rim stays round. */
+function leftStick(forward, left, slides, deadZone) {
+  const axes = slides ? [forward, left] : fullAtRim(forward, left);
+  return axes.map((axis) => shape(axis, deadZone));
 }

@@ -12,9 +12,7 @@ START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; odometry beg
 COURSE = ((0.8, 0.8), (0.8, 1.8), (0.8, 2.25))
 THERE_M = 0.15
 DEAD_ZONE = 0.08  # of the page's stick
-# Farther astray, a driver turns on the spot. Keys give full speed in a bend too, a stick, whose rim is round, less.
-ASTRAY_BY_KEYS_RAD = 0.5
-ASTRAY_BY_STICK_RAD = 0.4
+ASTRAY_RAD = 0.5  # farther astray, a driver turns on the spot
 TURN_PER_RAD = 2.0
 AIM_RAD = 0.06  # a key is let go of within it
 SHARE = 0.4
@@ -23,8 +21,7 @@ SHARE = 0.4
 class Follower:
     """Where a competent driver holds the stick: forward and left turn, each -1..1."""
 
-    def __init__(self, astray_rad: float, course: Sequence[tuple[float, float]] = COURSE) -> None:
-        self._astray_rad = astray_rad
+    def __init__(self, course: Sequence[tuple[float, float]] = COURSE) -> None:
         self._course = list(course)
 
     @property
@@ -40,7 +37,7 @@ class Follower:
             return 0.0, 0.0
         goal_x, goal_y = self._course[0]
         astray = wrapped(math.atan2(goal_y - y, goal_x - x) - yaw)
-        forward = 0.0 if abs(astray) > self._astray_rad else 1.0
+        forward = 0.0 if abs(astray) > ASTRAY_RAD else 1.0
         return forward, min(max(TURN_PER_RAD * astray, -1.0), 1.0)
 
 

@@ -22,7 +22,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
 from robots.bridge.ros.convert import planar
-from tests.browser.course import ASTRAY_BY_KEYS_RAD, SHARE, Follower, keys
+from tests.browser.course import SHARE, Follower, keys
 
 FULL_MPS, FULL_RADPS = 1.0, 2.0944
 PERIOD_S = 0.05
@@ -35,7 +35,7 @@ def drive_by_keys() -> None:
     publisher = rospy.Publisher("/key_vel", Twist, queue_size=1)
     while not (newest and publisher.get_num_connections()):
         time.sleep(0.01)
-    follower = Follower(ASTRAY_BY_KEYS_RAD)
+    follower = Follower()
     began_s = time.monotonic()
     while not follower.arrived:
         pose, _ = planar(newest[-1])

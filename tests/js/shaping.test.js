@@ -1,5 +1,11 @@
 import { describe, expect, it } from "vitest";
-import { curve, fromGamepad, fromJoystick, withoutDeadZone } from "../../static/js/shaping.js";
+import {
+  curve,
+  fromGamepad,
+  fromJoystick,
+  fullAtRim,
+  withoutDeadZone,
+} from "../../static/js/shaping.js";
 import { NEUTRAL } from "../../static/js/stick.js";
 
 describe("the dead zone", () => {
@@ -28,7 +34,44 @@ describe("the curve", () => {
   });
 });
 
+describe("the rim", () => {
+  const rim = Array.from({ length: 72 }, (_, step) => (step * Math.PI) / 36);
+
+  it("is full in every direction", () => {
+    for (const angle of rim) {
+      const [x, y] = fullAtRim(Math.cos(angle), Math.sin(angle));
+      expect(Math.max(Math.abs(x), Math.abs(y))).toBeCloseTo(1, 12);
+    }
+  });
+
+  it("leaves the direction as it is, and small pulls small", () => {
+    for (const angle of rim) {
+      const [x, y] = fullAtRim(0.2 * Math.cos(angle), 0.2 * Math.sin(angle));
+      expect(Math.cos(Math.atan2(y, x) - angle)).toBeCloseTo(1, 12);
+      expect(Math.max(Math.abs(x), Math.abs(y))).toBeCloseTo(0.2, 12);
+    }
+  });
+
+  it("changes nothing along the axes and in the middle", () => {
+    expect(fullAtRim(0, 0)).toEqual([0, 0]);
+    expect(fullAtRim(0, -0.5)).toEqual([0, -0.5]);
+    expect(fullAtRim(0.5, 0)).toEqual([0.5, 0]);
+  });
+});
+
 describe("the joystick", () => {
+  const DIAGONAL = { right: -Math.SQRT1_2, up: Math.SQRT1_2 };
+
+  it("drives a bend as fast as keys do", () => {
+    expect(fromJoystick(DIAGONAL, false)).toEqual({ x: 1, y: 0, w: 1 });
+  });
+
+  it("slides as fast in every direction", () => {
+    const { x, y } = fromJoystick(DIAGONAL, true);
+    expect(x).toBe(y);
+    expect(x).toBeLessThan(0.8);
+  });
+
   it("turns left when pushed left, and slides left where sideways means sliding", () => {
     expect(fromJoystick({ right: -1, up: 0 }, false)).toEqual({ x: 0, y: 0, w: 1 });
     expect(fromJoystick({ right: -1, up: 0 }, true)).toEqual({ x: 0, y: 1, w: 0 });
@@ -53,6 +96,12 @@ describe("the gamepad", () => {
 
   it("slides with the left stick where the base can", () => {
     expect(fromGamepad([-1, 0, 0, 0], true)).toEqual({ x: 0, y: 1, w: 0 });
+    expect(fromGamepad([-0.7, -0.7, 0, 0], true).x).toBeLessThan(0.8);
+  });
+
+  it("drives a bend as fast as keys do, also where its rim is a little more than round", () => {
+    expect(fromGamepad([-0.71, -0.71, 0, 0], false)).toEqual({ x: 1, y: 0, w: 1 });
+    expect(fromGamepad([0.85, -0.85, 0, 0], false)).toEqual({ x: 1, y: 0, w: -1 });
   });
 
   it("rests within a worn stick's drift", () => {
