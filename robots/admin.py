@@ -19,7 +19,7 @@ from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
 from robots import services, shipped
-from robots.admin_entries import AllowanceInline, actor_of, save_entries
+from robots.admin_entries import AllowanceInline, SpokenFormSet, actor_of, save_entries
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.selectors import last_editor
 from robots.supervisor import LOCK, supervised
@@ -36,7 +36,7 @@ READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
     models.JSONField: {
         "encoder": ReadableJSON,
         "widget": forms.Textarea(
-            attrs={"rows": 14, "cols": 100, "class": "vLargeTextField", "spellcheck": "false"}
+            attrs={"rows": 8, "cols": 100, "class": "vLargeTextField json", "spellcheck": "false"}
         ),
     }
 }
@@ -49,6 +49,7 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
     """Who may do what with this robot."""
 
     model = RobotRole
+    formset = SpokenFormSet
     extra = 0
     autocomplete_fields = ["user"]
     verbose_name_plural = _("people (staff may do everything without an entry)")

@@ -6,9 +6,12 @@ from typing import Any
 
 from django import forms
 from django.contrib import admin, messages
+from django.contrib.admin.helpers import AdminForm
+from django.contrib.admin.widgets import AdminIntegerFieldWidget
 from django.core.exceptions import PermissionDenied
 from django.db import models
 from django.db.models import QuerySet
+from django.forms import BaseInlineFormSet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import URLPattern, path
@@ -37,10 +40,21 @@ def save_entries(formset: Any, actor: User) -> None:
         services.entry_delete(entry=entry, actor=actor)
 
 
+class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Rows whose inputs say the name of their column to people who do not see it."""
+
+    def add_fields(self, form: Any, index: int | None) -> None:
+        """And their names."""
+        super().add_fields(form, index)
+        for field in form.fields.values():
+            field.widget.attrs["aria-label"] = field.label
+
+
 class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
     """The allow-list of a profile or robot."""
 
     model = Allowance
+    formset = SpokenFormSet
     extra = 0
     fields = ["what", "use", "name", "type", "role"]
     verbose_name_plural = _("allow-list (what is not there, nobody may)")
@@ -93,7 +107,9 @@ class PhraseAdmin(EntryAdmin):
     search_fields = ["text", "tags"]
     actions = ["export"]
     formfield_overrides = {
-        models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})}
+        models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})},
+        # In the list its column's head is not its label.
+        models.PositiveIntegerField: {"widget": AdminIntegerFieldWidget(attrs={"aria-label": _("Order")})},
     }
 
     def get_urls(self) -> list[URLPattern]:
@@ -105,11 +121,10 @@ class PhraseAdmin(EntryAdmin):
         """A form; what is wrong with a file is said at it."""
         form = ImportForm(request.POST or None, request.FILES or None)
         if not form.is_valid():
-            context = {
-                **self.admin_site.each_context(request),
-                "title": gettext("Import phrases"),
-                "form": form,
-            }
+            fieldsets = [(None, {"fields": list(form.fields)})]
+            laid_out = AdminForm(form, fieldsets, {}, model_admin=self)  # type: ignore[arg-type]  # any form will do
+            asked_for = {"title": gettext("Import phrases"), "adminform": laid_out}
+            context = self.admin_site.each_context(request) | asked_for
             return render(request, "admin/robots/phrase/import.html", context)
         asked = form.cleaned_data
         new = services.phrases_import(

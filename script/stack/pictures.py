@@ -33,9 +33,10 @@ def main() -> None:
             drive_to_the_wall(page, stack)
             page.screenshot(path=PICTURES / "control.png")
             page.keyboard.up("w")
-            for tab in ("motions", "speech", "topics"):
+            for tab, in_use in TABS.items():
                 page.goto(f"{stack.url}/robots/{ROBOT}/#{tab}")
-                page.locator(f".control[data-tab={tab}] .hit").first.wait_for()
+                page.locator(f".control[data-tab={tab}] .hit:visible").first.wait_for()
+                in_use(page)
                 page.wait_for_timeout(1000.0 * SETTLED_S)
                 page.screenshot(path=PICTURES / f"{tab}.png")
             page.goto(f"{stack.url}/")
@@ -76,6 +77,27 @@ def drive_to_the_wall(page: Page, stack: Stack) -> None:
     page.keyboard.down("w")
     page.locator("[data-part=words]").filter(has_text="laser").wait_for(timeout=1000 * DRIVEN_S)
     page.wait_for_timeout(1000 * APPROACH_S)
+
+
+def say_a_phrase(page: Page) -> None:
+    """One that is in the history afterwards."""
+    page.locator("[data-part=phrase-list] .hit").first.click()
+    page.locator("[data-part=history-list] .hit").first.wait_for()
+
+
+def watch_the_odometry(page: Page) -> None:
+    """Its fields, and how one of them goes on."""
+    page.get_by_role("searchbox", name="Search topics").fill("controller/odom")
+    page.locator("[data-part=topic-list] .hit:visible").click()
+    page.locator("[data-part=watches]").get_by_role("button", name="Plot").first.click()
+    page.locator("[data-part=topic-plot] canvas").wait_for()
+
+
+def as_it_is(_page: Page) -> None:
+    """Nothing to do."""
+
+
+TABS = {"motions": as_it_is, "speech": say_a_phrase, "topics": watch_the_odometry}
 
 
 if __name__ == "__main__":
