@@ -92,7 +92,7 @@ def last_editor(entry: Robot | RobotProfile) -> str:
         if isinstance(entry, Robot)
         else Record.objects.filter(kind="profile.change", parameters__profile=entry.slug)
     )
-    return changes.order_by("-id").values_list("actor_name", flat=True).first() or "somebody"
+    return changes.order_by("-id").values_list("actor__name", flat=True).first() or "somebody"
 
 
 def link_address(robot: Robot) -> LinkAddress:

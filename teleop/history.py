@@ -37,26 +37,29 @@ def speech_history(robot: Robot, user: User, *, before: int, limit: int) -> Hist
     """At most `limit` texts with numbers below `before`: everybody's for who supervises the robot, else one's own."""
     found = list(_starts(robot, user).filter(pk__lt=before).order_by("-pk")[: limit + 1])
     shown = found[:limit]
-    ends = {end.of_id: end for end in Record.objects.filter(kind="speech.end", of__in=shown)}
+    ends = {
+        end.of_id: end
+        for end in Record.objects.filter(kind="speech.end", of__in=shown).select_related("content")
+    }
     return History([_said(start, ends.get(start.pk)) for start in shown], more=len(found) > limit)
 
 
 def _starts(robot: Robot, user: User) -> QuerySet[Record]:
-    starts = Record.objects.filter(kind="speech.start", robot_id=robot.id)
+    starts = Record.objects.filter(kind="speech.start", robot_id=robot.id).select_related("actor", "content")
     role = role_on(user, robot)
     supervises = role is not None and role >= Role.SUPERVISOR
     return starts if supervises else starts.filter(actor_id=str(user.pk))
 
 
 def _said(start: Record, end: Record | None) -> Said:
-    told = start.parameters
+    told = start.details
     return Said(
         number=start.pk,
-        text=told["text"],
+        text=told.get("text", ""),  # "": it has expired
         language=told["language"],
         topic=told["topic"],
         who=start.actor_name,
         at=start.at,
         outcome=end.outcome if end else None,
-        why=end.parameters["text"] if end else "",
+        why=end.details.get("text", "") if end else "",
     )

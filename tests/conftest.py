@@ -6,15 +6,13 @@
     observer    of `robot`
     stranger    signed in like the others, with no role on any robot
 
-Transactional tests empty all tables afterwards, which the triggers of the audit table refuse: they are lifted for
-that moment only (`_flush_past_the_audit_triggers`), so that within every test they hold as in production.
+Transactional tests find the database as migrations leave it: `tests.pristine` makes it anew after each of them.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 import hypothesis
 import pytest
@@ -24,9 +22,9 @@ from django.test import Client, TransactionTestCase
 from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
-from fleet.audit import triggers
 from robots.models import Robot, RobotProfile, RobotRole, Role
 from tests.disk import Disk
+from tests.pristine import pristine_copy
 
 # The same examples in every run: what turns red does so because of a change. HYPOTHESIS_PROFILE=search looks further.
 hypothesis.settings.register_profile("steady", derandomize=True)
@@ -36,42 +34,27 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 PASSWORD = "a long walk on the beach"
 
 
-@contextmanager
-def audit_triggers_lifted() -> Iterator[None]:
-    """The audit table without its triggers."""
-    with connection.cursor() as cursor:
-        for statement in triggers.DROP[connection.vendor]:
-            cursor.execute(statement)
-        try:
-            yield
-        finally:
-            for statement in triggers.CREATE[connection.vendor]:
-                cursor.execute(statement)
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _flush_past_the_audit_triggers() -> Iterator[None]:
-    flush = TransactionTestCase._fixture_teardown
-
-    def flush_without_triggers(case: TransactionTestCase) -> None:
-        with audit_triggers_lifted():
-            flush(case)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(TransactionTestCase, "_fixture_teardown", flush_without_triggers)
-        yield
-
-
 @pytest.fixture(scope="session")
 def django_db_setup(django_db_setup: None, django_db_blocker: DjangoDbBlocker) -> Iterator[None]:
+    """The test database, which transactional tests find as it was made (`tests.pristine`)."""
+    with django_db_blocker.unblock():
+        copy = pristine_copy()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TransactionTestCase, "_fixture_teardown", lambda _case: copy.restore())
+        yield
+    with django_db_blocker.unblock():
+        copy.forget()
+        if connection.vendor == "postgresql":
+            _end_other_connections()
+
+
+def _end_other_connections() -> None:
     """Channels' test communicators leave connections open in their threads; PostgreSQL drops no database in use."""
-    yield
-    if connection.vendor == "postgresql":
-        with django_db_blocker.unblock(), connection.cursor() as cursor:
-            cursor.execute(
-                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
-                " WHERE datname = current_database() AND pid <> pg_backend_pid()"
-            )
+    with connection.cursor() as cursor:
+        cursor.execute(
+            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
+            " WHERE datname = current_database() AND pid <> pg_backend_pid()"
+        )
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ class Disk:
         failures = 0
         while failures < FAILURES:
             try:
-                record("filler", parameters={"x": "x" * length})
+                record("audit.verify", parameters={"x": "x" * length})
                 failures = 0
             except AuditUnavailable as full:
                 assert full.code == "audit_disk_full"

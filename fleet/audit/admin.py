@@ -15,8 +15,9 @@ class RecordAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscripta
     """Everything, newest first."""
 
     list_display = ["id", "at", "kind", "actor_name", "robot_name", "outcome", "parameters"]
-    list_filter = [("at", admin.DateFieldListFilter), "kind", "robot_name", "actor_name"]
-    search_fields = ["actor_name", "robot_name", "kind", "outcome"]
+    list_filter = [("at", admin.DateFieldListFilter), "kind", "robot_name", "actor__name"]
+    list_select_related = ["actor"]
+    search_fields = ["actor__name", "robot_name", "kind", "outcome"]
     ordering = ["-id"]
     show_full_result_count = False  # counting all rows is the slow part of a long list
     actions = None

@@ -50,3 +50,17 @@ class AppendOnly(TypeError):
         super().__init__(
             "Audit records are never changed or deleted; append a new one that refers to the old."
         )
+
+
+class NotPlain(ValueError):
+    """A value that cannot be kept as JSON."""
+
+    def __init__(self, value: object) -> None:
+        super().__init__(f"{value!r} cannot be put on record: it is no JSON value.")
+
+
+class UnknownKind(ValueError):
+    """A record of a kind that does not stand in `fleet.audit.kinds`."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(f"{kind!r} is no kind of record: add it to fleet/audit/kinds.py.")

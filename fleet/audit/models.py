@@ -1,4 +1,4 @@
-"""The audit table."""
+"""The tables of the audit log."""
 
 from __future__ import annotations
 
@@ -9,6 +9,30 @@ from django.db import models
 from django.utils import timezone
 
 from fleet.audit.errors import AppendOnly
+
+
+class Actor(models.Model):
+    """Somebody who did something: an account, by its identifier, or a person at the computer's command line.
+
+    The only table of the log in which anything changes: the name, while the person is not erased.
+    """
+
+    id = models.CharField(primary_key=True, max_length=64)  # the account's UUID, or "system:NAME"
+    name = models.CharField(max_length=200)
+    erased_at = models.DateTimeField("erased (UTC)", null=True, blank=True)
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Chain(models.Model):
+    """A robot that has records, or, by the nil UUID, what has no robot. Who appends to the chain locks its row."""
+
+    id = models.UUIDField(primary_key=True)
+    name = models.CharField(max_length=200, blank=True)  # the robot's, as last heard
+
+    def __str__(self) -> str:
+        return self.name or str(self.pk)
 
 
 class Records(models.QuerySet["Record"]):
@@ -24,17 +48,23 @@ class Records(models.QuerySet["Record"]):
 
 
 class Record(models.Model):
-    """One thing that somebody did, or what came of it. Never changed, never deleted.
+    """One thing that somebody did, or what came of it. Never changed.
 
-    `id` is the order number. People and robots are kept by identifier and by the name they had then, without
-    foreign keys: a record outlives both. Triggers in the database refuse what the methods here refuse.
+    `id` is the order number over all, `seq` the place in the chain of the robot (or of no robot), `digest` what ties
+    the record to the one before. Robots are kept by identifier and by the name they had then, without foreign key: a
+    record outlives them, and what it is the outcome of. Triggers in the database refuse what the methods here refuse.
     """
 
     id = models.BigAutoField("order number", primary_key=True)
     at = models.DateTimeField("time (UTC)", default=timezone.now, editable=False)
+    day = models.DateField("day (UTC)", editable=False)
     kind = models.CharField(max_length=64)
-    actor_id = models.CharField("actor's id", max_length=64, blank=True)  # "": the console itself
-    actor_name = models.CharField("actor", max_length=200, blank=True)
+    actor = models.ForeignKey(  # None: the console itself
+        Actor, null=True, blank=True, on_delete=models.PROTECT, related_name="records", db_index=False
+    )
+    real_actor = models.ForeignKey(  # who really did it, where that is somebody else
+        Actor, null=True, blank=True, on_delete=models.PROTECT, related_name="+", db_index=False
+    )
     robot_id = models.UUIDField("robot's id", null=True, blank=True)
     robot_name = models.CharField("robot", max_length=200, blank=True)
     session_id = models.UUIDField("control session", null=True, blank=True)
@@ -45,21 +75,38 @@ class Record(models.Model):
         verbose_name="outcome of",
         null=True,
         blank=True,
-        on_delete=models.PROTECT,
+        on_delete=models.DO_NOTHING,
         related_name="outcomes",
+        db_constraint=False,
     )
     outcome = models.CharField(max_length=200, blank=True)
     parameters = models.JSONField(default=dict, blank=True)
+    content_digest = models.CharField(
+        max_length=64, blank=True, editable=False
+    )  # "": there never was content
+    seq = models.BigIntegerField("place in its chain", editable=False)
+    digest = models.CharField(max_length=64, editable=False)
 
     objects = Records.as_manager()
 
     class Meta:
         ordering = ["-id"]
+        constraints = [
+            models.UniqueConstraint(fields=["robot_id", "seq"], name="audit_chain_place"),
+            models.UniqueConstraint(
+                fields=["seq"], condition=models.Q(robot_id=None), name="audit_chain_place_no_robot"
+            ),
+        ]
         indexes = [
             models.Index(fields=["kind", "at"], name="audit_kind_at"),
+            models.Index(fields=["kind", "id"], name="audit_kind"),
+            models.Index(fields=["day", "id"], name="audit_day"),
             models.Index(fields=["robot_id", "id"], name="audit_robot"),
             models.Index(fields=["robot_id", "kind", "id"], name="audit_robot_kind"),
-            models.Index(fields=["actor_id", "id"], name="audit_actor"),
+            models.Index(fields=["actor", "id"], name="audit_by_actor"),
+            models.Index(
+                fields=["real_actor"], condition=models.Q(real_actor__isnull=False), name="audit_real_actor"
+            ),
             models.Index(fields=["session_id", "id"], name="audit_session"),
         ]
 
@@ -75,3 +122,46 @@ class Record(models.Model):
     def delete(self, using: Any = None, keep_parents: bool = False) -> NoReturn:
         """Refused: the table is append-only."""
         raise AppendOnly
+
+    @property
+    def actor_name(self) -> str:
+        """The present name of who did it; blank for the console itself."""
+        return self.actor.name if self.actor else ""
+
+    @property
+    def details(self) -> dict[str, Any]:
+        """The parameters, and of the rest what is still kept; what a person or a robot said is `text`."""
+        content = self.content_kept
+        if content is None:
+            return dict(self.parameters)
+        said = {"text": content.text} if content.text else {}
+        return {**self.parameters, **content.data, **said}
+
+    @property
+    def content_kept(self) -> Content | None:
+        """What may expire of this record, if it has not."""
+        try:
+            return self.content
+        except Content.DoesNotExist:
+            return None
+
+
+class Content(models.Model):
+    """What of a record may expire or be erased: what was said, names, addresses. Put in and taken out, never changed.
+
+    The record keeps a digest of it, so that its chain verifies with and without.
+    """
+
+    record = models.OneToOneField(Record, primary_key=True, on_delete=models.PROTECT, related_name="content")
+    text = models.TextField(blank=True)  # what a person wrote or a robot said; searched
+    data = models.JSONField(default=dict, blank=True)
+    salt = models.CharField(max_length=32)  # hex
+
+    def __str__(self) -> str:
+        return f"content of #{self.pk}"
+
+    def save(self, **options: Any) -> None:
+        """Insert; anything else is refused."""
+        if not self._state.adding:
+            raise AppendOnly
+        super().save(**options | {"force_insert": True})

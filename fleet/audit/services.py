@@ -1,21 +1,36 @@
-"""Writing to the audit log. Callers use `fleet.audit.record`."""
+"""Writing to the audit log. Callers use `fleet.audit.record` and `fleet.audit.actor_renamed`.
+
+A record is appended to the chain of its robot, or to that of no robot. Who appends holds the chain until the commit: on
+PostgreSQL by a lock on its row, on SQLite as the one writer. So chains never fork, however many processes write.
+"""
 
 from __future__ import annotations
 
+import secrets
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from django.contrib.auth.models import AbstractUser
-from django.db import InterfaceError, InternalError, OperationalError
+from django.db import InterfaceError, InternalError, OperationalError, connection, transaction
+from django.utils import timezone
 
-from fleet.audit.errors import AuditUnavailable
-from fleet.audit.models import Record
+from fleet.audit import SystemAccount
+from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain, plain_text
+from fleet.audit.errors import AuditUnavailable, UnknownKind
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Actor, Chain, Content, Record
+
+NAME_LENGTH = 200  # characters of a name or an outcome; the rest is cut off
+SALT_BYTES = 16
 
 
 def write(
     kind: str,
     *,
-    actor: AbstractUser | None,
+    actor: AbstractUser | SystemAccount | None,
+    real_actor: AbstractUser | SystemAccount | None,
     robot_id: uuid.UUID | None,
     robot_name: str,
     session_id: uuid.UUID | None,
@@ -24,28 +39,138 @@ def write(
     of: Record | int | None,
     outcome: str,
     parameters: dict[str, Any],
+    text: str,
+    private: dict[str, Any],
 ) -> Record:
-    """Insert one record, or raise `AuditUnavailable`."""
-    earlier = of if isinstance(of, Record) else None
+    """Append one record, or raise `AuditUnavailable`."""
+    if kind not in KINDS:
+        raise UnknownKind(kind)
+    people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
     new = Record(
         kind=kind,
-        actor_id=str(actor.pk) if actor else "",
-        actor_name=_name(actor),
-        robot_id=robot_id or (earlier.robot_id if earlier else None),
-        robot_name=robot_name or (earlier.robot_name if earlier else ""),
+        actor_id=_id_of(actor) if actor else None,
+        real_actor_id=_id_of(real_actor) if real_actor else None,
+        robot_id=robot_id,
+        robot_name=_short(robot_name),
         session_id=session_id,
         fence=fence,
-        request_id=request_id or (earlier.request_id if earlier else uuid.uuid4()),
-        of_id=of.pk if isinstance(of, Record) else of,
-        outcome=outcome,
-        parameters=parameters,
+        outcome=_short(outcome),
+        parameters=plain(parameters),
     )
-    try:
-        new.save()
-    except (OperationalError, InternalError, InterfaceError) as error:
-        raise AuditUnavailable.because(error) from error
+    content = _content(text, private)
+    if content is not None:
+        new.content_digest = content_digest(content.salt, content.text, content.data)
+    with _in_words(), transaction.atomic(savepoint=False):
+        _take_over(new, _numbered(of) if isinstance(of, int) else of, request_id)
+        _append(new, people)
+        if content is not None:
+            content.record = new
+            content.save()
     return new
 
 
-def _name(actor: AbstractUser | None) -> str:
-    return (actor.get_full_name() or actor.get_username()) if actor else ""
+def rename_actor(person: AbstractUser) -> None:
+    """Show a person's records under their present name; an erased person has none."""
+    with _in_words():
+        Actor.objects.filter(pk=_id_of(person), erased_at=None).update(name=_name(person))
+
+
+def lock_chain(chain_id: uuid.UUID, name: str = "") -> None:
+    """Hold a chain until the commit, and make it if it is new; a chain is shown under the `name` last heard."""
+    known = _hold(chain_id)
+    if known is None:
+        Chain.objects.bulk_create([Chain(id=chain_id, name=name)], ignore_conflicts=True)
+        known = _hold(chain_id)
+    if name and name != known:
+        Chain.objects.filter(pk=chain_id).update(name=name)
+
+
+def _take_over(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
+    """What an outcome has in common with its request, unless it was told."""
+    if earlier is not None:
+        new.of = earlier
+        new.robot_id = new.robot_id or earlier.robot_id
+        new.robot_name = new.robot_name or earlier.robot_name
+        new.session_id = new.session_id or earlier.session_id
+        new.fence = earlier.fence if new.fence is None else new.fence
+        request_id = request_id or earlier.request_id
+    new.request_id = request_id or uuid.uuid4()
+
+
+def _numbered(number: int) -> Record:
+    found = Record.objects.filter(pk=number).first()
+    if found is None:
+        raise ValueError(f"there is no record {number} whose outcome this could be")
+    return found
+
+
+def _append(new: Record, people: dict[str, AbstractUser | SystemAccount]) -> None:
+    """Give the record its place in its chain, and insert it. Time and number grow with the places."""
+    chain_id = new.robot_id or NO_ROBOT
+    lock_chain(chain_id, new.robot_name)
+    _know(people)
+    last = Record.objects.filter(robot_id=new.robot_id).order_by("-seq").values_list("seq", "digest").first()
+    seq, digest = last or (0, first_digest(chain_id))
+    new.id = _next_number()
+    new.at = timezone.now()
+    new.day = new.at.date()
+    new.seq = seq + 1
+    new.digest = next_digest(digest, new)
+    new.save()
+
+
+def _hold(chain_id: uuid.UUID) -> str | None:
+    """The name of the chain, which is ours until the commit; None: there is no such chain yet."""
+    return Chain.objects.select_for_update().filter(pk=chain_id).values_list("name", flat=True).first()
+
+
+def _know(people: dict[str, AbstractUser | SystemAccount]) -> None:
+    """See to it that whoever acts has a row; a person who has one keeps its name."""
+    if not people:
+        return
+    known = set(Actor.objects.filter(pk__in=people).values_list("pk", flat=True))
+    new = [Actor(id=key, name=_name(person)) for key, person in people.items() if key not in known]
+    if new:
+        Actor.objects.bulk_create(new, ignore_conflicts=True)
+
+
+def _next_number() -> int:
+    """The next order number. On SQLite nobody else writes until the commit."""
+    queries = {
+        "sqlite": "SELECT COALESCE(MAX(id), 0) + 1 FROM audit_record",
+        "postgresql": "SELECT nextval(pg_get_serial_sequence('audit_record', 'id'))",
+    }
+    with connection.cursor() as cursor:
+        cursor.execute(queries[connection.vendor])
+        number: int = cursor.fetchone()[0]
+        return number
+
+
+def _content(text: str, private: dict[str, Any]) -> Content | None:
+    if not text and not private:
+        return None
+    return Content(text=plain_text(text), data=plain(private), salt=secrets.token_hex(SALT_BYTES))
+
+
+def _id_of(person: AbstractUser | SystemAccount) -> str:
+    if isinstance(person, SystemAccount):
+        return f"system:{_short(person.name)}"[:64]
+    return str(person.pk)
+
+
+def _name(person: AbstractUser | SystemAccount) -> str:
+    if isinstance(person, SystemAccount):
+        return _short(person.name)
+    return _short(person.get_full_name() or person.get_username())
+
+
+def _short(name: str) -> str:
+    return plain_text(name)[:NAME_LENGTH]
+
+
+@contextmanager
+def _in_words() -> Iterator[None]:
+    try:
+        yield
+    except (OperationalError, InternalError, InterfaceError) as error:
+        raise AuditUnavailable.because(error) from error

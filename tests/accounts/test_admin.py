@@ -43,7 +43,7 @@ def test_a_record_can_be_read_and_neither_added_changed_nor_deleted(admin):
 def test_records_can_be_filtered_by_robot_kind_actor_and_day(admin, operator):
     record("stop.press", actor=operator, robot_name="TIAGo 1")
     record("stop.clear", robot_name="TIAGo 2")
-    query = "kind=stop.press&robot_name=TIAGo+1&actor_name=Olga+Operator&at__gte=2000-01-01+00%3A00%3A00%2B00%3A00"
+    query = "kind=stop.press&robot_name=TIAGo+1&actor__name=Olga+Operator&at__gte=2000-01-01+00%3A00%3A00%2B00%3A00"
     response = admin.get(f"{RECORDS}?{query}")
     assert [entry.kind for entry in response.context["cl"].result_list] == ["stop.press"]
 

@@ -34,7 +34,7 @@ def test_the_first_staff_account_is_on_record(monkeypatch: pytest.MonkeyPatch) -
     call_command("createsuperuser", "--no-input", username="first", email="first@lab.example", verbosity=0)
     entry = Record.objects.get(kind="account.create")
     assert (entry.actor_id, entry.parameters["name"], entry.parameters["system_account"]) == (
-        "",
+        None,
         "first",
         HERE,
     )

@@ -86,7 +86,7 @@ def test_a_wrong_password_is_refused_and_goes_on_record(operator):
     (error,) = response.context["form"].non_field_errors().as_data()
     assert (response.status_code, error.code) == (200, "invalid_login")
     (entry,) = _records("account.sign_in_failed")
-    assert (entry.actor_id, entry.outcome, entry.parameters["username"]) == ("", "refused", "operator")
+    assert (entry.actor_id, entry.outcome, entry.parameters["username"]) == (None, "refused", "operator")
     assert "wrong" not in str(entry.parameters)
 
 

@@ -38,7 +38,7 @@ def test_a_record_keeps_who_what_and_which_robot(operator):
 @pytest.mark.django_db
 def test_without_an_actor_it_was_the_console_itself():
     entry = record("control.expire", robot_id=ROBOT)
-    assert (entry.actor_id, entry.actor_name) == ("", "")
+    assert (entry.actor_id, entry.actor_name) == (None, "")
 
 
 @pytest.mark.django_db

@@ -52,7 +52,7 @@ def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, up
     profiles_load_shipped(directory=update)
     profiles_load_shipped(directory=update)
     (record,) = Record.objects.filter(kind="profile.change")
-    assert record.actor_id == ""
+    assert record.actor_id is None
     assert record.parameters == {
         "profile": "tiago",
         "changes": [{"field": "turn_radps", "from": 2.0944, "to": 1.5}],
@@ -65,7 +65,7 @@ def test_what_the_console_brings_along_is_on_record_from_the_start(tmp_path: Pat
     profiles_load_shipped(directory=tmp_path)
     profiles_load_shipped(directory=tmp_path)
     (record,) = Record.objects.filter(kind="profile.create", parameters__slug="tiago-new")
-    assert record.actor_id == ""
+    assert record.actor_id is None
     assert record.parameters["turn_radps"] == 2.0944
 
 

@@ -20,7 +20,7 @@ def unavailable(*_args, **_kwargs):
 
 
 def records(kind):
-    return in_database(lambda: list(Record.objects.filter(kind=kind).order_by("id")))
+    return in_database(lambda: list(Record.objects.filter(kind=kind).select_related("actor").order_by("id")))
 
 
 async def recorded(kind, count):

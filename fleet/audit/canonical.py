@@ -1,0 +1,137 @@
+"""The form in which a record enters its chain: the same bytes for ever, whichever database has kept it.
+
+SQLite gives JSON back as it was written, PostgreSQL's jsonb as numbers and characters that it can hold. So values are
+made plain before they are written (`plain`), and what is plain both give back equal.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from typing import Any, Protocol
+from uuid import UUID
+
+from fleet.audit.errors import NotPlain
+
+NO_ROBOT = UUID(int=0)  # the chain of records without robot
+
+_UNSTORABLE = re.compile("[\0\ud800-\udfff]")  # PostgreSQL keeps no NUL, and UTF-8 no half of a pair
+_REPLACEMENT = "\ufffd"
+
+
+class Chained(Protocol):
+    """The columns of a record that enter the chain."""
+
+    id: int
+    at: datetime
+    day: Any
+    kind: str
+    actor_id: str | None
+    real_actor_id: str | None
+    robot_id: UUID | None
+    robot_name: str
+    session_id: UUID | None
+    fence: int | None
+    request_id: UUID
+    of_id: int | None
+    outcome: str
+    parameters: dict[str, Any]
+    content_digest: str
+    seq: int
+
+
+# --- values -----------------------------------------------------------------------------------------
+
+
+def plain(value: Any) -> Any:
+    """`value` as both databases give it back: integral numbers are integers, text is valid text.
+
+    `NotPlain` for what is no JSON: infinities, NaN, objects, keys that are no text.
+    """
+    match value:
+        case None | bool():
+            return value
+        case str():
+            return plain_text(value)
+        case int():
+            return int(value)
+        case float():
+            return _plain_number(value)
+        case Mapping():
+            return {_plain_key(key): plain(item) for key, item in value.items()}
+        case list() | tuple():
+            return [plain(item) for item in value]
+    raise NotPlain(value)
+
+
+def plain_text(text: str) -> str:
+    """`text` without what a database cannot keep."""
+    return _UNSTORABLE.sub(_REPLACEMENT, text)
+
+
+def _plain_number(number: float) -> float | int:
+    if not math.isfinite(number):
+        raise NotPlain(number)
+    return int(number) if number.is_integer() else number
+
+
+def _plain_key(key: Any) -> str:
+    if not isinstance(key, str):
+        raise NotPlain(key)
+    return plain_text(key)
+
+
+def canonical(value: Any) -> bytes:
+    """A plain value as bytes: JSON with sorted keys, without blanks, in UTF-8."""
+    return json.dumps(
+        value, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":")
+    ).encode()
+
+
+# --- digests ----------------------------------------------------------------------------------------
+
+
+def first_digest(chain: UUID) -> str:
+    """What the first record of a chain follows on, in hex."""
+    return hashlib.sha256(b"fleet audit" + chain.bytes).hexdigest()
+
+
+def next_digest(previous: str, record: Chained) -> str:
+    """The digest of a record that follows on the one with the digest `previous`; both in hex."""
+    return hashlib.sha256(bytes.fromhex(previous) + _of(record)).hexdigest()
+
+
+def content_digest(salt: str, text: str, data: dict[str, Any]) -> str:
+    """What stands in the chain for what may expire. The salt (hex) keeps short texts from being guessed by it."""
+    return hashlib.sha256(bytes.fromhex(salt) + canonical([text, data])).hexdigest()
+
+
+def _of(record: Chained) -> bytes:
+    return canonical(
+        [
+            record.id,
+            record.at.astimezone(timezone.utc).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+            record.day.isoformat(),
+            record.kind,
+            record.actor_id,
+            record.real_actor_id,
+            _hex(record.robot_id),
+            record.robot_name,
+            _hex(record.session_id),
+            record.fence,
+            _hex(record.request_id),
+            record.of_id,
+            record.outcome,
+            record.parameters,
+            record.content_digest,
+            record.seq,
+        ]
+    )
+
+
+def _hex(identifier: UUID | None) -> str | None:
+    return None if identifier is None else identifier.hex

@@ -1,0 +1,122 @@
+"""What is put on record: every kind, with its words, how long its details are kept, and the list it is shown in."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from django.db.models import TextChoices
+from django.utils.functional import Promise
+from django.utils.translation import gettext_lazy as _
+from msgspec import Struct
+
+
+class Kept(TextChoices):
+    """For how long what may expire of a record is kept; the settings name the days of each class."""
+
+    SPEECH = "speech", _("what robots were made to say")
+    DRIVING = "driving", _("drives, motions and what the robot refused")
+    OTHER = "other", _("everything else")
+
+
+class Listing(Enum):
+    """The lists of the admin. "Everything" shows them all."""
+
+    SPEECH = "speech"
+    MOTION = "motion"
+    CONTROL = "control"
+    REFUSALS = "refusals"
+    OTHER = ""  # only in "Everything"
+
+
+class Kind(Struct, frozen=True):
+    """What all records of a kind have in common."""
+
+    label: str | Promise
+    kept: Kept = Kept.OTHER
+    listing: Listing = Listing.OTHER
+
+
+def _speech(label: str | Promise) -> Kind:
+    return Kind(label, Kept.SPEECH, Listing.SPEECH)
+
+
+def _motion(label: str | Promise) -> Kind:
+    return Kind(label, Kept.DRIVING, Listing.MOTION)
+
+
+def _control(label: str | Promise) -> Kind:
+    return Kind(label, Kept.OTHER, Listing.CONTROL)
+
+
+def _refusal(label: str | Promise) -> Kind:
+    return Kind(label, Kept.DRIVING, Listing.REFUSALS)
+
+
+KINDS: dict[str, Kind] = {
+    "speech.start": _speech(_("asked to say")),
+    "speech.end": _speech(_("end of speech")),
+    "speech.cancel": _speech(_("speech cancelled")),
+    "drive.start": _motion(_("drive began")),
+    "drive.end": _motion(_("drive ended")),
+    "motion.start": _motion(_("motion asked for")),
+    "motion.end": _motion(_("end of motion")),
+    "motion.cancel": _motion(_("motion cancelled")),
+    "head.look_ahead": _motion(_("look ahead")),
+    "gate.begin": _refusal(_("gate held back")),
+    "gate.end": _refusal(_("gate let go")),
+    "refusal": _refusal(_("refused")),
+    "control.take": _control(_("control taken")),
+    "control.take_over": _control(_("control taken over")),
+    "control.hand_over": _control(_("control handed over")),
+    "control.ask": _control(_("control asked for")),
+    "control.renew": _control(_("control renewed")),
+    "control.resume": _control(_("control resumed")),
+    "control.release": _control(_("control given back")),
+    "control.expire": _control(_("control ran out")),
+    "control.end": _control(_("control ended")),
+    "stop.press": _control(_("stop pressed")),
+    "stop.clear": _control(_("stop cleared")),
+    "fault": _control(_("fault")),
+    "publish.start": Kind(_("message asked for"), Kept.DRIVING),
+    "publish.end": Kind(_("end of message"), Kept.DRIVING),
+    "topic.choose": Kind(_("topic chosen"), Kept.DRIVING),
+    "service.call": Kind(_("service called")),
+    "parameter.set": Kind(_("parameter set")),
+    "camera.start": Kind(_("began to watch a camera")),
+    "camera.end": Kind(_("stopped watching a camera")),
+    "robot.create": Kind(_("robot added")),
+    "robot.change": Kind(_("robot changed")),
+    "robot.delete": Kind(_("robot deleted")),
+    "profile.create": Kind(_("profile added")),
+    "profile.change": Kind(_("profile changed")),
+    "profile.delete": Kind(_("profile deleted")),
+    "phrase.create": Kind(_("phrase added")),
+    "phrase.change": Kind(_("phrase changed")),
+    "phrase.delete": Kind(_("phrase deleted")),
+    "phrase.import": Kind(_("phrases imported")),
+    "allowance.create": Kind(_("allow-list entry added")),
+    "allowance.change": Kind(_("allow-list entry changed")),
+    "allowance.delete": Kind(_("allow-list entry deleted")),
+    "role.change": Kind(_("role changed")),
+    "account.create": Kind(_("account made")),
+    "account.change": Kind(_("account changed")),
+    "account.delete": Kind(_("account deleted")),
+    "account.sign_in": Kind(_("signed in")),
+    "account.sign_in_failed": Kind(_("sign-in failed")),
+    "account.sign_out": Kind(_("signed out")),
+    "audit.export": Kind(_("log exported")),
+    "audit.verify": Kind(_("log verified")),
+    "audit.expire": Kind(_("details expired")),
+    "audit.checkpoint": Kind(_("checkpoint: what is older may be removed")),
+    "audit.erase": Kind(_("person erased")),
+}
+
+
+def kinds_kept(kept: Kept) -> list[str]:
+    """The kinds of a retention class."""
+    return [name for name, kind in KINDS.items() if kind.kept == kept]
+
+
+def kinds_listed(listing: Listing) -> list[str]:
+    """The kinds that a list shows."""
+    return [name for name, kind in KINDS.items() if kind.listing == listing]

@@ -1,0 +1,95 @@
+"""The test database as it was when the run began, and the way back to it.
+
+Django empties every table after a transactional test, which the triggers of the audit log refuse. So the database is
+made anew from a copy: nothing lifts a trigger, and what migrations had put there is there without running them again.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from typing import Any, Protocol
+from weakref import WeakSet
+
+from django.db import connection
+from django.db.backends.base.base import BaseDatabaseWrapper
+from django.db.backends.signals import connection_created
+
+
+class Pristine(Protocol):
+    """A copy of the test database."""
+
+    def restore(self) -> None:
+        """Make the test database anew. Nothing may be under way in it."""
+
+    def forget(self) -> None:
+        """Remove the copy."""
+
+
+def pristine_copy() -> Pristine:
+    """A copy of the test database as it is now."""
+    return OnSQLite() if connection.vendor == "sqlite" else OnPostgreSQL()
+
+
+class OnSQLite:
+    """A copy in memory. It is written over the file as one transaction, which connections of other threads survive."""
+
+    def __init__(self) -> None:
+        self._file = connection.settings_dict["NAME"]
+        self._copy = sqlite3.connect(":memory:")
+        self._with_file(lambda live: live.backup(self._copy))
+
+    def restore(self) -> None:
+        self._with_file(self._copy.backup)
+
+    def forget(self) -> None:
+        self._copy.close()
+
+    def _with_file(self, use: Any) -> None:
+        live = sqlite3.connect(self._file)
+        try:
+            live.execute("PRAGMA synchronous=OFF")
+            use(live)
+        finally:
+            live.close()
+
+
+class OnPostgreSQL:
+    """A database to be the template of another one. Connections do not survive: every thread's is closed before."""
+
+    def __init__(self) -> None:
+        self._name = connection.settings_dict["NAME"]
+        self._copy = f"{self._name}_pristine"
+        self._opened: WeakSet[BaseDatabaseWrapper] = WeakSet([connection._connections.default])  # type: ignore[attr-defined]
+        connection_created.connect(self._note)
+        self._close_all()
+        self._make(self._copy, self._name)
+
+    def restore(self) -> None:
+        self._close_all()
+        self._drop(self._name)
+        self._make(self._name, self._copy)
+
+    def forget(self) -> None:
+        connection_created.disconnect(self._note)
+        self._drop(self._copy)
+
+    def _note(self, connection: BaseDatabaseWrapper, **_: Any) -> None:
+        self._opened.add(connection)
+
+    def _close_all(self) -> None:
+        for opened in list(self._opened):
+            opened.inc_thread_sharing()  # the threads are idle: they would find the connection dead
+            try:
+                opened.close()
+            finally:
+                opened.dec_thread_sharing()
+
+    def _make(self, name: str, template: str) -> None:
+        self._execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
+
+    def _drop(self, name: str) -> None:
+        self._execute(f'DROP DATABASE "{name}" WITH (FORCE)')
+
+    def _execute(self, statement: str) -> None:
+        with connection._nodb_cursor() as cursor:
+            cursor.execute(statement)
