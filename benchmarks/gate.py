@@ -21,6 +21,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
+from robots.bridge.orders import Swept
 from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
 from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
@@ -159,8 +160,9 @@ class _Base:
 
     def read_motions(self) -> None: ...
 
-    def sweep(self, motion: str, action: str) -> tuple[Disc, ...]:
-        raise KeyError(motion)
+    def sweep(self, motion: str, action: str, then: Swept) -> None: ...
+
+    def arm(self) -> tuple[Disc, ...] | None: ...
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         return False

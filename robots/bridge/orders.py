@@ -6,6 +6,7 @@ after that. Nothing here waits, and nothing that ended begins again by itself.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import NamedTuple, Protocol
@@ -26,13 +27,17 @@ from robots.bridge.motions import Motions, Player
 from robots.bridge.never import admissible
 from robots.bridge.offers import Catalogue
 from robots.bridge.publishings import HALTED, Publisher, Publishings
-from robots.bridge.room import why_no_room
+from robots.bridge.room import Arm, Room
 from robots.bridge.sink import Holder
 from robots.bridge.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
 from robots.wire import Grant, Refusal
 
+MOTION_PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
+
+# Called later, on the loop: the space from where the arm is, None if the action offers no such motion; and the time.
+Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
 class Rules(Protocol):
@@ -53,14 +58,17 @@ class Rules(Protocol):
         """A velocity from the holder's tools: as if the stick had asked for it."""
 
 
-class Performer(Player, Voice, Switch, Protocol):
+class Performer(Player, Voice, Switch, Arm, Protocol):
     """What orders do to the robot."""
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there."""
 
-    def sweep(self, motion: str, action: str) -> tuple[Disc, ...]:
-        """The space that the arm would sweep from where it is; KeyError if the action offers no such motion."""
+    def sweep(self, motion: str, action: str, then: Swept) -> None:
+        """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them.
+
+        Returns at once. Where the points are others than those of the list, the list is read again.
+        """
 
     def read_motions(self) -> None:
         """Ask the robot for its motions. Returns at once; `Catalogue.read` follows for each action."""
@@ -95,11 +103,12 @@ class Orders:
         self._config = config
         self._publisher = publisher
         self._performer = performer
-        self._gate = gate
+        self._room = Room(gate, performer)
         self._log = log
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
         self._looks: list[_Look] = []
+        self._asking_until_s = -math.inf  # for the points of a motion
 
     def take(self, order: wire.Order, link: int, now_s: float, answer: Answer) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
@@ -112,7 +121,7 @@ class Orders:
             case wire.Publish():
                 self._publish(order, grant, link, now_s, answer)
             case wire.Play():
-                self._play(order.motion, grant, now_s, answer)
+                self._play(order, link, now_s, answer)
             case wire.LookAhead():
                 self._look_ahead(grant, now_s, answer)
             case wire.Say():
@@ -288,24 +297,44 @@ class Orders:
 
     # --- motions --------------------------------------------------------------------------------------
 
-    def _play(self, motion: str, grant: Grant, now_s: float, answer: Answer) -> None:
-        refusal = self.choices.refuse("motions", None)
-        refusal = refusal or self.motions.refuse(now_s) or self._why_no_motion(now_s)
+    def _play(self, order: wire.Play, link: int, now_s: float, answer: Answer) -> None:
+        """Have its points read, as the robot has them now; the rest follows with them."""
+        refusal = self._why_not_play(order, link, now_s)
+        if refusal is None and now_s < self._asking_until_s:
+            refusal = Refusal("motion_running", "The robot is being asked for another motion.", "robot")
         if refusal is not None:
             answer(refusal)
             return
         action = self.choices.topic("motions")
-        try:
-            space = self._performer.sweep(motion, action)
-        except KeyError:
-            text = f"The robot has no motion “{motion}”."
-            answer(Refusal("unknown_motion", text, "robot", {"motion": motion}))
-            return
-        refusal = why_no_room(self._gate, space, now_s)
-        if refusal is None:
-            self.motions.begin(motion, action, holder_of(grant), space, now_s, answer)
-        else:
-            answer(refusal)
+        until_s = self._asking_until_s = now_s + MOTION_PATIENCE_S
+
+        def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
+            self._asking_until_s = -math.inf
+            # Meanwhile control may have gone elsewhere, the stop been pressed, another motion been begun.
+            refusal = self._why_not_play(order, link, now_s)
+            if refusal is None and now_s >= until_s:
+                text = "The robot took too long to tell how it would move: ask again."
+                refusal = Refusal("too_old", text, "robot", {"limit_s": MOTION_PATIENCE_S})
+            if refusal is None and (space is None or action != self.choices.topic("motions")):
+                text = f"The robot has no motion “{order.motion}”."
+                refusal = Refusal("unknown_motion", text, "robot", {"motion": order.motion})
+            grant = self._rules.grants.current
+            refusal = refusal or self._room.why_none(space or (), now_s)
+            if refusal is None and grant is not None:
+                self.motions.begin(order.motion, action, holder_of(grant), space or (), now_s, answer)
+            else:
+                answer(refusal)
+
+        self._performer.sweep(order.motion, action, swept)
+
+    def _why_not_play(self, order: wire.Play, link: int, now_s: float) -> Refusal | None:
+        """The first rule against it, the arm's room apart."""
+        return (
+            self._rules.grants.refuse_drive(order.fence, link)
+            or self.choices.refuse("motions", None)
+            or self.motions.refuse(now_s)
+            or self._why_no_motion(now_s)
+        )
 
     def _cancel_motion(self, why: str) -> Refusal | None:
         if self.motions.cancel("cancelled", why):
@@ -320,7 +349,7 @@ class Orders:
         """Begin what is on record, if nothing has come in between; cancel what must not go on."""
         due, space = self.motions.due, self.motions.space
         refusal = self._why_no_motion(now_s) if due else None
-        refusal = refusal or why_no_room(self._gate, space, now_s, running=not due)
+        refusal = refusal or self._room.why_none(space, now_s, running=not due)
         if refusal is not None:
             self.motions.cancel(OUTCOMES.get(refusal.code, "cancelled"), refusal.text)
         if due:

@@ -16,6 +16,7 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.latency import Latency
+from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
@@ -27,6 +28,7 @@ from robots.bridge.gate.values import (
     Verdict,
 )
 from robots.bridge.head import Aim
+from robots.bridge.orders import Swept
 from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError, RecordSink
 from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
@@ -62,6 +64,7 @@ class OpenGate:
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.footprint = real.footprint
         self.seen: list[tuple[float, float]] = []  # by its one laser
+        self.pictured: list[tuple[float, float]] = []  # by its depth camera
         self.health: list[SensorHealth] = []
         self.says: Callable[[Velocity], Verdict] | None = None
         self.latency = Latency(LIMITS, 0.2)
@@ -79,8 +82,9 @@ class OpenGate:
         return Verdict(asked, asked, "idle" if asked == STILL else "free", "")
 
     def obstacles(self, _now_s: float) -> Obstacles:
-        points = np.array(self.seen, float).reshape(-1, 2)
-        return Obstacles(points, np.zeros(len(points), int), ("laser",), ("scan",))
+        points = np.array([*self.seen, *self.pictured], float).reshape(-1, 2)
+        source = np.repeat([0, 1], [len(self.seen), len(self.pictured)])
+        return Obstacles(points, source, ("laser", "depth"), ("scan", "depth"))
 
     def sensor_health(self, _now_s: float) -> list[SensorHealth]:
         return list(self.health)
@@ -90,9 +94,12 @@ class OpenGate:
 class MemoryBase:
     """Remembers what it was told."""
 
+    now: Callable[[], float]
     sent: list[Velocity] = field(default_factory=list)
     aims: list[Aim] = field(default_factory=list)
-    sweeps: dict[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
+    sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
+    asked: list[Callable[[], None]] | None = None  # a list: the robot's answers about motions wait there
+    lies: tuple[Disc, ...] | None = None  # the arm, by its joints
     played: list[tuple[str, str]] = field(default_factory=list)
     cancelled_goals: list[str] = field(default_factory=list)
     said: list[tuple[str, Utterance]] = field(default_factory=list)
@@ -112,8 +119,14 @@ class MemoryBase:
     def aim_head(self, aim: Aim) -> None:
         self.aims.append(aim)
 
-    def sweep(self, motion: str, action: str) -> tuple[tuple[float, float, float], ...]:
-        return self.sweeps[motion]
+    def sweep(self, motion: str, action: str, then: Swept) -> None:
+        if self.asked is None:
+            then(self.sweeps.get(motion), self.now())
+        else:
+            self.asked.append(lambda: then(self.sweeps.get(motion), self.now()))
+
+    def arm(self) -> tuple[Disc, ...] | None:
+        return self.lies
 
     def read_motions(self) -> None:
         self.readings += 1
@@ -217,7 +230,7 @@ class Bench:
         sink: RecordSink | None = None,
     ) -> None:
         self.now_s = 100.0
-        self.base = MemoryBase()
+        self.base = MemoryBase(lambda: self.now_s)
         self.gate = OpenGate(config.gate)
         self.sink = MemorySink()
         self.publisher = MemoryPublisher(lambda: self.now_s)

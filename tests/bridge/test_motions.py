@@ -181,6 +181,76 @@ def test_an_intruder_cancels_it_by_its_goals_id_and_nothing_resumes(bench):
     assert state.motion_ended.outcome == "intruder"
 
 
+def test_the_depth_cameras_intruder_cancels_it_where_joints_tell_that_it_is_not_the_arm(bench):
+    bench.base.lies = ((0.7, 0.0, 0.09),)
+    goal_id = begun(bench)
+    bench.gate.pictured = [(0.7, 0.05)]
+    bench.pass_time(0.5)
+    assert bench.base.cancelled_goals == []
+    bench.gate.pictured = [(0.7, 0.05), (0.5, -0.1)]
+    bench.pass_time(0.05)
+    assert bench.base.cancelled_goals == [goal_id]
+    end = ends(bench, goal_id)
+    assert end.outcome == "intruder"
+    assert "depth, 0.2 m ahead" in end.text
+
+
+def test_where_no_joints_tell_of_the_arm_the_depth_camera_may_see_it_and_cancels_nothing(bench):
+    goal_id = begun(bench)
+    bench.gate.pictured = [(0.5, -0.1)]
+    bench.pass_time(0.5)
+    assert bench.base.cancelled_goals == []
+    bench.gate.seen = [(0.5, -0.1)]
+    bench.pass_time(0.05)
+    assert bench.base.cancelled_goals == [goal_id]
+
+
+def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
+    bench.base.asked = []
+    bench.gate.seen = [(-0.6, 0.0)]
+    answers = bench.ask(wire.Play(1, "wave"))
+    bench.pass_time(0.1)
+    assert answers == []
+    bench.base.sweeps["wave"] = ((-0.6, 0.0, 0.2),)  # it was recorded anew
+    bench.base.asked.pop()()
+    assert [refusal.code for refusal in answers] == ["motion_blocked"]
+    bench.recorded()
+    assert "motion.start" not in bench.sink.kinds
+
+
+@pytest.mark.parametrize(
+    ("happens", "code"),
+    [
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.driving(), "base_moving"),
+        (lambda bench: bench.pass_time(3.1), "too_old"),
+    ],
+)
+def test_what_comes_in_between_request_and_points_keeps_it_off_the_record(bench, happens, code):
+    bench.base.asked = []
+    answers = bench.ask(wire.Play(1, "wave"))
+    happens(bench)
+    bench.base.asked.pop()()
+    settled(bench)
+    assert [refusal.code for refusal in answers] == [code]
+    assert bench.base.played == []
+    assert "motion.start" not in bench.sink.kinds
+
+
+def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_does_not_answer(bench):
+    bench.base.asked = []
+    assert bench.ask(wire.Play(1, "wave")) == []
+    assert ask(bench, "nod").code == "motion_running"
+    bench.pass_time(3.1)
+    answers = bench.ask(wire.Play(1, "nod"))
+    assert answers == []
+    bench.base.asked.pop()()
+    settled(bench)
+    assert answers == [None]
+    assert [motion for _, motion in bench.base.played] == ["nod"]
+
+
 def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench):
     bench.sink.open.clear()
     ask(bench)

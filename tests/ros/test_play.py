@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import msgspec
 import pytest
+import rospy
 from geometry_msgs.msg import Pose2D
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
@@ -130,3 +131,30 @@ def test_who_may_cancels_it_by_its_goal(ros, rosmaster, tmp_path):
         state = hand.state_until(lambda state: state.motion_ended, "its end")
         assert (state.motion_ended.outcome, state.motion_ended.text) == ("cancelled", "Cancelled by Sue.")
         until(lambda: records()[-1] == "motion.end cancelled", "its end on record")
+
+
+def test_a_motion_that_was_recorded_anew_is_judged_by_its_new_points_and_the_list_is_read_again(
+    ros, rosmaster, tmp_path
+):
+    opens, reaches_out = (rospy.get_param(f"/play_motion/motions/{name}") for name in ("open", "offer"))
+    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, records):
+        rospy.set_param("/play_motion/motions/open", {**reaches_out, "meta": {"name": "Anew"}})
+        try:
+            told = {}  # in either order
+
+            def all_told(report):
+                if isinstance(report, wire.Refused) and report.of == "play":
+                    told["refusal"] = report.refusal
+                if isinstance(report, wire.Offers) and "Anew" in [motion.title for motion in report.motions]:
+                    told["list"] = report.motions
+                return len(told) == 2
+
+            hand.send(wire.Play(1, "open"))
+            hand.until(all_told, "a refusal, and the list as it is now")
+            assert told["refusal"].code == "motion_blocked"
+            assert len(told["list"]) == len(rospy.get_param("/play_motion/motions"))
+        finally:
+            rospy.set_param("/play_motion/motions/open", opens)
+        play(hand, "open")  # which moves no arm, by its points of now
+        hand.state_until(lambda state: state.motion_ended, "its end")
+        assert records()[0] == "motion.start open /play_motion"

@@ -89,6 +89,17 @@ class MotionTopics:
             offers = offered(parameters, listed)
             self._watcher.motions_read(action, offers, "" if offers else f"{action} offers no motions.")
 
+    def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
+        """A motion as the robot has it now, None if no points are known; and whether `read` had it otherwise.
+
+        One question to the master. KeyError if there is no such motion.
+        """
+        now = recorded({motion: self._parameters(action, motion)})[motion]
+        read = self.repertoire.get(action, {})
+        if now is None and motion not in read:
+            raise KeyError(motion)
+        return now, motion not in read or read[motion] != now
+
     def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send the goal. Planning is never skipped."""
         topics = self._actions[action]
@@ -107,9 +118,10 @@ class MotionTopics:
         for action in list(self._actions.values()):
             action.cancel_all()
 
-    def _parameters(self, action: str) -> Any:
+    def _parameters(self, action: str, motion: str = "") -> Any:
+        """What the robot knows of an action's motions, or of one of them."""
         try:
-            return self._master.call("getParam", f"{action}/motions")
+            return self._master.call("getParam", f"{action}/motions/{motion}".rstrip("/"))
         except MasterError:  # which also means that there are none
             return None
 

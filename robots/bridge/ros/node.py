@@ -18,6 +18,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.posture import Disc, Posture
 from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.head import Aim
+from robots.bridge.orders import Swept
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.errands import Errands
@@ -87,6 +89,7 @@ class RosBase:
         self._speech: SpeechTopics | None = None
         self._connecting = Errands("topics")
         self._reading = Errands("motions")
+        self._looking_up = Errands("motion")  # of its own: a list may take seconds
         self._ending = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
         self._loop: asyncio.AbstractEventLoop
@@ -134,13 +137,25 @@ class RosBase:
         if self._motions is not None:
             self._motions.cancel(goal_id, action)
 
-    def sweep(self, motion: str, action: str) -> tuple[Disc, ...]:
-        """The space that the arm would sweep from where it is; KeyError if the action offers no such motion."""
-        offered = self._motions.repertoire if self._motions is not None else {}
-        recorded = offered[action][motion]
-        if self._arm is None:
-            return ((0.0, 0.0, REACH_M),)
-        return self._arm.sweep(recorded, time.monotonic())
+    def sweep(self, motion: str, action: str, then: Swept) -> None:
+        """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them."""
+        self._looking_up.do(lambda: self._sweep(motion, action, then))
+
+    def _sweep(self, motion: str, action: str, then: Swept) -> None:
+        """On the thread for it."""
+        space = None
+        with suppress(KeyError):
+            if self._motions is not None:
+                recorded, is_news = self._motions.look_up(action, motion)
+                if is_news:
+                    self.read_motions()
+                now_s = time.monotonic()
+                space = self._arm.sweep(recorded, now_s) if self._arm else ((0.0, 0.0, REACH_M),)
+        self._post(lambda: then(space, time.monotonic()))
+
+    def arm(self) -> tuple[Disc, ...] | None:
+        """The discs that the arm covers now, by its joints; None if they do not tell."""
+        return None if self._arm is None else self._arm.arm(time.monotonic())
 
     def read_motions(self) -> None:
         """Ask the robot for its motions."""

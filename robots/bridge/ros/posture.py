@@ -81,6 +81,15 @@ class PostureTopics:
                 log.warning("nobody tells where %s is: a motion is taken to sweep all within reach", joint)
         return ((*shoulder, self._arm.reach_m),)
 
+    def arm(self, now_s: float) -> tuple[Disc, ...] | None:
+        """The discs that the arm covers, at home too; None if joints and description do not tell."""
+        if self._tree is None:
+            return None
+        try:
+            return self._discs(self._tree, self._positions(now_s))
+        except KeyError:  # a joint that nobody tells of
+            return None
+
     def _discs(self, tree: Tree, positions: Mapping[str, float]) -> tuple[Disc, ...]:
         return discs_along(tree.places(self._arm.links, positions), self._arm.radius_m)
 
@@ -109,10 +118,8 @@ class PostureTopics:
             self._after = None
             return AT_HOME
         if self._tree is not None:
-            try:
-                return Posture(False, self._discs(self._tree, positions))
-            except KeyError:  # a joint that nobody tells of
-                return UNKNOWN
+            discs = self.arm(now_s)
+            return UNKNOWN if discs is None else Posture(False, discs)
         if self._after in self._arm.postures:
             return Posture(False, tuple(self._arm.postures[self._after]))
         return UNKNOWN

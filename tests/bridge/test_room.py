@@ -1,0 +1,116 @@
+"""While the arm moves, what the depth camera shows counts as an intruder where it cannot be the arm itself."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.footprint import Disc
+from robots.bridge.gate.values import Obstacles
+from robots.bridge.room import BESIDE_ARM_M, LATELY_S, Room
+
+SPACE = ((0.8, 0.0, 0.5),)
+HAND = (0.6, 0.0, 0.09)
+KINDS = ("scan", "memory", "sonar", "depth", "depth memory")
+
+
+class Scene:
+    """One arm in its room: where it is, and what each kind of source knows of."""
+
+    def __init__(self):
+        self.now_s = 100.0
+        self.lies = (HAND,)
+        self.seen = {}
+        gate = SimpleNamespace(
+            obstacles=self.obstacles,
+            sensor_health=lambda _now_s: [],
+            footprint=Disc(0.27),
+            arm_discs=(),
+        )
+        self.room = Room(gate, SimpleNamespace(arm=lambda: self.lies))
+
+    def obstacles(self, _now_s):
+        points = [point for kind in KINDS for point in self.seen.get(kind, [])]
+        source = np.repeat(range(len(KINDS)), [len(self.seen.get(kind, [])) for kind in KINDS])
+        return Obstacles(np.array(points, float).reshape(-1, 2), source, KINDS, KINDS)
+
+    def why_not(self, running=True):
+        """The sensor that knows of something in the way."""
+        refusal = self.room.why_none(SPACE, self.now_s, running=running)
+        return refusal and refusal.figures["sensor"]
+
+    def moves(self, lies, seconds):
+        """The arm lies there, for so long."""
+        self.lies = lies
+        until_s = self.now_s + seconds
+        while self.now_s < until_s - 1e-9:
+            self.now_s += 0.05
+            self.why_not()
+
+
+@pytest.fixture
+def scene():
+    return Scene()
+
+
+def beside(disc, gap_m):
+    """A place so far outside of a disc."""
+    x, y, radius = disc
+    return x, y + radius + gap_m
+
+
+@pytest.mark.parametrize("kind", ["scan", "memory", "sonar", "depth"])
+def test_an_intruder_is_seen_by_whatever_sees_it(scene, kind):
+    scene.seen = {kind: [beside(HAND, 0.2)]}
+    assert scene.why_not() == kind
+
+
+def test_what_is_seen_where_the_arm_is_may_be_the_arm(scene):
+    scene.seen = {"depth": [beside(HAND, -0.05), beside(HAND, BESIDE_ARM_M - 0.01)]}
+    assert scene.why_not() is None
+    scene.seen["depth"].append(beside(HAND, BESIDE_ARM_M + 0.01))
+    assert scene.why_not() == "depth"
+
+
+def test_a_picture_may_show_where_the_arm_was_a_moment_ago_and_not_where_it_was_long_ago(scene):
+    scene.why_not()
+    scene.moves(((0.9, 0.3, 0.09),), LATELY_S - 0.1)
+    scene.seen = {"depth": [HAND[:2]]}
+    assert scene.why_not() is None
+    scene.moves(scene.lies, 0.2)
+    assert scene.why_not() == "depth"
+
+
+def test_where_nobody_knows_the_arm_the_depth_camera_is_left_out_and_the_others_are_not(scene):
+    scene.seen = {"depth": [beside(HAND, 0.2)]}
+    scene.lies = None
+    assert scene.why_not() is None
+    scene.moves((HAND,), LATELY_S - 0.1)
+    assert scene.why_not() is None  # a picture may be from before
+    scene.moves((HAND,), 0.2)
+    assert scene.why_not() == "depth"
+    scene.lies = None
+    scene.now_s += 0.05
+    assert scene.why_not() is None
+    scene.seen["memory"] = [beside(HAND, 0.2)]
+    assert scene.why_not() == "memory"
+
+
+def test_an_arm_within_the_base_hides_nothing(scene):
+    scene.lies = ()
+    scene.seen = {"depth": [HAND[:2]]}
+    assert scene.why_not() == "depth"
+
+
+def test_what_is_remembered_of_depth_pictures_keeps_a_motion_from_starting_and_cancels_none(scene):
+    scene.seen = {"depth memory": [beside(HAND, 0.2)]}
+    assert scene.why_not(running=False) == "depth memory"
+    assert scene.why_not() is None
+
+
+def test_a_motion_begins_with_the_arm_where_it_is_whatever_an_earlier_one_did(scene):
+    scene.lies = None
+    scene.why_not()
+    assert scene.why_not(running=False) is None
+    scene.lies, scene.seen = (HAND,), {"depth": [beside(HAND, 0.2)]}
+    assert scene.why_not() == "depth"
