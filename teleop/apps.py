@@ -1,6 +1,7 @@
 from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
 
 
 class TeleopConfig(AppConfig):
     name = "teleop"
-    verbose_name = "Control"
+    verbose_name = _("Control")

@@ -308,7 +308,7 @@ class RobotConsumer(RobotSocket):
         # Over by the clock counts, even while that cannot be recorded.
         lapsed = lapse(now_held or self.grip.holding, standing.read_at) or "term"
         ending = standing.endings.get(session) or Ending(lapsed, "")
-        self.grip.revoke(ending.note or EndReason(ending.reason).label)
+        self.grip.revoke(ending.note or str(EndReason(ending.reason).label))
         self.grip = None
         await self.tell(notices.control_ended(ending))
 

@@ -7,6 +7,7 @@ from uuid import uuid4
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
+from django.utils.translation import gettext_lazy as _
 
 from robots.models import Robot
 
@@ -14,32 +15,41 @@ from robots.models import Robot
 class EndReason(models.TextChoices):
     """How a control session came to its end."""
 
-    RELEASED = "released", "given back"
-    MOVED = "moved", "moved to another tab of the same person"
-    HANDED_OVER = "handed_over", "handed over"
-    TAKEN_OVER = "taken_over", "taken over"
-    TERM = "term", "the term ended"
-    AWAY = "away", "the page was gone"
-    RIGHT = "right", "the right to control ended"
-    BRIDGE = "bridge", "the robot's bridge refused it"
+    RELEASED = "released", _("given back")
+    MOVED = "moved", _("moved to another tab of the same person")
+    HANDED_OVER = "handed_over", _("handed over")
+    TAKEN_OVER = "taken_over", _("taken over")
+    TERM = "term", _("the term ended")
+    AWAY = "away", _("the page was gone")
+    RIGHT = "right", _("the right to control ended")
+    BRIDGE = "bridge", _("the robot's bridge refused it")
 
 
 class ControlSession(models.Model):
     """One stretch of one person's control of one robot."""
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
-    robot = models.ForeignKey(Robot, on_delete=models.PROTECT, related_name="control_sessions")
-    user = models.ForeignKey(
-        settings.AUTH_USER_MODEL, on_delete=models.PROTECT, related_name="control_sessions"
+    robot = models.ForeignKey(
+        Robot, on_delete=models.PROTECT, related_name="control_sessions", verbose_name=_("robot")
     )
-    fence = models.BigIntegerField()
-    started_at = models.DateTimeField()
-    ended_at = models.DateTimeField(null=True, blank=True)
-    end_reason = models.CharField(max_length=16, choices=EndReason, blank=True)
-    end_note = models.CharField(max_length=300, blank=True, help_text="In words, for who held it.")
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.PROTECT,
+        related_name="control_sessions",
+        verbose_name=_("person"),
+    )
+    fence = models.BigIntegerField(_("fencing number"))
+    started_at = models.DateTimeField(_("began"))
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+    end_reason = models.CharField(_("ended how"), max_length=16, choices=EndReason, blank=True)
+    end_note = models.CharField(
+        _("ended why"), max_length=300, blank=True, help_text=_("In words, for who held it.")
+    )
 
     class Meta:
         ordering = ["-started_at"]
+        verbose_name = _("control session")
+        verbose_name_plural = _("control sessions")
         constraints = [
             models.UniqueConstraint(fields=["robot", "fence"], name="one_session_per_fence"),
             models.UniqueConstraint(
@@ -48,7 +58,11 @@ class ControlSession(models.Model):
         ]
 
     def __str__(self) -> str:
-        return f"{self.user} on {self.robot} from {self.started_at:%Y-%m-%d %H:%M}"
+        return _("%(person)s on %(robot)s from %(time)s") % {
+            "person": self.user,
+            "robot": self.robot,
+            "time": f"{self.started_at:%Y-%m-%d %H:%M}",
+        }
 
 
 class Lease(models.Model):

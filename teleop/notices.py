@@ -28,7 +28,7 @@ GOES_ON_ELSEWHERE = Notice("info", "elsewhere", "Control goes on in another tab.
 def control_ended(ending: Ending) -> Notice:
     """Why control ended, to the page that had it."""
     reason = EndReason(ending.reason)
-    text = _TEXTS.get(reason, ending.note) or reason.label
+    text = _TEXTS.get(reason, ending.note) or str(reason.label)
     return Notice(_LEVELS.get(reason, "error"), reason.value, text)
 
 

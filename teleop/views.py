@@ -9,6 +9,7 @@ import msgspec
 from django.contrib import messages
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
+from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.models import User
@@ -16,8 +17,6 @@ from robots.models import Robot
 from robots.selectors import robots_visible_to
 from robots.wire import Refusal
 from teleop import stopping
-
-_RED_BUTTON = "Not reached: {}. Use the red button on the robot."
 
 
 @require_safe
@@ -50,7 +49,9 @@ def _stop(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     unreached = [
         robot.name for robot, result in zip(robots, results, strict=True) if isinstance(result, Refusal)
     ]
-    text = _RED_BUTTON.format(", ".join(unreached)) if unreached else "Stopped."
+    text = _("Stopped.")
+    if unreached:
+        text = _("Not reached: %s. Use the red button on the robot.") % ", ".join(unreached)
     if not _wants_json(request):
         (messages.error if unreached else messages.success)(request, text)
         return redirect("control", robots[0].slug) if len(robots) == 1 else redirect("fleet")

@@ -96,6 +96,11 @@ class SignInAdmin(ListedLookups):
     search_fields = ["user__username", "user__full_name", "address"]
     list_select_related = ["user"]
 
+    @admin.display(description=_("browser"))
+    def device(self, sign_in: SignIn) -> str:
+        """What it says it is, in plain words."""
+        return sign_in.device
+
     def has_add_permission(self, request: HttpRequest) -> bool:
         """People sign in themselves."""
         return False
