@@ -26,12 +26,12 @@ Fence = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Seq = Annotated[int, Meta(ge=0, le=2**53 - 1)]
 Milliseconds = Annotated[float, Meta(ge=0.0, le=1e12)]
 ShortText = Annotated[str, Meta(max_length=200)]
-TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$")]
-TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$")]
-Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*$")]  # BCP 47
+TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")]
+TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
+Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
 Use = Literal["drive", "speech", "motions"]
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz
-TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")]
+TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 
 
 class Refusal(Struct, frozen=True, omit_defaults=True):
@@ -178,7 +178,9 @@ class Say(Struct, frozen=True, tag_field="t", tag="say"):
     """Say `text`, at most 500 characters; `topic` None: where speech goes now (`State.chosen`)."""
 
     fence: Fence
-    text: Annotated[str, Meta(max_length=4000)]
+    text: Annotated[
+        str, Meta(max_length=LARGEST_MESSAGE_BYTES)
+    ]  # the rule is the bridge's, and its refusal too
     language: Language
     topic: TopicName | None = None
     seq: Seq = 0
@@ -505,6 +507,15 @@ class SpeechEnd(Struct, frozen=True):
     text: str  # why, or the robot's own words
 
 
+class ChoiceEnd(Struct, frozen=True):
+    """How a choice ended by itself: its topic is gone, and input goes to the default `to` again."""
+
+    number: int  # of the choice's record
+    topic: str
+    to: str
+    text: str
+
+
 class Publishing(Struct, frozen=True):
     """A message that is published at a rate."""
 
@@ -543,6 +554,9 @@ class State(Struct, frozen=True):
     speech: Speech | None = None
     speech_ended: SpeechEnd | None = None  # the last one
     chosen: dict[str, str] = {}  # by use: the topic where input goes instead of the default
+    choice_ended: dict[
+        str, ChoiceEnd
+    ] = {}  # by use: the last one that ended by itself, until the next choice
     publishing: list[Publishing] = []
 
 
@@ -572,6 +586,7 @@ class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
     languages: list[str] = []  # in which it speaks, BCP 47, its own first
     uses: dict[str, UseOffer] = {}  # by use; a robot that does not speak has no "speech"
     publishable: dict[str, str] = {}  # topics, and of which type: the allow-list
+    publishable_from: dict[str, str] = {}  # the same topics, and from which role on
 
 
 class Scan(Struct, frozen=True):
@@ -763,6 +778,7 @@ class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
     fields: dict[str, Any]
     shortened: list[str] = []  # paths of arrays that are shown in part, with their whole length
     refusal: Refusal | None = None  # why it cannot be shown
+    publisher_names: list[str] = []  # nodes, as many as are named
 
 
 # --- web -> bridge (the link) -----------------------------------------------------------------

@@ -1,7 +1,8 @@
 """Where a holder's input goes: for driving, speech and motions the robot's default, or a topic chosen instead.
 
 What may be chosen is on the admin's allow-list, has the default's type, and somebody on the robot listens to it. A
-choice is put on record, then connected, then made; it ends with its holder's control, and when that listener goes.
+choice is put on record, then connected, then made; it ends with its holder's control, and when that listener goes. That
+is put on record, too.
 """
 
 from __future__ import annotations
@@ -47,9 +48,10 @@ class Rules(Protocol):
 
 @dataclass
 class _Choice:
-    """A topic that was asked for."""
+    """A topic that was asked for, or chosen."""
 
     topic: str
+    holder: Holder
     number: Future[int]
     answer: Answer
     begun: bool = False  # it is on record, and being connected
@@ -61,7 +63,10 @@ class Choices:
     def __init__(self, config: BridgeConfig, switch: Switch, log: DriveLog, rules: Rules) -> None:
         topics = config.topics
         offered = {"drive": topics.drive, "speech": topics.speech, "motions": topics.motions}
-        self.chosen: dict[str, str] = {}  # other than the default
+        self.gone: dict[
+            str, wire.ChoiceEnd
+        ] = {}  # by use: the choice that ended by itself, if that was the last
+        self._made: dict[str, _Choice] = {}  # other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
         self._switch = switch
         self._log = log
@@ -83,7 +88,13 @@ class Choices:
 
     def topic(self, use: str) -> str:
         """Where input of this use goes now; KeyError if the robot has no such thing."""
-        return self.chosen.get(use) or self._defaults[use].name
+        made = self._made.get(use)
+        return made.topic if made else self._defaults[use].name
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """Where it goes, by use, if not to the default."""
+        return {use: made.topic for use, made in self._made.items()}
 
     def connected(self, use: str) -> Collection[str]:
         """The topics of this use that something can be sent to now."""
@@ -127,7 +138,7 @@ class Choices:
         self._withdraw(use, Refusal("overtaken", "Another topic was chosen meanwhile.", "robot"))
         parameters = {"use": use, "from": self.topic(use), "to": name}
         number = self._log.request(holder, "topic.choose", parameters, now_s)
-        self._asked[use] = _Choice(name, number, answer)
+        self._asked[use] = _Choice(name, holder, number, answer)
 
     def tick(self, busy: Mapping[str, str], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
@@ -150,27 +161,29 @@ class Choices:
     def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
         """Types of the topics that somebody on the robot listens to. What was chosen and is gone is chosen no more."""
         self._listened = listened
-        for use, name in list(self.chosen.items()):
+        for use, made in list(self._made.items()):
             default = self._defaults[use]
-            if self._why_unheard(Topic(name, default.type)) is not None:
-                self._make(use, default.name, f"{name} is gone: input goes to {default.name} again", now_s)
+            if self._why_unheard(Topic(made.topic, default.type)) is not None:
+                why = f"{made.topic} is gone: input goes to {default.name} again"
+                self.gone[use] = wire.ChoiceEnd(made.number.result(), made.topic, default.name, f"{why}.")
+                self._go_back(use, "gone", why, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """The next holder begins with the defaults; a base that still rolls gets its zeros where it got its speed."""
         for use in list(self._asked):
             self._withdraw(use, Refusal("no_lease", reason, "lease"))
-        for use in list(self.chosen):
+        for use in list(self._made):
             if use == "drive":
                 self._parted_s = now_s
             else:
-                self._make(use, self._defaults[use].name, "", now_s)
+                self._go_back(use, "control_ended", reason, now_s)
 
     # --- inside -----------------------------------------------------------------------------------------
 
     def _part(self, since_s: float, now_s: float) -> None:
         """Leave the chosen drive topic, once the base stands or had its zeros for long enough."""
         if self._rules.why_not_still(now_s) is None or now_s - since_s > PARTING_S:
-            self._make("drive", self._defaults["drive"].name, "control ended", now_s)
+            self._go_back("drive", "control_ended", "control ended", now_s)
 
     def _recorded(self, use: str, choice: _Choice, now_s: float) -> None:
         """Connect, unless something came in between."""
@@ -189,23 +202,35 @@ class Choices:
         del self._asked[use]
         refusal = self._why_not_now(use, now_s)
         if refusal is None:
-            self._make(use, choice.topic, f"input goes to {choice.topic} now", now_s)
+            self._make(use, choice, f"input goes to {choice.topic} now", now_s)
         choice.answer(refusal)
 
     def _why_not_now(self, use: str, now_s: float) -> Refusal | None:
         closed = self._rules.why_closed(now_s)
         return closed or (self._rules.why_not_still(now_s) if use == "drive" else None)
 
-    def _make(self, use: str, name: str, why: str, now_s: float) -> None:
-        """From now on input goes there. A base gets its zero first, where it got its speed."""
+    def _make(self, use: str, choice: _Choice, why: str, now_s: float) -> None:
+        """From now on input goes there."""
+        self._send_to(use, choice.topic, why, now_s)
+        self._made.pop(use, None)
+        self.gone.pop(use, None)
+        if choice.topic != self._defaults[use].name:
+            self._made[use] = choice
+
+    def _go_back(self, use: str, outcome: str, why: str, now_s: float) -> None:
+        """Input goes to the default again, though nobody asked for that."""
+        default = self._defaults[use].name
+        self._send_to(use, default, why, now_s)
+        made = self._made.pop(use)
+        parameters = {"use": use, "from": made.topic, "to": default}
+        self._log.outcome(made.number.result(), made.holder, "topic.choose", outcome, parameters, now_s)
+
+    def _send_to(self, use: str, name: str, why: str, now_s: float) -> None:
+        """A base gets its zero first, where it got its speed."""
         if use == "drive":
             self._parted_s = None
             self._rules.halt(why, now_s)
             self._switch.drive_to(name)
-        if name == self._defaults[use].name:
-            self.chosen.pop(use, None)
-        else:
-            self.chosen[use] = name
 
     def _attend(self, use: str, busy: str | None) -> None:
         """Be connected where input goes or is about to go, and nowhere else."""

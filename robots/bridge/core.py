@@ -321,7 +321,8 @@ class Core:
             motion_ended=self.orders.motions.last,
             speech=self.orders.speaking.view(now_s),
             speech_ended=self.orders.speaking.last,
-            chosen=dict(self.orders.choices.chosen),
+            chosen=self.orders.choices.chosen,
+            choice_ended=dict(self.orders.choices.gone),
             publishing=self.orders.publishings.view,
         )
 

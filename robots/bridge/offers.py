@@ -16,9 +16,9 @@ class Catalogue:
         self, config: BridgeConfig, choices: Choices, announce: Callable[[wire.Offers], None]
     ) -> None:
         self._languages = config.topics.languages if config.topics.speech else []
-        self._publishable = {
-            allowed.name: allowed.type for allowed in config.allowed if allowed.what == "publish"
-        }
+        publishable = [allowed for allowed in config.allowed if allowed.what == "publish"]
+        self._publishable = {allowed.name: allowed.type for allowed in publishable}
+        self._publishable_from = {allowed.name: allowed.role for allowed in publishable}
         self._choices = choices
         self._announce = announce
         self._motions: dict[str, tuple[Sequence[wire.MotionOffer], str]] = {}  # by action
@@ -50,4 +50,6 @@ class Catalogue:
         if "motions" in uses:
             not_read = ((), "The robot's motions have not been read yet.")
             motions, text = self._motions.get(self._choices.topic("motions"), not_read)
-        return wire.Offers(list(motions), text, self._languages, uses, self._publishable)
+        return wire.Offers(
+            list(motions), text, self._languages, uses, self._publishable, self._publishable_from
+        )

@@ -178,7 +178,8 @@ def _under_way(state: wire.State) -> tuple[object, ...]:
     """What of the state besides driving must be told at once."""
     motion = state.motion and state.motion.name
     speech = state.speech and (state.speech.number, state.speech.status, state.speech.word)
-    return motion, state.motion_ended, speech, state.speech_ended, state.chosen, state.publishing
+    choices = state.chosen, state.choice_ended
+    return motion, state.motion_ended, speech, state.speech_ended, choices, state.publishing
 
 
 def run(config: BridgeConfig, sink: RecordSink) -> int:

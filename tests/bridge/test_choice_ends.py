@@ -1,0 +1,89 @@
+"""A choice that ends without its holder's order is on record, and told to everybody who watches."""
+
+import pytest
+
+from robots import wire
+from robots.bridge.gate.values import STILL
+from tests.bridge.test_choices import LISTENED, bench, choose, chosen, connects, settled
+
+__all__ = ["bench"]  # the fixture
+
+
+def vanish(bench, *names):
+    """Nobody on the robot listens to these any more."""
+    left = {name: kind for name, kind in LISTENED.items() if name not in names}
+    bench.core.orders.choices.surveyed(left, bench.now_s)
+
+
+def ended(bench):
+    return bench.core.state(bench.now_s, []).choice_ended
+
+
+def last_record(bench):
+    bench.recorded()
+    kind, what = bench.sink.records[-1]
+    return kind, vars(what)
+
+
+@pytest.mark.parametrize(
+    ("use", "topic", "heard", "default"),
+    [
+        ("drive", "/phone_vel", "/phone_vel", "/key_vel"),
+        ("speech", "/second_tts", "/second_tts/goal", "/tts"),
+        ("motions", "/second_play", "/second_play/goal", "/play_motion"),
+    ],
+)
+def test_a_chosen_topic_that_vanishes_is_told_and_on_record(bench, use, topic, heard, default):
+    choose(bench, use, topic)
+    number = len(bench.sink.records)
+    vanish(bench, heard)
+    assert chosen(bench) == {}
+    text = f"{topic} is gone: input goes to {default} again."
+    assert ended(bench) == {use: wire.ChoiceEnd(number, topic, default, text)}
+    expected = {"outcome": "gone", "use": use, "from": topic, "to": default}
+    assert last_record(bench) == ("topic.choose", expected)
+
+
+def test_it_is_told_also_after_the_stick_came_to_rest_and_until_that_use_is_chosen_anew(bench):
+    choose(bench, "drive", "/phone_vel")
+    vanish(bench, "/phone_vel")
+    assert bench.last == STILL
+    bench.stick(0.0)
+    bench.pass_time(1.0)
+    connects(bench)  # with the default alone
+    assert list(ended(bench)) == ["drive"]
+    vanish(bench)
+    choose(bench, "speech", "/second_tts")
+    assert list(ended(bench)) == ["drive"]
+    choose(bench, "drive", "/phone_vel")
+    assert ended(bench) == {}
+
+
+def test_two_that_vanish_together_are_both_told(bench):
+    choose(bench, "speech", "/second_tts")
+    choose(bench, "motions", "/second_play")
+    vanish(bench, "/second_tts/goal", "/second_play/goal")
+    assert list(ended(bench)) == ["speech", "motions"]
+
+
+def test_the_way_back_at_the_end_of_control_is_on_record_and_no_warning(bench):
+    choose(bench, "drive", "/phone_vel")
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.pass_time(0.1)
+    assert chosen(bench) == {}
+    expected = {"outcome": "control_ended", "use": "drive", "from": "/phone_vel", "to": "/key_vel"}
+    assert last_record(bench) == ("topic.choose", expected)
+    assert ended(bench) == {}
+
+
+def test_what_its_holder_takes_back_is_one_record_and_no_warning(bench):
+    choose(bench, "speech", "/second_tts")
+    choose(bench, "speech", None)
+    bench.core.tick(bench.now_s)
+    settled(bench)
+    assert bench.sink.kinds == ["topic.choose", "topic.choose"]
+    assert ended(bench) == {}
+
+
+def test_pages_are_told_from_which_role_on_a_topic_is_published(bench):
+    assert bench.core.orders.catalogue.now().publishable_from == {"/notes": "operator"}
