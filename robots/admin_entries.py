@@ -47,7 +47,8 @@ class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscri
         """And their names."""
         super().add_fields(form, index)
         for field in form.fields.values():
-            field.widget.attrs["aria-label"] = field.label
+            if field.label:
+                field.widget.attrs["aria-label"] = field.label
 
 
 class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
