@@ -10,7 +10,7 @@ import sqlite3
 from typing import Any, Protocol
 from weakref import WeakSet
 
-from django.db import connection
+from django.db import connection, connections
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.backends.signals import connection_created
 
@@ -59,7 +59,7 @@ class OnPostgreSQL:
     def __init__(self) -> None:
         self._name = connection.settings_dict["NAME"]
         self._copy = f"{self._name}_pristine"
-        self._opened: WeakSet[BaseDatabaseWrapper] = WeakSet([connection._connections.default])  # type: ignore[attr-defined]
+        self._opened: WeakSet[BaseDatabaseWrapper] = WeakSet([connections["default"]])
         connection_created.connect(self._note)
         self._close_all()
         self._make(self._copy, self._name)
