@@ -33,17 +33,17 @@ _CHAIN = {
     _VELOCITY: "vel velocity velocities cmdvel twist speed",
     "goals and cancels of actions go through the console's own orders": "goal cancel",
     "the gate sees by scans and ranges": "scan scans laser lidar hokuyo sick sonar range ultrasound bumper cliff",
-    "the gate sees by depth pictures and clouds": "depth points pointcloud cloud disparity xtion realsense",
+    "the gate sees by depth pictures and clouds": "depth points cloud disparity xtion realsense",
     "the gate reckons with odometry": "odom odometry",
-    "the gate reckons with where the joints are": "joint joints",
+    "the gate reckons with where the joints are": "joint",
     "frames and clocks tie together what the gate sees": "tf clock time robot_description",
-    "the robot's power is its own": "power battery batteries charging charge charger docked",
+    "the robot's power is its own": "power battery batteries charging charge docked",
 }
 
 _POINTS = {"what a motion sweeps is judged by its points": "play_motion"}
 
 _SENT_TYPES = {
-    _VELOCITY: r"geometry_msgs/(Twist|Accel|Wrench).*|ackermann_msgs/.*|.*/(Twist|Velocity|CmdVel)\w*",
+    _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|ackermann_msgs/.*|.*/(Twist|Velocity|CmdVel)\w*",
     "controllers take commands past the gate": r"(trajectory_msgs|control_msgs|controller_manager_msgs)/.*|"
     r".*/\w*JointTrajectory\w*",
     "goals, cancels and what answers them go through the console's own orders": r"actionlib_msgs/.*|"
@@ -53,7 +53,7 @@ _SENT_TYPES = {
     "the gate sees by depth pictures and clouds": r"sensor_msgs/(PointCloud2?|Image|CompressedImage|CameraInfo)|"
     r"stereo_msgs/.*|theora_image_transport/.*",
     "the gate reckons with odometry": r"nav_msgs/Odometry",
-    "the gate reckons with where the joints are": r"sensor_msgs/(Multi\w*)?JointState|sensor_msgs/MultiDOFJointState",
+    "the gate reckons with where the joints are": r"sensor_msgs/(Multi\w*)?JointState",
     "frames and clocks tie together what the gate sees": r"(tf|tf2_msgs)/.*|geometry_msgs/TransformStamped|"
     r"rosgraph_msgs/Clock",
     "the robot's power is its own": r"sensor_msgs/BatteryState",

@@ -1,0 +1,107 @@
+"""What no allow-list admits: each word and each type that would go around the chain, or blind it."""
+
+import pytest
+
+from robots.bridge.config import DepthSource, ScanSource, Topic, Topics
+from robots.bridge.never import why_never
+
+TEXT = "std_msgs/String"
+TWIST = "geometry_msgs/Twist"
+TTS = "pal_interaction_msgs/TtsAction"
+PLAIN = Topics(drive=Topic("/drive", TWIST), odometry=Topic("/place", "nav_msgs/Odometry"))
+
+
+def words(text):
+    return text.split()
+
+
+OVERRIDING = words("""
+    /arm_controller/state /gripper/commands /arm/trajectory /mux/select /camera/reconfigure_server
+    /camera/parameter_updates /lab/joy /joysticks /the_joypads /gamepads /teleoperation /tab_7 /base/lock /doorlocks
+    /unlocked /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
+""")
+CHAIN = words("""
+    /wheel_vel /wheelvelocity /velocities /cmdvel /twisted /top_speed /planner/goal /planner/cancel_all /frontScan
+    /allscans /laser_front /lidars /hokuyo /sick /sonars /ranges /ultrasound /bumpers /cliff_left /depthmap /points
+    /cloud /disparity /xtion2 /realsense /odom_combined /visualodometry /joint_angles /tf2 /clock /sim_time
+    /robot_description /power_state /battery1 /batteries /charging /charges /docked
+""")
+SENT = words("""
+    geometry_msgs/Twist geometry_msgs/TwistWithCovarianceStamped geometry_msgs/AccelStamped geometry_msgs/Wrench
+    ackermann_msgs/AckermannDrive lab_msgs/Twist2D lab_msgs/VelocityCommand lab_msgs/CmdVelStamped
+    trajectory_msgs/JointTrajectoryPoint trajectory_msgs/Spline control_msgs/JointJog controller_manager_msgs/State
+    lab_msgs/ArmJointTrajectoryPoint actionlib_msgs/GoalID lab_msgs/FetchAction lab_msgs/FetchActionGoal
+    lab_msgs/FetchActionResult lab_msgs/FetchActionFeedback sensor_msgs/Joy lab_msgs/JoyFeedback sensor_msgs/LaserScan
+    sensor_msgs/MultiEchoLaserScan sensor_msgs/LaserEcho sensor_msgs/Range lab_msgs/BumperEvent
+    sensor_msgs/PointCloud sensor_msgs/PointCloud2 sensor_msgs/Image sensor_msgs/CompressedImage
+    sensor_msgs/CameraInfo stereo_msgs/DisparityImage theora_image_transport/Packet nav_msgs/Odometry
+    sensor_msgs/JointState sensor_msgs/MultiDOFJointState tf/tfMessage tf2_msgs/TFMessage
+    geometry_msgs/TransformStamped rosgraph_msgs/Clock sensor_msgs/BatteryState sound_play/SoundRequest
+""")
+CALLED = words("""
+    controller_manager_msgs/SwitchController dynamic_reconfigure/Reconfigure topic_tools/MuxSelect nodelet/NodeletUnload
+""")
+
+
+@pytest.mark.parametrize("name", OVERRIDING + CHAIN)
+def test_names_that_mean_what_the_chain_rests_on(name):
+    assert why_never("publish", name, TEXT, PLAIN)
+    assert why_never("call", name, "std_srvs/Empty", PLAIN)
+    assert why_never("set", name, "", PLAIN)
+
+
+@pytest.mark.parametrize("type_name", SENT)
+def test_types_that_mean_it_whatever_the_topic_is_called(type_name):
+    assert why_never("publish", "/notes", type_name, PLAIN)
+
+
+@pytest.mark.parametrize("type_name", CALLED)
+def test_services_that_undo_it_whatever_they_are_called(type_name):
+    assert why_never("call", "/notes", type_name, PLAIN)
+
+
+def test_what_is_chosen_for_driving_has_passed_the_gate_and_may_be_called_a_velocity():
+    assert why_never("choose", "/nav_vel", TWIST, PLAIN, "drive") is None
+
+
+@pytest.mark.parametrize("name", OVERRIDING)
+def test_what_is_chosen_wins_over_no_lock_and_no_joystick(name):
+    assert why_never("choose", name, TWIST, PLAIN, "drive")
+
+
+@pytest.mark.parametrize("name", OVERRIDING + CHAIN)
+def test_texts_are_said_where_nothing_else_listens(name):
+    speaking = Topics(drive=PLAIN.drive, odometry=PLAIN.odometry, speech=Topic("/say", TEXT))
+    assert why_never("choose", name, TEXT, speaking, "speech")
+
+
+def test_what_is_chosen_has_the_defaults_type_and_a_use_that_the_robot_has():
+    assert "TwistStamped" in why_never("choose", "/nav_vel", f"{TWIST}Stamped", PLAIN, "drive")
+    assert why_never("choose", "/voice", TTS, PLAIN, "speech")
+    assert why_never("choose", "/voice", TTS, PLAIN, "")
+
+
+def test_what_the_robots_description_names_takes_no_other_input():
+    """Also where neither name nor type tells what it is."""
+    topics = Topics(
+        drive=Topic("/drive", TWIST),
+        odometry=Topic("/place", "nav_msgs/Odometry"),
+        scans=[ScanSource("/left_eye", (0.0, 0.0, 0.0)), ScanSource("/right_eye", (0.0, 0.0, 0.0))],
+        depth=DepthSource("/brow", "sensor_msgs/Image", info="/brow_info"),
+        speech=Topic("/say", TTS),
+        cancel_on_stop=["/fetch"],
+    )
+    for name in ("/drive", "/place", "/left_eye", "/right_eye", "/brow", "/brow_info", "/say", "/fetch"):
+        assert why_never("publish", name, TEXT, topics)
+        assert (why_never("choose", name, TWIST, topics, "drive") is None) == (name == "/drive")
+
+
+@pytest.mark.parametrize("name", ["/notes", "/visit_pose", "/stable", "/enjoy", "/level", "/travel/times"])
+def test_other_words_mean_nothing_of_the_kind(name):
+    assert why_never("publish", name, TEXT, PLAIN) is None
+
+
+def test_where_a_motion_goes_is_set_by_nobody():
+    assert why_never("set", "/play_motion/motions/wave/points", "", PLAIN)
+    assert why_never("set", "/play_motion_2", "", PLAIN)
+    assert why_never("call", "/play_motion/list_motions", "", PLAIN) is None
