@@ -20,7 +20,11 @@ PAGES = [
     "/robots/tiago-1/",
     "/robots/tiago-1/check/",
     "/accounts/sessions/",
+    "/accounts/password/",
     "/accounts/sign-in/",
+    "/admin/",
+    "/admin/robots/phrase/",
+    "/admin/robots/phrase/import/",
     "/nowhere/",
 ]
 SIZES = [(360, 640), (844, 390), (1440, 900)]
