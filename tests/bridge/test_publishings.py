@@ -9,12 +9,14 @@ from robots import wire
 from robots.bridge.commands import stick_of, velocity_of
 from robots.bridge.config import Allowed
 from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.publishings import RECORDED_CHARACTERS
 from robots.bridge.twists import velocity_from
 from robots.wire import Refusal
 from tests.bridge.support import CONFIG, Bench
 
 NOTES = Allowed("publish", "/notes", "std_msgs/String")
-ALLOWING = msgspec.structs.replace(CONFIG, allowed=(NOTES,))
+SERVICE = Allowed("call", "/diary", "std_msgs/String")  # of a service: nothing that is published
+ALLOWING = msgspec.structs.replace(CONFIG, allowed=(NOTES, SERVICE))
 
 
 @pytest.fixture
@@ -37,14 +39,14 @@ def shown(bench):
     return bench.core.state(bench.now_s, []).publishing
 
 
-def test_it_is_sent_once_it_is_on_record(bench):
+def test_it_is_sent_and_answered_once_it_is_on_record(bench):
     bench.sink.open.clear()
-    assert bench.order(note()) is None
+    answers = bench.ask(note())
     bench.core.tick(bench.now_s)
-    assert bench.publisher.published == []
+    assert (bench.publisher.published, answers) == ([], [])
     bench.sink.open.set()
     settled(bench)
-    assert bench.publisher.published == [note()]
+    assert (bench.publisher.published, answers) == ([note()], [None])
     kind, parameters = bench.sink.records[-1]
     assert kind == "publish.start"
     assert parameters["fields"] == '{"data":"hello"}'
@@ -83,6 +85,25 @@ def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
     assert bench.order(wire.PublishStop(1, "/notes")).code == "not_publishing"
 
 
+def test_what_is_published_at_a_rate_gives_way_to_the_next_message_there(bench):
+    bench.order(note(5.0))
+    settled(bench)
+    bench.order(note())
+    settled(bench)
+    bench.recorded()
+    assert bench.sink.kinds == ["publish.start", "publish.start", "publish.end"]
+    assert bench.sink.records[-1][1].outcome == "replaced"
+    assert shown(bench) == []
+
+
+def test_of_a_long_message_the_beginning_is_on_record(bench):
+    bench.order(wire.Publish(1, "/notes", "std_msgs/String", {"data": "x" * 50_000}))
+    settled(bench)
+    [(_, parameters)] = bench.sink.records
+    assert parameters["fields"] == '{"data":"' + "x" * (RECORDED_CHARACTERS - 9)
+    assert len(bench.publisher.published[0].fields["data"]) == 50_000
+
+
 @pytest.mark.parametrize(
     ("happens", "outcome"),
     [
@@ -106,6 +127,7 @@ def test_nobody_left_to_answer_for_it_ends_it(bench, happens, outcome):
     ("order", "code"),
     [
         (note(topic="/other"), "not_allowed"),
+        (note(topic="/diary"), "not_allowed"),
         (note(type_name="std_msgs/Bool"), "not_allowed"),
         (note(fence=2), "unknown_fence"),
     ],
@@ -124,26 +146,39 @@ def test_a_wrong_field_is_refused_before_it_is_on_record(bench):
     assert bench.sink.kinds == []
 
 
-def test_control_that_ends_while_fields_are_checked_publishes_nothing(bench):
+@pytest.mark.parametrize(
+    ("happens", "code"),
+    [
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+    ],
+)
+def test_what_happens_while_fields_are_checked_keeps_them_from_being_published(bench, happens, code):
     bench.publisher.waiting = []
-    answers = []
-    bench.core.orders.take(note(), 1, bench.now_s, answers.append)
-    bench.core.revoke(1, "over", bench.now_s)
+    answers = bench.ask(note())
+    happens(bench)
     [check] = bench.publisher.waiting
     check()
-    assert [answer.code for answer in answers] == ["no_lease"]
+    assert [answer.code for answer in answers] == [code]
     settled(bench)
     assert bench.publisher.published == []
+
+
+def test_while_the_robot_is_stopped_no_fields_are_checked(bench):
+    bench.publisher.waiting = []
+    bench.core.stop("Bob", "", bench.now_s)
+    assert bench.order(note()).code == "stopped"
+    assert bench.publisher.waiting == []
 
 
 # --- velocities -------------------------------------------------------------------------------------
 
 
-def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0):
+def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0, type_name="geometry_msgs/Twist"):
     bench.seq += 1
     fields = {"linear.x": vx}
     sent_ms = (bench.now_s - age_s) * 1000.0
-    return wire.Publish(1, topic, "geometry_msgs/Twist", fields, rate_hz, sent_ms, bench.seq)
+    return wire.Publish(1, topic, type_name, fields, rate_hz, sent_ms, bench.seq)
 
 
 def driven(bench, vx):
@@ -194,6 +229,7 @@ def test_after_a_stop_a_twist_that_is_still_sent_does_not_drive(bench):
     ("changes", "code"),
     [
         ({"topic": "/cmd_vel"}, "around_the_gate"),
+        ({"type_name": "geometry_msgs/TwistStamped"}, "around_the_gate"),
         ({"rate_hz": 10.0}, "dead_man"),
         ({"age_s": 0.5}, "too_old"),
     ],
