@@ -8,11 +8,13 @@ from __future__ import annotations
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 from django.conf import settings
 from django.template.base import Lexer, Token, TokenType
 from django.test import Client
+from django.utils import translation
 
 from fleet import languages
 
@@ -107,6 +109,15 @@ def test_a_language_is_there_when_its_texts_are_compiled(tmp_path: Path) -> None
         (tmp_path / folder / "LC_MESSAGES" / file).touch()
     told = languages.spoken("en-gb", tmp_path)
     assert told == [("en-gb", "British English"), ("de", "Deutsch"), ("pt-br", "Português Brasileiro")]
+
+
+@pytest.mark.django_db
+def test_a_browser_gets_its_language_if_that_is_there_and_english_otherwise(settings: Any) -> None:
+    german = Client(headers={"Accept-Language": "de-AT, fr;q=0.5"})
+    with translation.override(None):  # a page leaves its language to the thread
+        assert '<html lang="en-gb">' in german.get("/cookies/").content.decode()
+        settings.LANGUAGES = [*settings.LANGUAGES, ("de", "Deutsch")]
+        assert '<html lang="de">' in german.get("/cookies/").content.decode()
 
 
 def test_the_texts_of_scripts_are_a_script_for_everybody() -> None:
