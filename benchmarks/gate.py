@@ -22,7 +22,7 @@ from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place
 from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant, Refusal
@@ -189,7 +189,11 @@ class _NoTopics:
 class _NoRecords:
     """Everything is on record at once."""
 
-    def begin_drive(self, holder: Holder) -> int:
+    def settle(self) -> None: ...
+
+    def pulse(self) -> None: ...
+
+    def begin_drive(self, holder: Holder, start: Place) -> int:
         return 1
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None: ...
@@ -201,7 +205,7 @@ class _NoRecords:
         self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters
     ) -> None: ...
 
-    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
         return 1
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None: ...

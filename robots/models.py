@@ -621,3 +621,14 @@ class BridgeStatus(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.state}"
+
+
+class BridgePulse(models.Model):
+    """What a robot's bridge writes to see whether it could write a record."""
+
+    robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
+    at = models.DateTimeField(null=True)  # of the newest one
+    settled = models.BigIntegerField(default=0)  # up to this record, whatever needs an end has one
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.at}"

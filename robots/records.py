@@ -1,22 +1,57 @@
-"""A bridge's records, in the audit log of the console."""
+"""A bridge's records, in the audit log of the console.
+
+Of what the bridge tells, plain facts are kept for ever; figures, places and words are what may expire or be erased.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ParamSpec, TypedDict, TypeVar
 from uuid import UUID
 
 from django.core.exceptions import ValidationError
-from django.db import DatabaseError, close_old_connections
+from django.db import (
+    DatabaseError,
+    InterfaceError,
+    InternalError,
+    OperationalError,
+    close_old_connections,
+    transaction,
+)
+from django.db.models import Exists, Max, OuterRef
+from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable, record
-from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError
+from fleet.audit.errors import cause_of
+from fleet.audit.models import Record
+from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.bridge.path import Sample
+from robots.bridge.sink import (
+    BadRecord,
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    RecordError,
+)
+from robots.models import BridgePulse
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+# What ends each kind of record, and how it ended if the bridge was killed in between.
+ENDS = {
+    "gate.begin": ("gate.end", "bridge_killed"),
+    "drive.start": ("drive.end", "bridge_killed"),
+    "motion.start": ("motion.end", "unknown"),
+    "speech.start": ("speech.end", "unknown"),
+    "publish.start": ("publish.end", "unknown"),
+}
+_EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
 
 
 def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
@@ -29,10 +64,13 @@ def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
             return method(*args, **kwargs)
         except AuditUnavailable as error:
             close_old_connections()
-            raise RecordError(error.text) from error
+            raise RecordError(cause_of(error.__cause__ or error)[1]) from error
+        except (OperationalError, InternalError, InterfaceError) as error:
+            close_old_connections()
+            raise RecordError(cause_of(error)[1]) from error
         except (DatabaseError, ValidationError, ValueError) as error:
             close_old_connections()
-            raise RecordError("Not done, because it could not be recorded.") from error
+            raise BadRecord("the audit log does not take it") from error
 
     return call
 
@@ -45,55 +83,95 @@ class AuditSink:
         self._robot_name = robot_name
 
     @_or_record_error
-    def begin_drive(self, holder: Holder) -> int:
+    def settle(self) -> None:
+        """Commit the ends that an earlier bridge owes, because it was killed; a second time there are none."""
+        with transaction.atomic():
+            pulse, _ = BridgePulse.objects.get_or_create(robot_id=self._robot_id)
+            for start in self._without_end(pulse.settled):
+                kind, outcome = ENDS[start.kind]
+                record(kind, of=start, outcome=outcome)
+            records = Record.objects.filter(robot_id=self._robot_id)
+            pulse.settled = records.aggregate(newest=Max("id"))["newest"] or 0
+            pulse.save()
+
+    @_or_record_error
+    def pulse(self) -> None:
+        """Commit the time of day."""
+        BridgePulse.objects.update_or_create(robot_id=self._robot_id, defaults={"at": timezone.now()})
+
+    @_or_record_error
+    def begin_drive(self, holder: Holder, start: Place) -> int:
         """Commit the start of a drive."""
-        return record("drive.start", **self._by(holder)).pk
+        return record("drive.start", private=_place(start), **self._by(holder)).pk
 
     @_or_record_error
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive, with what it came to."""
         figures = {
+            "words": summary.ended_by,
             "distance_m": round(summary.distance_m, 3),
             "duration_s": round(summary.duration_s, 2),
             "top_mps": round(summary.top_mps, 3),
             "top_radps": round(summary.top_radps, 3),
             "interventions": summary.interventions,
+            "path": _path(summary.path),
+            "path_tolerance_m": summary.tolerance_m,
         }
-        record("drive.end", of=drive, outcome=summary.ended_by, parameters=figures, **self._by(holder))
+        details = figures | _place(summary.end)
+        record("drive.end", of=drive, outcome=summary.outcome, private=details, **self._by(holder))
 
     @_or_record_error
     def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
         """Commit what was asked of the robot besides driving."""
-        return record(kind, parameters=dict(parameters), **self._by(holder)).pk
+        facts = dict(parameters)
+        text = str(facts.pop("text", ""))
+        private = {name: facts.pop(name) for name in _EXPIRING if name in facts}
+        return record(kind, parameters=facts, text=text, private=private, **self._by(holder)).pk
 
     @_or_record_error
     def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
         """Commit what came of it."""
-        record(kind, of=request, outcome=outcome, parameters=dict(parameters), **self._by(holder))
+        facts = dict(parameters)
+        words = facts.pop("text", None)
+        private = {"words": words} if words else {}
+        record(kind, of=request, outcome=outcome, parameters=facts, private=private, **self._by(holder))
 
     @_or_record_error
-    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
         """Commit that the gate began to hold back, and why."""
         figures = {
-            "text": verdict.text,
-            "sensor": verdict.sensor,
-            "distance_m": _rounded(verdict.distance_m),
-            "bearing": _rounded(verdict.bearing),
-            "side": verdict.side,
-            "asked": _velocity(verdict.asked),
-            "allowed": _velocity(verdict.velocity),
+            "words": start.verdict.text,
+            "t_s": round(start.t_s, 2),
+            "pose": _pose(start.pose),
+            **_verdict(start.verdict),
         }
-        return record("gate.begin", of=drive, outcome=verdict.code, parameters=figures, **self._by(holder)).pk
+        return record(
+            "gate.begin", of=drive, outcome=start.verdict.code, private=figures, **self._by(holder)
+        ).pk
 
     @_or_record_error
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         """Commit that it ended, and what it came to."""
-        figures = {"duration_s": round(summary.duration_s, 2), "also": summary.also}
-        record("gate.end", of=intervention, parameters=figures, **self._by(holder))
+        figures = {
+            "duration_s": round(summary.duration_s, 2),
+            "also": summary.also,
+            "nearest": _verdict(summary.nearest),
+            "pose": _pose(summary.pose),
+        }
+        record("gate.end", of=intervention, private=figures, **self._by(holder))
+
+    def _without_end(self, after: int) -> list[Record]:
+        """This robot's records that lack their end, the newest first: what began last ended first."""
+        missing: list[Record] = []
+        for kind, (end, _) in ENDS.items():
+            ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
+            starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
+            missing += starts.exclude(Exists(ends))
+        return sorted(missing, key=lambda start: -start.pk)
 
     def _by(self, holder: Holder) -> _By:
         return {
-            "actor": _person(holder.holder_id),
+            "actor": User.objects.filter(pk=holder.holder_id).first(),
             "robot_id": self._robot_id,
             "robot_name": self._robot_name,
             "session_id": UUID(holder.session),
@@ -109,14 +187,34 @@ class _By(TypedDict):
     fence: int
 
 
-@functools.lru_cache(maxsize=64)
-def _person(holder_id: str) -> User | None:
-    return User.objects.filter(pk=holder_id).first()
+def _place(place: Place) -> dict[str, Any]:
+    return {"pose": _pose(place.pose), "map_to_odom": _pose(place.map_to_odom)}
+
+
+def _pose(pose: Pose | None) -> list[float] | None:
+    """x and y in metres, yaw in radians."""
+    return None if pose is None else [round(value, 3) for value in pose]
+
+
+def _path(path: Sequence[Sample]) -> list[list[float]]:
+    """Of each sample t, x, y, yaw and speed."""
+    return [[round(value, 3) for value in sample] for sample in path]
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {
+        "sensor": verdict.sensor,
+        "distance_m": _rounded(verdict.distance_m),
+        "bearing": _rounded(verdict.bearing),
+        "side": verdict.side,
+        "asked": _velocity(verdict.asked),
+        "allowed": _velocity(verdict.velocity),
+    }
 
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
 
-def _velocity(velocity: Velocity) -> dict[str, Any]:
+def _velocity(velocity: Velocity) -> dict[str, float]:
     return {"vx_mps": round(velocity.vx, 3), "vy_mps": round(velocity.vy, 3), "w_radps": round(velocity.w, 3)}

@@ -61,5 +61,5 @@ def _said(start: Record, end: Record | None) -> Said:
         who=start.actor_name,
         at=start.at,
         outcome=end.outcome if end else None,
-        why=end.details.get("text", "") if end else "",
+        why=end.details.get("words", "") if end else "",
     )

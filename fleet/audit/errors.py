@@ -34,7 +34,7 @@ class AuditUnavailable(Exception):
         return cls(f"audit_{code}", f"Not done, because it could not be recorded: {cause}.")
 
 
-def cause_of(error: Exception) -> tuple[str, str]:
+def cause_of(error: BaseException) -> tuple[str, str]:
     """A database error in a word for programs and in words for people."""
     said = str(error).lower()
     return next(

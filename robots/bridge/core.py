@@ -39,6 +39,11 @@ VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
+# Refusals that come while the stick is out: what asks for motion since then does not count once they are over.
+_HALTING = {
+    "motion_running": "the robot performed a motion",
+    "not_recorded": "what the robot did could not be recorded",
+}
 
 
 class Base(Performer, Protocol):
@@ -190,9 +195,7 @@ class Core:
         still = self._gate.standstill(now_s)
         if still is None:
             self._drives.halted("nothing new came from odometry")
-        unrecorded = self._drives.tick(now_s, self._passed == STILL and still is not False)
-        if unrecorded and self._passed != STILL:
-            self.halt(unrecorded.text, now_s)
+        self._drives.tick(now_s, self._passed == STILL and still is not False)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
@@ -230,7 +233,7 @@ class Core:
         self._odometry = (arrival_s, pose, velocity)
         skew_s = stamp_s - wall_s
         self._skew_s = skew_s if self._skew_s is None else self._skew_s + 0.1 * (skew_s - self._skew_s)
-        self._drives.moved(pose.x, pose.y, velocity)
+        self._drives.moved(pose, velocity, arrival_s)
         if self.grants.current:
             self._gate.obstacles(arrival_s)  # carried to the new pose now, so that no command waits for it
 
@@ -382,8 +385,8 @@ class Core:
             self._drives.decided(verdict, now_s)
             if verdict.neutral:
                 self._need_neutral(verdict.text)
-        if refusal and refusal.code == "motion_running":
-            self._need_neutral("the robot performed a motion")
+        if refusal and refusal.code in _HALTING:
+            self._need_neutral(_HALTING[refusal.code])
         if refusal:
             verdict = verdict._replace(asked=asked, code=refusal.code, text=refusal.text)
         stopped = self.stop_state.state != "clear"
@@ -412,7 +415,7 @@ class Core:
         """The first rule that forbids motion, lease and age apart."""
         if closed := self.why_closed(now_s):
             return closed
-        if standing := self.orders.why_stand(now_s):
+        if standing := self.orders.why_stand(now_s) or self._drives.why_not(now_s):
             return standing
         if self._neutral is not None:
             return Refusal(

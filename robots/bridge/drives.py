@@ -10,26 +10,23 @@ than two records a second; only a stop after which the stick must return to neut
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import TypeVar
+from functools import partial
 
-from robots.bridge.gate.values import Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError, RecordSink
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.path import Path, Track
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, RecordSink
+from robots.bridge.writer import Writer
 from robots.wire import Refusal
 
-log = logging.getLogger(__name__)
-
-RECORD_PATIENCE_S = 2.0  # a record that takes longer stops the robot
-_RETRY_S = 0.5
 _STANDSTILL_S = 0.5
 MERGE_S = 1.0  # a pause of the same intervention, if it is shorter
+SIMPLIFIED_AT_ONCE = 120  # samples: a minute of them, so that a long drive takes no memory
 # Not interventions: nothing is held back that the robot could do.
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
-_T = TypeVar("_T")
 
 Answer = Callable[[Refusal | None], None]  # to what was asked: why not, or None once it is on its way
 
@@ -43,61 +40,69 @@ class _Drive:
     holder: Holder
     started_s: float
     number: Future[int]
-    distance_m: float = 0.0
-    top_mps: float = 0.0
-    top_radps: float = 0.0
+    track: Track
+    path: Path = field(default_factory=Path)  # the worker's
     interventions: int = 0
     still_since_s: float | None = None
-    last_xy: tuple[float, float] | None = None
     halted_by: str | None = None
 
 
 @dataclass
 class _Intervention:
-    code: str
     holder: Holder
     began_s: float
-    held_s: float  # when it held back last
     number: Future[int]
+    nearest: Verdict
+    held_s: float  # when it held back last, and where
+    held_at: Pose | None
     also: set[str] = field(default_factory=set)  # codes of other rules that held back meanwhile
+
+    def holds(self, verdict: Verdict, pose: Pose | None, now_s: float) -> None:
+        """It goes on."""
+        self.held_s, self.held_at = now_s, pose
+        if _distance_m(verdict) < _distance_m(self.nearest):
+            self.nearest = verdict
 
 
 class DriveLog:
     """At most one drive at a time, and within it at most one gate intervention."""
 
     def __init__(self, sink: RecordSink) -> None:
-        self.on_done: Callable[[], object] = lambda: None  # called on the worker's thread after each record
+        self.where: Callable[[], Pose | None] = lambda: (
+            None
+        )  # the odometry frame in the map's, if that is known
         self._sink = sink
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
+        self._writer = Writer(sink.pulse)
+        self._pose: Pose | None = None
         self._drive: _Drive | None = None
         self._intervention: _Intervention | None = None
-        self._failure: tuple[float, str] | None = None  # when, why
-        self._pending: list[tuple[float, Future[int] | Future[None]]] = []
+
+    def open(self, on_done: Callable[[], object], now_s: float) -> None:
+        """Before anything is asked for. `on_done` is called on the worker's thread once what was asked for is done."""
+        self._writer.on_done = on_done
+        self._writer.keep(self._sink.settle, now_s)
 
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
         """None once the drive's start is committed; until then why not. Begins it on the first call."""
-        if self._failure:
-            failed_s, why = self._failure
-            if now_s < failed_s + _RETRY_S:
-                return _unrecorded(why)
-            self._failure = None
         if self._drive and self._drive.holder.fence != holder.fence:
-            self.end(now_s, "control changed")
+            self.end("control_changed", "control changed", now_s)
         if self._drive is None:
-            number = self._submit(now_s, lambda: self._sink.begin_drive(holder))
-            self._drive = _Drive(holder, now_s, number)
-        return None if _committed(self._drive.number) else WAITING
+            self._begin(holder, now_s)
+        return None if self._committed else WAITING
 
-    def moved(self, x: float, y: float, velocity: Velocity) -> None:
-        """Odometry: adds to the drive's distance and top speeds."""
-        drive = self._drive
-        if drive is None:
-            return
-        if drive.last_xy is not None:
-            drive.distance_m += math.hypot(x - drive.last_xy[0], y - drive.last_xy[1])
-        drive.last_xy = (x, y)
-        drive.top_mps = max(drive.top_mps, math.hypot(velocity.vx, velocity.vy))
-        drive.top_radps = max(drive.top_radps, abs(velocity.w))
+    def why_not(self, now_s: float) -> Refusal | None:
+        """Why the robot must stand: what it does cannot be recorded. A drive under way may go on for a while."""
+        trouble = self._writer.trouble
+        why = self._writer.overdue(now_s)
+        if why is None and trouble is not None and not self._committed:
+            why = trouble.why
+        return _unrecorded(why) if why is not None else None
+
+    def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
+        """Odometry: where the robot is, and what the drive's figures and path are made of."""
+        self._pose = pose
+        if self._drive is not None:
+            self._drive.track.moved(pose, velocity, now_s)
 
     def halted(self, reason: str) -> None:
         """Something other than the operator stopped the robot."""
@@ -107,7 +112,7 @@ class DriveLog:
     def decided(self, verdict: Verdict, now_s: float) -> None:
         """A verdict of the gate on a command of this drive."""
         drive, current = self._drive, self._intervention
-        if drive is None or not _committed(drive.number):
+        if drive is None or not self._committed:
             return
         drive.halted_by = None
         if current is not None and (verdict.neutral or now_s - current.held_s >= MERGE_S):
@@ -117,92 +122,110 @@ class DriveLog:
             return
         if current is None:
             self._begin_intervention(drive, verdict, now_s)
-        elif current.code == verdict.code:
-            current.held_s = now_s
+        elif current.nearest.code == verdict.code:
+            current.holds(verdict, self._pose, now_s)
         else:
             current.also.add(verdict.code)
 
-    def tick(self, now_s: float, still: bool) -> Refusal | None:
-        """Once per period. `still`: zero is sent and odometry shows standstill.
-
-        Returns why the robot must stop, if it must.
-        """
-        self._reap(now_s)
+    def tick(self, now_s: float, still: bool) -> None:
+        """Once per period. `still`: zero is sent and odometry shows standstill."""
         drive = self._drive
-        if drive is not None and _failed(drive.number):
+        self._writer.tick(now_s, watched=drive is not None)
+        if drive is None or not drive.number.done():
+            return
+        if not self._committed:
             self._drive = None
-        elif drive is not None:
-            if not still:
-                drive.still_since_s = None
+            return
+        if len(drive.track.fresh) >= SIMPLIFIED_AT_ONCE:
+            self._writer.aside(partial(drive.path.extend, drive.track.taken()))
+        if not still:
+            drive.still_since_s = None
+            return
+        drive.still_since_s = drive.still_since_s or now_s
+        if now_s - drive.still_since_s >= _STANDSTILL_S:
+            if drive.halted_by:
+                self.end("halted", drive.halted_by, now_s)
             else:
-                drive.still_since_s = drive.still_since_s or now_s
-                if now_s - drive.still_since_s >= _STANDSTILL_S:
-                    self.end(now_s, drive.halted_by or "standstill")
-        if self._failure and now_s < self._failure[0] + _RETRY_S:
-            return _unrecorded(self._failure[1])
-        if self._pending and now_s - self._pending[0][0] > RECORD_PATIENCE_S:
-            return _unrecorded(f"no answer from the audit log for {RECORD_PATIENCE_S:.0f} s")
-        return None
+                self.end("standstill", "standstill", now_s)
 
     def request(self, holder: Holder, kind: str, parameters: Parameters, now_s: float) -> Future[int]:
         """Put on record what is asked of the robot besides driving; its number, once it is committed."""
-        return self._submit(now_s, lambda: self._sink.request(holder, kind, parameters))
+        return self._writer.ask(lambda: self._sink.request(holder, kind, parameters), now_s)
 
     def outcome(
         self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters, now_s: float
     ) -> None:
         """Put on record what came of it."""
-        self._submit(now_s, lambda: self._sink.outcome(request, holder, kind, outcome, parameters))
+        self._writer.keep(lambda: self._sink.outcome(request, holder, kind, outcome, parameters), now_s)
 
-    def end(self, now_s: float, ended_by: str) -> None:
+    def end(self, outcome: str, ended_by: str, now_s: float) -> None:
         """End the drive under way, if any."""
-        drive, self._drive = self._drive, None
-        if drive is None or _failed(drive.number):
+        drive = self._drive
+        if drive is None:
             return
         self._end_intervention(now_s)
-        summary = DriveSummary(
-            distance_m=round(drive.distance_m, 3),
-            duration_s=round(now_s - drive.started_s, 3),
-            top_mps=round(drive.top_mps, 3),
-            top_radps=round(drive.top_radps, 3),
-            interventions=drive.interventions,
-            ended_by=ended_by,
-        )
-        self._submit(now_s, lambda: self._sink.end_drive(drive.number.result(), drive.holder, summary))
+        self._drive = None
+        self._writer.aside(partial(drive.path.extend, drive.track.taken(last=True)))
+        track, end = drive.track, self._place
+
+        def write() -> None:
+            summary = DriveSummary(
+                outcome=outcome,
+                ended_by=ended_by,
+                end=end,
+                distance_m=track.distance_m,
+                duration_s=now_s - drive.started_s,
+                top_mps=track.top_mps,
+                top_radps=track.top_radps,
+                interventions=drive.interventions,
+                path=drive.path.samples,
+                tolerance_m=drive.path.tolerance_m,
+            )
+            self._sink.end_drive(drive.number.result(), drive.holder, summary)
+
+        self._writer.keep(write, now_s, of=drive.number)
 
     def close(self, now_s: float) -> None:
         """End what is open and wait for the records."""
-        self.end(now_s, "bridge ended")
-        self._worker.shutdown(wait=True)
+        self.end("bridge_ended", "the bridge ended", now_s)
+        self._writer.close()
+
+    @property
+    def _committed(self) -> bool:
+        """Whether the start of the drive under way is on record."""
+        number = self._drive.number if self._drive else None
+        return number is not None and number.done() and number.exception() is None
+
+    @property
+    def _place(self) -> Place:
+        return Place(self._pose, self.where())
+
+    def _begin(self, holder: Holder, now_s: float) -> None:
+        start = self._place
+        number = self._writer.ask(lambda: self._sink.begin_drive(holder, start), now_s)
+        self._drive = _Drive(holder, now_s, number, Track(now_s))
+        if self._pose is not None:
+            self._drive.track.moved(self._pose, STILL, now_s)
 
     def _begin_intervention(self, drive: _Drive, verdict: Verdict, now_s: float) -> None:
-        number, holder = drive.number.result(), drive.holder
         drive.interventions += 1
-        begun = self._submit(now_s, lambda: self._sink.begin_gate(number, holder, verdict))
-        self._intervention = _Intervention(verdict.code, holder, now_s, now_s, begun)
+        number, holder = drive.number.result(), drive.holder
+        start = GateStart(verdict, now_s - drive.started_s, self._pose)
+        begun = self._writer.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)
+        self._intervention = _Intervention(holder, now_s, begun, verdict, now_s, self._pose)
 
     def _end_intervention(self, now_s: float) -> None:
         current, self._intervention = self._intervention, None
-        if current is None or _failed(current.number):
+        if current is None:
             return
-        summary = GateSummary(round(current.held_s - current.began_s, 3), sorted(current.also))
-        self._submit(now_s, lambda: self._sink.end_gate(current.number.result(), current.holder, summary))
-
-    def _submit(self, now_s: float, call: Callable[[], _T]) -> Future[_T]:
-        future = self._worker.submit(call)
-        future.add_done_callback(lambda _: self.on_done())
-        self._pending.append((now_s, future))  # type: ignore[arg-type]
-        return future
-
-    def _reap(self, now_s: float) -> None:
-        """Forget what is done; remember a failure."""
-        while self._pending and self._pending[0][1].done():
-            _, future = self._pending.pop(0)
-            error = future.exception()
-            if error is not None:
-                if not isinstance(error, RecordError):
-                    log.error("record failed", exc_info=error)
-                self._failure = (now_s, str(error))
+        summary = GateSummary(
+            current.held_s - current.began_s, sorted(current.also), current.nearest, current.held_at
+        )
+        self._writer.keep(
+            lambda: self._sink.end_gate(current.number.result(), current.holder, summary),
+            now_s,
+            of=current.number,
+        )
 
 
 def not_recorded(error: BaseException) -> Refusal:
@@ -210,15 +233,10 @@ def not_recorded(error: BaseException) -> Refusal:
     return Refusal("not_recorded", f"It was not done, for it cannot be recorded ({error}).", "audit")
 
 
-def _committed(number: Future[int]) -> bool:
-    return number.done() and number.exception() is None
-
-
-def _failed(number: Future[int]) -> bool:
-    return number.done() and number.exception() is not None
+def _distance_m(verdict: Verdict) -> float:
+    return math.inf if verdict.distance_m is None else verdict.distance_m
 
 
 def _unrecorded(why: str) -> Refusal:
-    return Refusal(
-        "not_recorded", f"The robot stands still: what it does cannot be recorded ({why}).", "audit"
-    )
+    text = f"The robot stands still: what it does cannot be recorded ({why})."
+    return Refusal("not_recorded", text, "audit")

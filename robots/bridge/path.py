@@ -1,12 +1,19 @@
-"""A drive's path: few samples of odometry that tell where the robot was at every moment, to a stated tolerance."""
+"""What odometry tells of a drive: its figures, and its path.
+
+A path is few samples that tell where the robot was at every moment, to a stated tolerance.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from robots.bridge.gate.values import Pose, Velocity
+
+SAMPLE_S = 0.5
 TOLERANCE_M = 0.05
 LEVER_M = (
     0.25  # what a point so far ahead of the robot's middle misses counts too: so turning on the spot is kept
@@ -70,3 +77,39 @@ class Path:
             # What is simplified again may miss by this once more, so that is what it misses from here on.
             self.samples = simplified(self.samples, self.tolerance_m)
             self.tolerance_m *= 2.0
+
+
+class Track:
+    """Odometry of one drive, as it comes: distance, top speeds, and samples for the path."""
+
+    def __init__(self, began_s: float) -> None:
+        self.distance_m = 0.0
+        self.top_mps = 0.0
+        self.top_radps = 0.0
+        self.fresh: list[Sample] = []  # not part of the path yet
+        self._began_s = began_s
+        self._last: Sample | None = None
+        self._sampled = -math.inf  # `t_s` of the newest sample
+
+    def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
+        """The robot is there now."""
+        last, yaw, speed = self._last, pose.yaw, math.hypot(velocity.vx, velocity.vy)
+        if last is not None:
+            self.distance_m += math.hypot(pose.x - last.x, pose.y - last.y)
+            yaw = last.yaw + math.remainder(pose.yaw - last.yaw, math.tau)
+        self.top_mps = max(self.top_mps, speed)
+        self.top_radps = max(self.top_radps, abs(velocity.w))
+        self._last = Sample(now_s - self._began_s, pose.x, pose.y, yaw, speed)
+        if self._last.t_s - self._sampled >= SAMPLE_S:
+            self._sample(self._last)
+
+    def taken(self, *, last: bool = False) -> list[Sample]:
+        """The fresh samples, which are forgotten here; with where the robot is now, if they are the `last`."""
+        if last and self._last is not None and self._last.t_s > self._sampled:
+            self._sample(self._last)
+        fresh, self.fresh = self.fresh, []
+        return fresh
+
+    def _sample(self, sample: Sample) -> None:
+        self._sampled = sample.t_s
+        self.fresh.append(sample)

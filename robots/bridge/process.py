@@ -68,7 +68,7 @@ class Bridge:
         self._watch_for_the_end()
         await self._links.start()
         loop = asyncio.get_running_loop()
-        self._drives.on_done = lambda: loop.call_soon_threadsafe(self._recorded)
+        self._drives.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._name_lost)
         gc.collect()
         gc.freeze()  # what is loaded stays: keeps the collector's pauses short

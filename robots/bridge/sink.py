@@ -11,13 +11,18 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from robots.bridge.gate.values import Verdict
+from robots.bridge.gate.values import Pose, Verdict
+from robots.bridge.path import Sample
 
 Parameters = Mapping[str, str | float | None]
 
 
 class RecordError(Exception):
-    """A record could not be committed. The text says why, in words for the operator."""
+    """A record could not be committed now. The text says why, in words for the operator."""
+
+
+class BadRecord(RecordError):
+    """A record that is never committed, however well the database is: to try again would not help."""
 
 
 class Holder(Struct, frozen=True):
@@ -29,28 +34,55 @@ class Holder(Struct, frozen=True):
     fence: int
 
 
+class Place(Struct, frozen=True):
+    """Where the robot is, as far as it knows: metres and radians."""
+
+    pose: Pose | None = None  # in the odometry frame
+    map_to_odom: Pose | None = None  # that frame in the map's
+
+
 class DriveSummary(Struct, frozen=True):
     """What a drive came to, from odometry: metres, seconds, m/s, rad/s."""
 
+    outcome: str  # standstill, halted, control_changed, bridge_ended
+    ended_by: str  # the same in words
+    end: Place
     distance_m: float
     duration_s: float
     top_mps: float
     top_radps: float
     interventions: int
-    ended_by: str  # "standstill", or what stopped it
+    path: list[Sample]
+    tolerance_m: float  # of the path
+
+
+class GateStart(Struct, frozen=True):
+    """How an intervention of the gate began."""
+
+    verdict: Verdict
+    t_s: float  # since the drive began
+    pose: Pose | None
 
 
 class GateSummary(Struct, frozen=True):
-    """What an intervention of the gate came to."""
+    """What it came to."""
 
     duration_s: float  # from its first to its last verdict
     also: list[str]  # codes of other rules that held back meanwhile
+    nearest: Verdict  # when its obstacle was nearest
+    pose: Pose | None  # at its end
 
 
 class RecordSink(Protocol):
     """The audit log, as the bridge sees it. Tokens are opaque to the bridge."""
 
-    def begin_drive(self, holder: Holder) -> int:
+    def settle(self) -> None:
+        """Commit the end of what an earlier bridge of this robot left without one. Comes before everything else."""
+
+    def pulse(self) -> None:
+        """Commit something that is no record, to see whether a record could be committed."""
+
+    def begin_drive(self, holder: Holder, start: Place) -> int:
         """Commit the start of a drive: before its first non-zero Twist."""
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
@@ -62,7 +94,7 @@ class RecordSink(Protocol):
     def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
         """Commit what came of it."""
 
-    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
         """Commit that the gate began to hold back, and why."""
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:

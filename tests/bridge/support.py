@@ -29,7 +29,16 @@ from robots.bridge.gate.values import (
 )
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters, RecordError, RecordSink
+from robots.bridge.sink import (
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    RecordError,
+    RecordSink,
+)
 from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal
@@ -159,23 +168,34 @@ class Outcome(SimpleNamespace):
 
 
 class MemorySink:
-    """Remembers records; `fails` makes it refuse, `gate` makes it wait."""
+    """Remembers records; `fails` makes it refuse, `open` makes it wait."""
 
     def __init__(self) -> None:
         self.records: list[tuple[str, object]] = []
+        self.pulses = 0
         self.fails: str | None = None
         self.open = threading.Event()
         self.open.set()
 
-    def _record(self, kind: str, what: object) -> int:
+    def _wait(self) -> None:
         self.open.wait(10)
         if self.fails:
             raise RecordError(self.fails)
+
+    def _record(self, kind: str, what: object) -> int:
+        self._wait()
         self.records.append((kind, what))
         return len(self.records)
 
-    def begin_drive(self, holder: Holder) -> int:
-        return self._record("drive.start", holder)
+    def settle(self) -> None:
+        self._record("settled", None)
+
+    def pulse(self) -> None:
+        self._wait()
+        self.pulses += 1
+
+    def begin_drive(self, holder: Holder, start: Place) -> int:
+        return self._record("drive.start", start)
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         self._record("drive.end", summary)
@@ -186,8 +206,8 @@ class MemorySink:
     def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
         self._record(kind, Outcome(outcome, **parameters))
 
-    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
-        return self._record("gate.begin", verdict)
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
+        return self._record("gate.begin", start)
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         self._record("gate.end", summary)
@@ -287,7 +307,9 @@ class Bench:
 
     def recorded(self) -> None:
         """Wait until the records handed in so far are in."""
-        self.drives._worker.submit(lambda: None).result(10)
+        done = threading.Event()
+        self.drives._writer.aside(done.set)
+        assert done.wait(10)
 
     def driving(self, x: float = 0.5) -> Bench:
         """The stick is forward and the robot obeys."""
@@ -305,6 +327,8 @@ class Bench:
             self.now_s = min(self.now_s + 0.05, until_s)
             self.odometry()
             self.core.tick(self.now_s)
+            if self.sink.open.is_set():
+                self.recorded()  # time passes faster here than the records' worker can tell
 
     @property
     def last(self) -> Velocity:

@@ -200,7 +200,7 @@ def test_frozen_odometry_keeps_no_robot_online_and_measures_no_way(bench):
         bench.frozen_odometry()
         bench.core.tick(bench.now_s)
     assert bench.core.state(bench.now_s, []).phase == "connecting"
-    bench.drives.end(bench.now_s, "test")
+    bench.drives.end("standstill", "test", bench.now_s)
     bench.recorded()
     assert bench.sink.records[-1][1].distance_m == 0.0
 
@@ -371,7 +371,6 @@ def held(bench, *codes, for_s, neutral=False):
     bench.gate.says = says
     for _ in range(round(for_s / 0.05)):
         bench.stick(0.5)
-        bench.recorded()  # time passes faster here than the records' worker can tell
         bench.pass_time(0.05)
     bench.recorded()
 
@@ -398,7 +397,8 @@ def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench, code
     held(bench, code, for_s=1.0)
     held(bench, "free", for_s=1.5)
     assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end"]
-    (_, begun), (_, ended) = bench.sink.records[1:]
+    (_, start), (_, ended) = bench.sink.records[1:]
+    begun = start.verdict
     assert (begun.code, begun.sensor, begun.side, begun.distance_m) == (code, "laser", "ahead", 0.4)
     assert (begun.asked, begun.velocity) == (Velocity(0.5, 0, 0), Velocity(0.1, 0, 0))
     assert ended.duration_s == pytest.approx(0.95, abs=0.1)
@@ -420,7 +420,7 @@ def test_a_rule_that_takes_over_for_good_is_an_intervention_of_its_own(bench):
     held(bench, "near_miss", for_s=1.0)
     held(bench, "obstacle", for_s=2.0)
     assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end", "gate.begin"]
-    assert bench.sink.records[-1][1].code == "obstacle"
+    assert bench.sink.records[-1][1].verdict.code == "obstacle"
 
 
 def test_a_stop_that_needs_a_neutral_stick_is_on_record_at_once_whatever_held_back_before(bench):
@@ -428,7 +428,7 @@ def test_a_stop_that_needs_a_neutral_stick_is_on_record_at_once_whatever_held_ba
     held(bench, "near_miss", for_s=0.5)
     held(bench, "scan_stale", for_s=0.05, neutral=True)
     assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end", "gate.begin"]
-    assert bench.sink.records[-1][1].code == "scan_stale"
+    assert bench.sink.records[-1][1].verdict.code == "scan_stale"
 
 
 @pytest.mark.parametrize("code", ["free", "robot_limit"])

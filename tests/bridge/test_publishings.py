@@ -275,7 +275,7 @@ def test_a_stick_position_for_a_velocity_asks_for_that_velocity(steering, veloci
 
 def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
     told = threading.Event()
-    bench.drives.on_done = told.set
+    bench.drives.open(told.set, bench.now_s)
     bench.order(note())
     assert told.wait(10.0)
     bench.core.recorded(bench.now_s)

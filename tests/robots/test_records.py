@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from unittest import mock
 
 import pytest
+from django.db import connection
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable
+from fleet.audit import AuditUnavailable, record
 from fleet.audit.models import Record
-from robots.bridge.gate.values import STILL, Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, RecordError
-from robots.models import Robot
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.path import Sample
+from robots.bridge.sink import BadRecord, DriveSummary, GateStart, GateSummary, Holder, Place, RecordError
+from robots.models import BridgePulse, Robot
 from robots.records import AuditSink
-from robots.wire import Grant
+from robots.wire import Grant, Refusal
 from tests.bridge.support import Bench
 from tests.disk import Disk
 
 pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a connection of its own each time
 
-SUMMARY = DriveSummary(
-    distance_m=3.14159, duration_s=12.5, top_mps=0.4, top_radps=0.1, interventions=1, ended_by="standstill"
-)
 HELD = Verdict(
     velocity=Velocity(0.2, 0.0, 0.0),
     asked=Velocity(0.4, 0.0, 0.0),
@@ -32,6 +33,28 @@ HELD = Verdict(
     distance_m=0.6123,
     bearing=0.1,
     side="ahead",
+)
+FIGURES_OF_HELD = {
+    "sensor": "/scan_raw",
+    "distance_m": 0.612,
+    "bearing": 0.1,
+    "side": "ahead",
+    "asked": {"vx_mps": 0.4, "vy_mps": 0.0, "w_radps": 0.0},
+    "allowed": {"vx_mps": 0.2, "vy_mps": 0.0, "w_radps": 0.0},
+}
+START = Place(Pose(1.0, 2.0, 0.5), Pose(10.0, 0.0, 0.0))
+END = Place(Pose(4.14159, 2.0, 0.5), None)
+SUMMARY = DriveSummary(
+    outcome="halted",
+    ended_by="Ann took over.",
+    end=END,
+    distance_m=3.14159,
+    duration_s=12.5,
+    top_mps=0.4,
+    top_radps=0.1,
+    interventions=1,
+    path=[Sample(0.0, 1.0, 2.0, 0.5, 0.0), Sample(12.5, 4.14159, 2.0, 0.5, 0.0)],
+    tolerance_m=0.05,
 )
 
 
@@ -45,47 +68,149 @@ def holder(operator: User) -> Holder:
     return Holder(holder_id=str(operator.pk), holder="Olga Operator", session=str(uuid.uuid4()), fence=5)
 
 
+def records_of(robot: Robot) -> list[Record]:
+    return list(Record.objects.filter(robot_id=robot.pk).order_by("id"))
+
+
 def test_what_is_asked_of_the_robot_is_a_request_and_its_outcome(
     sink: AuditSink, holder: Holder, robot: Robot
 ) -> None:
     motion = sink.request(holder, "motion.start", {"motion": "wave"})
-    came_of_it = {"motion": "wave", "duration_s": 1.5, "text": "The arm would sweep it."}
-    sink.outcome(motion, holder, "motion.end", "intruder", came_of_it)
-    start, end = Record.objects.filter(robot_id=robot.pk).order_by("id")
+    came_of_it = {"motion": "wave", "duration_s": 1.5, "text": "Cancelled by Ann."}
+    sink.outcome(motion, holder, "motion.end", "cancelled", came_of_it)
+    start, end = records_of(robot)
     assert (start.kind, start.parameters) == ("motion.start", {"motion": "wave"})
-    assert (end.kind, end.of_id, end.outcome) == ("motion.end", start.pk, "intruder")
-    assert end.parameters == came_of_it
+    assert (end.kind, end.of_id, end.outcome) == ("motion.end", start.pk, "cancelled")
     assert start.fence == end.fence == 5
+    assert end.parameters == {"motion": "wave", "duration_s": 1.5}
+    assert end.content.data == {"words": "Cancelled by Ann."}
+
+
+def test_what_somebody_wrote_can_expire_and_what_is_plain_fact_stays(
+    sink: AuditSink, holder: Holder, robot: Robot
+) -> None:
+    sink.request(holder, "speech.start", {"text": "Hello, Ann", "language": "en-GB", "topic": "/tts"})
+    sink.request(holder, "publish.start", {"topic": "/note", "rate_hz": 0.0, "fields": '{"data": "Ann"}'})
+    speech, message = records_of(robot)
+    assert speech.parameters == {"language": "en-GB", "topic": "/tts"}
+    assert (speech.content.text, speech.content.data) == ("Hello, Ann", {})
+    assert message.parameters == {"topic": "/note", "rate_hz": 0.0}
+    assert (message.content.text, message.content.data) == ("", {"fields": '{"data": "Ann"}'})
 
 
 def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Holder, robot: Robot) -> None:
-    drive = sink.begin_drive(holder)
-    intervention = sink.begin_gate(drive, holder, HELD)
-    sink.end_gate(intervention, holder, GateSummary(1.234, ["near_miss"]))
+    drive = sink.begin_drive(holder, START)
+    intervention = sink.begin_gate(drive, holder, GateStart(HELD, 3.456, Pose(2.0, 2.0, 0.5)))
+    nearer = HELD._replace(distance_m=0.4)
+    sink.end_gate(intervention, holder, GateSummary(1.234, ["near_miss"], nearer, Pose(2.1, 2.0, 0.5)))
     sink.end_drive(drive, holder, SUMMARY)
-    start, begin, end, finish = Record.objects.filter(robot_id=robot.pk).order_by("id")
-    assert [start.kind, begin.kind, end.kind, finish.kind] == [
-        "drive.start",
-        "gate.begin",
-        "gate.end",
-        "drive.end",
-    ]
+    records = records_of(robot)
+    assert [found.kind for found in records] == ["drive.start", "gate.begin", "gate.end", "drive.end"]
+    start, begin, end, finish = records
     assert [begin.of_id, end.of_id, finish.of_id] == [start.pk, begin.pk, start.pk]
-    assert {record.robot_id for record in (start, begin, end, finish)} == {robot.id}
-    assert {str(record.session_id) for record in (start, begin, end, finish)} == {holder.session}
-    assert (start.actor_name, start.fence) == ("Olga Operator", 5)
-    assert begin.outcome == "obstacle"
-    assert begin.parameters == {
-        "text": "slowed to 0.2 m/s: laser, 0.6 m ahead",
-        "sensor": "/scan_raw",
-        "distance_m": 0.612,
-        "bearing": 0.1,
-        "side": "ahead",
-        "asked": {"vx_mps": 0.4, "vy_mps": 0.0, "w_radps": 0.0},
-        "allowed": {"vx_mps": 0.2, "vy_mps": 0.0, "w_radps": 0.0},
+    assert {(str(found.session_id), found.fence) for found in records} == {(holder.session, 5)}
+    assert {found.actor_name for found in records} == {"Olga Operator"}
+    assert [found.parameters for found in records] == [{}] * 4  # all else may expire
+    assert [found.outcome for found in records] == ["", "obstacle", "", "halted"]
+    assert start.content.data == {"pose": [1.0, 2.0, 0.5], "map_to_odom": [10.0, 0.0, 0.0]}
+    assert begin.content.data == FIGURES_OF_HELD | {
+        "words": "slowed to 0.2 m/s: laser, 0.6 m ahead",
+        "t_s": 3.46,
+        "pose": [2.0, 2.0, 0.5],
     }
-    assert end.parameters == {"duration_s": 1.23, "also": ["near_miss"]}
-    assert (finish.outcome, finish.parameters["distance_m"]) == ("standstill", 3.142)
+    assert end.content.data == {
+        "duration_s": 1.23,
+        "also": ["near_miss"],
+        "nearest": FIGURES_OF_HELD | {"distance_m": 0.4},
+        "pose": [2.1, 2.0, 0.5],
+    }
+    assert finish.content.data == {
+        "words": "Ann took over.",
+        "distance_m": 3.142,
+        "duration_s": 12.5,
+        "top_mps": 0.4,
+        "top_radps": 0.1,
+        "interventions": 1,
+        "path": [[0.0, 1.0, 2.0, 0.5, 0.0], [12.5, 4.142, 2.0, 0.5, 0.0]],
+        "path_tolerance_m": 0.05,
+        "pose": [4.142, 2.0, 0.5],
+        "map_to_odom": None,
+    }
+
+
+# --- a bridge that was killed ------------------------------------------------------------------------
+
+
+def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
+    sink: AuditSink, holder: Holder, robot: Robot
+) -> None:
+    done = sink.request(holder, "speech.start", {"text": "Done"})
+    sink.outcome(done, holder, "speech.end", "succeeded", {})
+    drive = sink.begin_drive(holder, START)
+    gate = sink.begin_gate(drive, holder, GateStart(HELD, 1.0, None))
+    speech = sink.request(holder, "speech.start", {"text": "Hello"})
+    motion = sink.request(holder, "motion.start", {"motion": "wave"})
+    before = len(records_of(robot))
+    sink.settle()
+    ends = records_of(robot)[before:]
+    assert [(end.kind, end.of_id, end.outcome) for end in ends] == [
+        ("motion.end", motion, "unknown"),
+        ("speech.end", speech, "unknown"),
+        ("gate.end", gate, "bridge_killed"),
+        ("drive.end", drive, "bridge_killed"),
+    ]
+    assert {(str(end.session_id), end.fence, end.robot_name) for end in ends} == {
+        (holder.session, 5, robot.name)
+    }
+    sink.settle()
+    assert len(records_of(robot)) == before + 4
+
+
+def test_a_bridge_settles_its_own_robot_and_no_other(
+    sink: AuditSink, holder: Holder, robot: Robot, other_robot: Robot
+) -> None:
+    AuditSink(other_robot.id, other_robot.name).begin_drive(holder, START)
+    sink.settle()
+    assert records_of(robot) == []
+    assert [found.kind for found in records_of(other_robot)] == ["drive.start"]
+
+
+def test_what_was_open_before_the_last_settling_is_not_looked_for_again(
+    sink: AuditSink, holder: Holder, robot: Robot
+) -> None:
+    sink.begin_drive(holder, START)
+    sink.settle()
+    newest = BridgePulse.objects.get(robot=robot).settled
+    assert newest == records_of(robot)[-1].pk
+    sink.begin_drive(holder, START)
+    sink.settle()
+    assert [found.kind for found in records_of(robot)] == ["drive.start", "drive.end"] * 2
+
+
+def test_a_settling_that_fails_midway_leaves_nothing_half_done(
+    sink: AuditSink, holder: Holder, robot: Robot
+) -> None:
+    sink.begin_drive(holder, START)
+    sink.request(holder, "motion.start", {"motion": "wave"})
+    full = [record, mock.Mock(side_effect=AuditUnavailable("audit_disk_full", "The disk is full."))]
+    written = mock.patch("robots.records.record", lambda *args, **facts: full.pop(0)(*args, **facts))
+    with written, pytest.raises(RecordError):
+        sink.settle()
+    assert full == []
+    assert len(records_of(robot)) == 2
+    sink.settle()
+    assert [found.kind for found in records_of(robot)][2:] == ["motion.end", "drive.end"]
+
+
+# --- a database that is away -------------------------------------------------------------------------
+
+
+def test_a_pulse_is_written_and_is_no_record(sink: AuditSink, robot: Robot) -> None:
+    sink.pulse()
+    first = BridgePulse.objects.get(robot=robot).at
+    sink.pulse()
+    assert BridgePulse.objects.get(robot=robot).at > first
+    assert records_of(robot) == []
 
 
 def test_what_cannot_be_written_is_told_in_words(sink: AuditSink, holder: Holder) -> None:
@@ -93,17 +218,17 @@ def test_what_cannot_be_written_is_told_in_words(sink: AuditSink, holder: Holder
         "audit_disk_full", "Not done, because it could not be recorded: the disk is full."
     )
     with mock.patch("robots.records.record", autospec=True, side_effect=full):
-        with pytest.raises(RecordError, match="the disk is full"):
-            sink.begin_drive(holder)
-        with pytest.raises(RecordError, match="the disk is full"):
+        with pytest.raises(RecordError, match="the disk of the database is full"):
+            sink.begin_drive(holder, START)
+        with pytest.raises(RecordError, match="the disk of the database is full"):
             sink.end_drive(1, holder, SUMMARY)
-    assert sink.begin_drive(holder)
+    assert sink.begin_drive(holder, START)
 
 
 def test_a_session_that_is_none_is_an_error_of_the_record_and_not_of_the_bridge(sink: AuditSink) -> None:
     odd = Holder(holder_id="nobody", holder="Nobody", session="not a session", fence=1)
-    with pytest.raises(RecordError):
-        sink.begin_gate(1, odd, HELD._replace(velocity=STILL))
+    with pytest.raises(BadRecord):
+        sink.begin_gate(1, odd, GateStart(HELD, 0.0, None))
 
 
 def test_on_a_full_disk_a_drive_is_not_recorded_and_says_why(
@@ -111,31 +236,97 @@ def test_on_a_full_disk_a_drive_is_not_recorded_and_says_why(
 ) -> None:
     disk.fill()
     with pytest.raises(RecordError, match="the disk of the database is full"):
-        sink.begin_drive(holder)
+        sink.begin_drive(holder, START)
     disk.free()
-    assert Record.objects.get(pk=sink.begin_drive(holder)).kind == "drive.start"
+    assert Record.objects.get(pk=sink.begin_drive(holder, START)).kind == "drive.start"
 
 
-def test_on_a_full_disk_nothing_moves_until_there_is_room_again(
-    sink: AuditSink, holder: Holder, disk: Disk
-) -> None:
-    bench = Bench(sink=sink).online()
+@contextmanager
+def locked_database() -> Iterator[None]:
+    """Another process has begun to write and does not finish."""
+    other = connection.copy()
     try:
-        grant = Grant(1, 60.0, holder.session, holder.holder, holder.holder_id, 1.0)
-        bench.core.grant(grant, 1, bench.now_s)
-        bench.stick(0.0)
-        disk.fill()
-        bench.stick(0.5)
-        bench.recorded()
-        bench.pass_time(0.1)
-        refusal = bench.stick(0.5)
-        assert refusal is not None and refusal.code == "not_recorded"
-        assert "the disk of the database is full" in refusal.text
-        assert set(bench.base.sent) == {STILL}
-        assert not Record.objects.filter(kind="drive.start").exists()
-        disk.free()
-        bench.pass_time(1.0)
-        bench.stick(0.0)
-        bench.driving()
+        with other.cursor() as cursor:
+            if connection.vendor == "sqlite":
+                cursor.execute("BEGIN IMMEDIATE")
+            else:
+                other.set_autocommit(False)
+                cursor.execute("LOCK TABLE audit_record, robots_bridgepulse IN ACCESS EXCLUSIVE MODE")
+            yield
     finally:
-        bench.drives.close(bench.now_s)
+        other.close()
+
+
+@pytest.fixture
+def bench(sink: AuditSink, holder: Holder) -> Iterator[Bench]:
+    """A robot that can be driven, on record in the database."""
+    bench = Bench(sink=sink).online()
+    bench.drives.open(lambda: None, bench.now_s)
+    bench.recorded()
+    grant = Grant(1, 60.0, holder.session, holder.holder, holder.holder_id, 1.0)
+    bench.core.grant(grant, 1, bench.now_s)
+    bench.stick(0.0)
+    yield bench
+    bench.drives.close(bench.now_s)
+
+
+def held_stick(bench: Bench, seconds: float) -> Refusal | None:
+    """The stick is out for so long; what it is told last."""
+    refusal = None
+    for _ in range(round(seconds / 0.05)):
+        refusal = bench.stick(0.5)
+        bench.pass_time(0.05)
+    return refusal
+
+
+def test_on_a_full_disk_nothing_moves_until_there_is_room_again(bench: Bench, disk: Disk) -> None:
+    disk.fill()
+    refusal = held_stick(bench, 0.2)
+    assert refusal is not None
+    assert refusal.code == "not_recorded"
+    assert "the disk of the database is full" in refusal.text
+    assert set(bench.base.sent) == {STILL}
+    assert not Record.objects.filter(kind="drive.start").exists()
+    disk.free()
+    bench.pass_time(1.0)
+    bench.stick(0.0)
+    bench.driving()
+
+
+def test_a_disk_that_fills_up_in_a_drive_stops_the_robot_and_loses_nothing(
+    bench: Bench, robot: Robot, disk: Disk
+) -> None:
+    bench.driving()
+    disk.fill()
+    bench.gate.says = lambda _asked: HELD
+    refusal = held_stick(bench, 2.7)
+    assert refusal is not None
+    assert refusal.code == "not_recorded"
+    assert bench.last == STILL
+    bench.odometry(STILL)
+    bench.pass_time(1.0)
+    disk.free()
+    bench.pass_time(1.0)
+    kinds = [found.kind for found in records_of(robot)]
+    assert kinds == ["drive.start", "gate.begin", "gate.end", "drive.end"]
+
+
+def test_a_database_that_another_process_keeps_locked_stops_the_robot_until_it_is_free(
+    bench: Bench, robot: Robot
+) -> None:
+    bench.driving()
+    bench.pass_time(0.2)
+    bench.stick(0.5)
+    bench.sink.open.clear()  # the bench waits for no record
+    with locked_database():
+        refusal = held_stick(bench, 3.0)
+        assert refusal is not None
+        assert refusal.code == "not_recorded"
+        assert bench.last == STILL
+    bench.sink.open.set()
+    bench.odometry(STILL)
+    bench.pass_time(1.0)
+    assert [found.kind for found in records_of(robot)] == ["drive.start", "drive.end"]
+    assert records_of(robot)[-1].content.data["words"] == "what the robot did could not be recorded"
+    bench.stick(0.0)
+    bench.driving()

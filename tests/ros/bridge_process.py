@@ -8,9 +8,8 @@ from pathlib import Path
 import msgspec
 
 from robots.bridge.config import BridgeConfig
-from robots.bridge.gate.values import Verdict
 from robots.bridge.process import run
-from robots.bridge.sink import DriveSummary, GateSummary, Holder, Parameters
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place
 
 
 class FileSink:
@@ -25,7 +24,11 @@ class FileSink:
         self._file.write(f"{kind}\n")
         return self._count
 
-    def begin_drive(self, holder: Holder) -> int:
+    def settle(self) -> None: ...
+
+    def pulse(self) -> None: ...
+
+    def begin_drive(self, holder: Holder, start: Place) -> int:
         return self._record("drive.start")
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
@@ -37,8 +40,8 @@ class FileSink:
     def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
         self._record(f"{kind} {outcome}")
 
-    def begin_gate(self, drive: int, holder: Holder, verdict: Verdict) -> int:
-        return self._record(f"gate.begin {verdict.code}")
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
+        return self._record(f"gate.begin {start.verdict.code}")
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         self._record("gate.end")

@@ -74,12 +74,12 @@ async def test_whoever_is_not_signed_in_is_told_so(client, robot):
 
 def said(robot, who, text, outcome=None):
     """A text on record, with what came of it."""
-    parameters = {"text": text, "language": "en-GB", "topic": "/tts"}
-    start = record("speech.start", actor=who, robot_id=robot.id, robot_name=robot.name, parameters=parameters)
+    facts = {"language": "en-GB", "topic": "/tts"}
+    start = record(
+        "speech.start", actor=who, robot_id=robot.id, robot_name=robot.name, parameters=facts, text=text
+    )
     if outcome:
-        record(
-            "speech.end", actor=who, of=start, outcome=outcome, parameters={"text": "Why.", "duration_s": 1.0}
-        )
+        record("speech.end", actor=who, of=start, outcome=outcome, private={"words": "Why."})
     return start.pk
 
 

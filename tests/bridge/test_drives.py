@@ -1,0 +1,260 @@
+"""A drive on record: where it went, where it was held back, and what becomes of it while nothing can be written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Place
+from robots.wire import Refusal
+from tests.bridge.support import Bench
+
+FORWARD = Velocity(0.5, 0.0, 0.0)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench().online().granted()
+    yield bench
+    bench.sink.open.set()
+    bench.drives.close(bench.now_s)
+
+
+def rolls(bench: Bench, seconds: float, speed: Velocity = FORWARD, stick: float = 0.5) -> None:
+    """The robot does what the stick asks, 20 times a second."""
+    bench.speed = speed
+    for _ in range(round(seconds / 0.05)):
+        bench.stick(stick)
+        bench.x += speed.vx * 0.05
+        bench.pass_time(0.05)
+
+
+def stands(bench: Bench) -> None:
+    rolls(bench, 1.0, STILL, stick=0.0)
+
+
+def told(bench: Bench, kind: str) -> list[object]:
+    bench.recorded()
+    return [what for name, what in bench.sink.records if name == kind]
+
+
+def drive_of(bench: Bench) -> DriveSummary:
+    (summary,) = told(bench, "drive.end")
+    assert isinstance(summary, DriveSummary)
+    return summary
+
+
+# --- where it went -----------------------------------------------------------------------------------
+
+
+def test_a_drive_tells_its_path_and_where_it_began_and_ended(bench: Bench) -> None:
+    bench.x = 2.0
+    bench.odometry()
+    bench.driving()
+    rolls(bench, 10.0)
+    stands(bench)
+    summary = drive_of(bench)
+    first, last = summary.path[0], summary.path[-1]
+    assert (first.t_s, first.x, first.speed) == (0.0, 2.0, 0.0)
+    assert (last.x, last.speed) == (pytest.approx(7.0), 0.0)
+    assert last.t_s == pytest.approx(summary.duration_s, abs=0.06)
+    assert summary.distance_m == pytest.approx(5.0)
+    assert summary.end.pose == Pose(bench.x, 0.0, 0.0)
+    assert (summary.top_mps, summary.interventions) == (0.5, 0)
+    assert (summary.outcome, summary.ended_by) == ("standstill", "standstill")
+
+
+def test_a_path_is_no_longer_than_its_corners_need(bench: Bench) -> None:
+    bench.driving()
+    rolls(bench, 120.0)
+    stands(bench)
+    assert len(drive_of(bench).path) <= 6
+
+
+def test_a_path_of_minutes_is_simplified_while_it_is_driven(bench: Bench) -> None:
+    bench.driving()
+    rolls(bench, 100.0)
+    drive = bench.drives._drive
+    assert drive is not None
+    assert len(drive.track.fresh) < 120
+    assert drive.path.samples
+
+
+def test_yaw_is_counted_on_beyond_a_full_turn(bench: Bench) -> None:
+    bench.driving()
+    for eighth in range(24):
+        bench.now_s += 0.25
+        bench.stamp_s += 0.25
+        pose = Pose(0.0, 0.0, math.remainder(eighth * math.pi / 4, math.tau))
+        bench.core.odometry(bench.stamp_s, bench.now_s, pose, STILL, bench.stamp_s)
+    bench.drives.end("standstill", "", bench.now_s)
+    assert drive_of(bench).path[-1].yaw == pytest.approx(23 * math.pi / 4)
+
+
+def test_where_the_odometry_frame_is_in_the_map_is_told_at_the_start_and_at_the_end(bench: Bench) -> None:
+    bench.drives.where = lambda: Pose(1.0, 2.0, 0.1)
+    bench.driving()
+    bench.drives.where = lambda: Pose(1.1, 2.0, 0.1)
+    rolls(bench, 1.0)
+    stands(bench)
+    (start,) = told(bench, "drive.start")
+    assert start == Place(Pose(0.0, 0.0, 0.0), Pose(1.0, 2.0, 0.1))
+    assert drive_of(bench).end.map_to_odom == Pose(1.1, 2.0, 0.1)
+
+
+def test_a_drive_that_something_else_than_the_stick_ended_says_what(bench: Bench) -> None:
+    bench.driving()
+    bench.core.stop("Bob", "a child", bench.now_s)
+    stands(bench)
+    summary = drive_of(bench)
+    assert (summary.outcome, summary.ended_by) == ("halted", "the robot was stopped")
+
+
+def test_a_drive_of_somebody_elses_control_is_another_one(bench: Bench) -> None:
+    bench.driving()
+    bench.granted(fence=2)
+    bench.speed = FORWARD
+    bench.stick(0.5, fence=2)
+    bench.recorded()
+    assert bench.sink.kinds == ["drive.start", "drive.end", "drive.start"]
+    assert drive_of(bench).outcome == "control_changed"
+
+
+# --- where it was held back --------------------------------------------------------------------------
+
+
+def test_an_intervention_tells_when_and_where_it_was_and_how_near_the_obstacle_came(bench: Bench) -> None:
+    bench.driving()
+    rolls(bench, 2.0)
+    distances = iter([0.5, 0.3, 0.4])
+    slow = Velocity(0.1, 0.0, 0.0)
+    bench.gate.says = lambda asked: Verdict(slow, asked, "obstacle", "slowed", "laser", next(distances))
+    rolls(bench, 0.05)
+    bench.gate.says = None
+    rolls(bench, 1.5)
+    (start,), (end,) = told(bench, "gate.begin"), told(bench, "gate.end")
+    assert isinstance(start, GateStart)
+    assert isinstance(end, GateSummary)
+    assert start.t_s == pytest.approx(2.0, abs=0.11)
+    assert start.pose is not None
+    assert start.pose.x == pytest.approx(1.0, abs=0.06)
+    assert start.verdict.distance_m == 0.5
+    assert end.nearest.distance_m == 0.3
+    assert end.pose is not None
+    assert end.pose.x == pytest.approx(start.pose.x, abs=0.06)
+
+
+# --- while nothing can be written --------------------------------------------------------------------
+
+
+def driven_while_away(bench: Bench, seconds: float) -> list[Refusal | None]:
+    """What the stick is told, in a drive that needs no record meanwhile."""
+    answers = []
+    for _ in range(round(seconds / 0.05)):
+        answers.append(bench.stick(0.5))
+        bench.pass_time(0.05)
+    return answers
+
+
+def test_in_a_long_drive_without_records_the_database_is_tried_all_the_time(bench: Bench) -> None:
+    bench.driving()
+    rolls(bench, 10.0)
+    assert bench.sink.kinds == ["drive.start"]
+    assert 18 <= bench.sink.pulses <= 21
+
+
+def test_nothing_is_tried_once_the_drive_is_over(bench: Bench) -> None:
+    bench.driving()
+    stands(bench)
+    pulses = bench.sink.pulses
+    bench.pass_time(5.0)
+    assert bench.sink.pulses == pulses
+
+
+@pytest.mark.parametrize("hangs", [False, True])
+def test_a_database_that_cannot_be_written_for_two_seconds_stops_the_robot(bench: Bench, hangs: bool) -> None:
+    bench.driving()
+    bench.pass_time(0.1)
+    bench.stick(0.5)
+    if hangs:
+        bench.sink.open.clear()
+    else:
+        bench.sink.fails = "the disk is full"
+    assert set(driven_while_away(bench, 1.9)) == {None}
+    assert bench.last == FORWARD
+    refused = driven_while_away(bench, 0.8)[-1]
+    assert refused is not None
+    assert (refused.code, refused.rule) == ("not_recorded", "audit")
+    assert ("no answer" if hangs else "the disk is full") in refused.text
+    assert bench.last == STILL
+    assert bench.core.state(bench.now_s, []).verdict.code == "not_recorded"
+
+
+def test_it_can_be_driven_again_when_the_database_is_back_but_with_a_neutral_stick_first(
+    bench: Bench,
+) -> None:
+    bench.driving()
+    bench.sink.fails = "locked"
+    driven_while_away(bench, 3.0)
+    bench.sink.fails = None
+    answers = driven_while_away(bench, 1.0)
+    assert answers[-1] is not None
+    assert answers[-1].code == "neutral_needed"
+    assert "could not be recorded" in answers[-1].text
+    assert bench.last == STILL
+    bench.stick(0.0)
+    bench.driving()
+
+
+def test_a_stick_that_is_held_while_the_start_cannot_be_recorded_moves_nothing_later(bench: Bench) -> None:
+    bench.sink.fails = "locked"
+    driven_while_away(bench, 3.0)
+    bench.sink.fails = None
+    driven_while_away(bench, 2.0)
+    assert set(bench.base.sent) == {STILL}
+
+
+def test_a_start_that_hangs_is_one_drive_and_says_why_nothing_moves(bench: Bench) -> None:
+    bench.sink.open.clear()
+    refused = driven_while_away(bench, 3.0)[-1]
+    assert refused is not None
+    assert refused.code == "not_recorded"
+    bench.sink.open.set()
+    stands(bench)
+    assert [kind for kind in bench.sink.kinds if kind.startswith("drive")] == ["drive.start", "drive.end"]
+
+
+def test_what_happened_meanwhile_is_on_record_in_order_when_the_database_is_back(bench: Bench) -> None:
+    bench.driving()
+    bench.gate.says = lambda asked: Verdict(Velocity(0.1, 0, 0), asked, "obstacle", "slowed")
+    bench.sink.fails = "locked"
+    driven_while_away(bench, 4.0)
+    bench.odometry(STILL)
+    bench.pass_time(2.0)
+    assert bench.sink.kinds == ["drive.start"]
+    bench.sink.fails = None
+    bench.pass_time(1.0)
+    assert bench.sink.kinds == ["drive.start", "gate.begin", "gate.end", "drive.end"]
+    assert drive_of(bench).ended_by == "what the robot did could not be recorded"
+
+
+def test_a_stop_waits_for_no_record(bench: Bench) -> None:
+    bench.driving()
+    bench.sink.open.clear()
+    bench.core.stop("Bob", "", bench.now_s)
+    assert bench.last == STILL
+    assert bench.core.stop_state.state == "stopping"
+
+
+def test_what_an_earlier_bridge_left_open_is_settled_before_anything_else(bench: Bench) -> None:
+    bench.sink.fails = "locked"
+    bench.drives.open(lambda: None, bench.now_s)
+    driven_while_away(bench, 1.0)
+    bench.sink.fails = None
+    bench.pass_time(1.0)
+    bench.stick(0.0)
+    bench.driving()
+    assert bench.sink.kinds == ["settled", "drive.start"]

@@ -1,0 +1,194 @@
+"""What is asked for is written or refused; what has happened is written sooner or later, in order."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from robots.bridge.sink import BadRecord, RecordError
+from robots.bridge.writer import Writer
+
+
+class Log:
+    """A database with one table, which can be away or hang."""
+
+    def __init__(self) -> None:
+        self.rows: list[str] = []
+        self.pulses = 0
+        self.away: str | None = None
+        self.answers = threading.Event()
+        self.answers.set()
+
+    def pulse(self) -> None:
+        self._reach()
+        self.pulses += 1
+
+    def row(self, row: str) -> Callable[[], str]:
+        def write() -> str:
+            self._reach()
+            self.rows.append(row)
+            return row
+
+        return write
+
+    def _reach(self) -> None:
+        assert self.answers.wait(10)
+        if self.away:
+            raise RecordError(self.away)
+
+
+@pytest.fixture
+def log() -> Log:
+    return Log()
+
+
+@pytest.fixture
+def writer(log: Log) -> Iterator[Writer]:
+    writer = Writer(log.pulse)
+    yield writer
+    log.answers.set()
+    writer.close()
+
+
+def written(writer: Writer) -> None:
+    """Wait until the worker has done what it can."""
+    done = threading.Event()
+    writer.aside(done.set)
+    assert done.wait(10)
+
+
+def ticks(writer: Writer, from_s: float, to_s: float, *, watched: bool = False) -> None:
+    """The control loop's periods between two times, with a worker that keeps up."""
+    for tenth in range(round(from_s * 10), round(to_s * 10)):
+        writer.tick(tenth / 10, watched)
+        written(writer)
+
+
+def test_what_is_asked_for_is_told_once_it_is_written(writer: Writer, log: Log) -> None:
+    told = threading.Event()
+    writer.on_done = told.set
+    assert writer.ask(log.row("a"), 0.0).result(10) == "a"
+    assert told.wait(10)
+
+
+def test_what_is_asked_for_while_the_database_is_away_is_refused_and_never_written(
+    writer: Writer, log: Log
+) -> None:
+    log.away = "the disk is full"
+    asked = writer.ask(log.row("a"), 0.0)
+    with pytest.raises(RecordError, match="the disk is full"):
+        asked.result(10)
+    log.away = None
+    ticks(writer, 0.0, 2.0)
+    assert log.rows == []
+    assert writer.ask(log.row("b"), 2.0).result(10) == "b"
+
+
+def test_what_happened_meanwhile_is_written_in_order_when_the_database_is_back(
+    writer: Writer, log: Log
+) -> None:
+    log.away = "locked"
+    begun = writer.keep(log.row("begun"), 0.0)
+    writer.keep(lambda: log.row(f"end of {begun.result()}")(), 0.1, of=begun)
+    refused = writer.ask(log.row("asked"), 0.2)
+    ticks(writer, 0.2, 3.0)
+    assert refused.exception() is not None
+    log.away = None
+    ticks(writer, 3.0, 4.0)
+    assert log.rows == ["begun", "end of begun"]
+    assert writer.trouble is None
+
+
+def test_what_is_asked_for_comes_after_what_has_happened_before(writer: Writer, log: Log) -> None:
+    log.away = "locked"
+    writer.keep(log.row("happened"), 0.0)
+    written(writer)
+    log.away = None
+    writer.ask(log.row("asked"), 0.1).result(10)
+    assert log.rows == ["happened", "asked"]
+
+
+def test_nothing_follows_what_was_refused(writer: Writer, log: Log) -> None:
+    log.away = "locked"
+    start = writer.ask(log.row("start"), 0.0)
+    end = writer.keep(log.row("end"), 0.1, of=start)
+    written(writer)
+    log.away = None
+    ticks(writer, 0.2, 2.0)
+    assert log.rows == []
+    assert end.exception() is not None
+
+
+@pytest.mark.parametrize("error", [BadRecord("no JSON"), KeyError("a mistake of ours")])
+def test_a_record_that_can_never_be_written_is_logged_and_holds_up_no_other(
+    writer: Writer, log: Log, caplog: pytest.LogCaptureFixture, error: Exception
+) -> None:
+    def bad() -> None:
+        raise error
+
+    with caplog.at_level(logging.ERROR):
+        assert writer.keep(bad, 0.0).exception(10) is error
+    assert caplog.records
+    assert writer.ask(log.row("next"), 0.1).result(10) == "next"
+
+
+def test_a_pulse_comes_every_half_second_while_it_is_watched_and_not_else(writer: Writer, log: Log) -> None:
+    ticks(writer, 0.0, 2.0)
+    assert log.pulses == 0
+    ticks(writer, 2.0, 4.0, watched=True)
+    assert log.pulses == 4
+
+
+def test_it_is_overdue_when_nothing_could_be_written_for_two_seconds(writer: Writer, log: Log) -> None:
+    ticks(writer, 0.0, 1.0, watched=True)
+    log.away = "locked"
+    ticks(writer, 1.0, 3.0, watched=True)
+    assert writer.overdue(3.0) is None
+    ticks(writer, 3.0, 3.5, watched=True)
+    assert writer.overdue(3.5) == "locked"
+    log.away = None
+    ticks(writer, 3.5, 4.5, watched=True)
+    assert writer.overdue(4.5) is None
+
+
+def test_one_failure_among_successes_is_not_overdue(writer: Writer, log: Log) -> None:
+    for second in range(6):
+        log.away = "locked" if second % 2 else None
+        ticks(writer, second, second + 1, watched=True)
+        assert writer.overdue(second + 1) is None
+
+
+def test_a_database_that_does_not_answer_is_overdue_too_and_is_asked_once(writer: Writer, log: Log) -> None:
+    log.answers.clear()
+    for tenth in range(25):
+        writer.tick(tenth / 10, watched=True)
+    why = writer.overdue(2.5)
+    assert why is not None and "no answer" in why
+    log.answers.set()
+    written(writer)
+    assert log.pulses == 1
+    assert writer.overdue(2.5) is None
+
+
+def test_after_trouble_the_database_is_tried_until_it_is_back_though_nobody_watches(
+    writer: Writer, log: Log
+) -> None:
+    log.away = "locked"
+    writer.ask(log.row("a"), 0.0)
+    written(writer)
+    assert writer.trouble is not None
+    log.away = None
+    ticks(writer, 0.1, 0.2)
+    assert writer.trouble is None
+
+
+def test_what_could_not_be_written_before_the_end_is_told(log: Log, caplog: pytest.LogCaptureFixture) -> None:
+    writer = Writer(log.pulse)
+    log.away = "locked"
+    writer.keep(log.row("a"), 0.0)
+    with caplog.at_level(logging.ERROR):
+        writer.close()
+    assert "before the end: 1" in caplog.text
