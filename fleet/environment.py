@@ -15,12 +15,14 @@ from django.core.exceptions import ImproperlyConfigured
 TRUE = {"1", "true", "yes", "on"}
 FALSE = {"0", "false", "no", "off", ""}
 
+MOST_DAYS = 100 * 365
+
 SQLITE_OPTIONS = {
     "timeout": 5,  # seconds that a writer waits for another one
     # A transaction that reads first and writes later would fail at once when another one wrote between.
     "transaction_mode": "IMMEDIATE",
-    # FULL: what the audit log has committed survives a power cut.
-    "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL",
+    # FULL: what the audit log has committed survives a power cut. secure_delete: what was erased is not left behind.
+    "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA secure_delete=ON",
 }
 POSTGRESQL_OPTIONS = {"connect_timeout": "3", "options": "-c lock_timeout=5s"}
 
@@ -63,6 +65,13 @@ class Environment:
         if not least <= seconds < float("inf"):
             raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of seconds, {least:g} or more.")
         return seconds
+
+    def days(self, name: str, default: int) -> int:
+        """A whole number of days, one or more."""
+        value = self.text(name) or str(default)
+        if not value.isdecimal() or not 1 <= int(value) <= MOST_DAYS:
+            raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of days from 1 to {MOST_DAYS}.")
+        return int(value)
 
     def directory(self, name: str, default: Path) -> Path:
         """A directory for its owner only: who reads the database in it may be anybody, by their session keys.

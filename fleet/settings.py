@@ -32,6 +32,14 @@ FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
 
 FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control without renewing it
 
+# Days that the audit log keeps what may expire, by the classes of fleet.audit.kinds, and whole records.
+FLEET_AUDIT_KEEP_DAYS = {
+    "speech": _env.days("FLEET_AUDIT_KEEP_SPEECH_DAYS", 90),
+    "driving": _env.days("FLEET_AUDIT_KEEP_DRIVING_DAYS", 365),
+    "other": _env.days("FLEET_AUDIT_KEEP_OTHER_DAYS", 730),
+}
+FLEET_AUDIT_KEEP_RECORDS_DAYS = _env.days("FLEET_AUDIT_KEEP_RECORDS_DAYS", 5 * 366)
+
 # In debug a key for this process alone: sign-ins end with it.
 SECRET_KEY = (
     get_random_secret_key() if DEBUG and not _env.text("FLEET_SECRET_KEY") else environment.secret_key(_env)

@@ -14,7 +14,9 @@ from django.utils import timezone
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
-from fleet.audit import record
+from fleet.audit import SystemAccount, record
+from fleet.audit.erasure import erase, pseudonym
+from fleet.audit.models import Record
 
 FROM_THE_LIST = "ended from the session list"
 SEEN_EVERY = timedelta(minutes=1)
@@ -78,6 +80,26 @@ def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> in
             parameters={"address": sign_in.address, "browser": sign_in.user_agent},
         )
     return len(ending)
+
+
+def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
+    """Close an account for good, and forget who it was: here first, so that nothing more is recorded of them.
+
+    The changes are not recorded field by field, which would keep what is to be forgotten. Interrupted, it is repeated
+    by the new user name.
+    """
+    _end(user, sign_ins_of(user.pk), "account erased")
+    user.set_unusable_password()
+    User.objects.filter(pk=user.pk).update(
+        username=f"erased-{user.pk}",
+        full_name=pseudonym(str(user.pk)),
+        email="",
+        password=user.password,
+        is_active=False,
+        is_staff=False,
+        is_superuser=False,
+    )
+    return erase(str(user.pk), actor=actor)
 
 
 def address_of(request: HttpRequest) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -17,6 +18,7 @@ from django.core.management.base import BaseCommand, CommandParser
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
+from fleet.audit import AuditUnavailable, retention
 from robots.ending import told_to_end
 from teleop import rules, services
 from teleop.selectors import held_robots
@@ -25,13 +27,18 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 END_S = 4.0  # from being told to end, even while the database hangs
-CLEAR_SESSIONS_S = 24 * 60 * 60.0
+DAY_S = 24 * 60 * 60.0
+AGAIN_S = 60 * 60.0  # after a day's chores have failed
+CHORES_S = 0.2  # of each round: leases end in time whatever there is to clear away
 
 
 class Command(BaseCommand):
     """The housekeeper."""
 
-    help = "Ends leases and questions whose time is over, and forgets old sign-in sessions."
+    help = (
+        "Ends leases and questions whose time is over; once a day forgets old sign-in sessions and what the audit log "
+        "keeps no longer."
+    )
 
     def add_arguments(self, parser: CommandParser) -> None:
         """How often."""
@@ -41,18 +48,47 @@ class Command(BaseCommand):
         """Go round until told to end."""
         if options["once"]:
             go_round()
+            for _ in chores():
+                pass
             return
         over = told_to_end(sys.stdin.fileno(), END_S)
-        sessions_due_s = time.monotonic()
+        daily = Daily()
         while not over.wait(EVERY_S):
             try:
                 go_round()
-                if time.monotonic() >= sessions_due_s:
-                    call_command("clearsessions")
-                    sessions_due_s = time.monotonic() + CLEAR_SESSIONS_S
-            except DatabaseError as error:
+                daily.a_little()
+            except (DatabaseError, AuditUnavailable) as error:
                 log.error("housekeeping failed, and is tried again: %s", error)
             close_old_connections()
+
+
+class Daily:
+    """The chores of a day, begun at once and then every day, a little in each round."""
+
+    def __init__(self) -> None:
+        self._due_s = time.monotonic()
+        self._steps: Iterator[None] = iter(())
+
+    def a_little(self) -> None:
+        """Go on with them for a moment. If a step fails, they are begun again later."""
+        now_s = time.monotonic()
+        if now_s >= self._due_s:
+            self._steps, self._due_s = chores(), now_s + DAY_S
+        try:
+            while time.monotonic() < now_s + CHORES_S:
+                next(self._steps)
+        except StopIteration:
+            return
+        except (DatabaseError, AuditUnavailable):
+            self._due_s = now_s + AGAIN_S
+            raise
+
+
+def chores() -> Iterator[None]:
+    """What is due once a day, step by step."""
+    call_command("clearsessions")
+    yield
+    yield from retention.keep_house(timezone.now())
 
 
 def go_round() -> None:

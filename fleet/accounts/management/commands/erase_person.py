@@ -1,0 +1,41 @@
+"""``manage.py erase_person USERNAME``: forget somebody, and keep the log whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+
+from fleet.accounts.models import User
+from fleet.accounts.services import account_erase
+from fleet.audit.command_line import here
+
+
+class Command(BaseCommand):
+    """For whoever keeps the console, at its computer: there is no way back."""
+
+    help = (
+        "Erases a person: closes the account, takes name, e-mail and password away, replaces the name in the audit log "
+        "by a pseudonym and removes what they said and what names them. The log still verifies."
+    )
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Whom."""
+        parser.add_argument("username")
+        parser.add_argument("--yes", action="store_true", help="do not ask")
+
+    def handle(self, *args: Any, username: str, yes: bool, **options: Any) -> None:
+        """Ask once, then do it."""
+        try:
+            person = User.objects.get(username=username)
+        except User.DoesNotExist:
+            raise CommandError(f"There is no account {username}.") from None
+        if (
+            not yes
+            and input(f"Erase {person.display_name} ({username}) for good? Type the user name: ") != username
+        ):
+            raise CommandError("Nothing was erased.")
+        told = account_erase(user=person, actor=here())
+        self.stdout.write(
+            f"{username} is erased: what {len(told.parameters['records'])} records said is gone."
+        )

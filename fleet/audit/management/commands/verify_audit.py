@@ -1,0 +1,112 @@
+"""``manage.py verify_audit``: whether the log is as it was written, and its heads for keeping elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+from uuid import UUID
+
+import msgspec
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import DatabaseError
+
+from fleet import audit
+from fleet.audit.command_line import here
+from fleet.audit.models import Chain
+from fleet.audit.verify import Head, Verified, compare, verify, verify_all
+
+SHOWN = 50  # findings; the first are what matters
+
+_line = msgspec.json.Decoder(Head)
+
+
+class Command(BaseCommand):
+    """Looks through the chains, and says what is not as it was written."""
+
+    help = (
+        "Verifies the audit log (tamper-evident): every record, or those of one robot. Status 1 on a finding."
+    )
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """What to look through, and where the heads go or come from."""
+        parser.add_argument(
+            "--robot", metavar="NAME", help="only this robot's records; its name or its identifier"
+        )
+        parser.add_argument(
+            "--heads", metavar="FILE", help="write the last record of each chain there; - is stdout"
+        )
+        parser.add_argument("--against", metavar="FILE", help="compare with heads kept earlier; - is stdin")
+
+    def handle(self, *args: Any, robot: str | None, heads: str | None, against: str | None, **_: Any) -> None:
+        """Verify, tell, and put on record that it was done."""
+        kept = _read(against) if against else []
+        told = verify([_chain(robot)]) if robot else verify_all()
+        told.findings += compare(kept)
+        if heads:
+            _write(heads, told.heads)
+        self._tell(told, self.stderr if heads == "-" or told.findings else self.stdout)
+        self._record(told, robot)
+        if told.findings:
+            sys.exit(1)
+
+    def _tell(self, told: Verified, out: Any) -> None:
+        for finding in told.findings[:SHOWN]:
+            out.write(str(finding))
+        if len(told.findings) > SHOWN:
+            out.write(f"… and {len(told.findings) - SHOWN} more.")
+        seen = f"Chains: {len(told.heads)}, records: {told.records}"
+        out.write(
+            f"{seen}, findings: {len(told.findings)}." if told.findings else f"{seen}. All are as written."
+        )
+
+    def _record(self, told: Verified, robot: str | None) -> None:
+        outcome = "findings" if told.findings else "intact"
+        parameters = {"records": told.records, "chains": len(told.heads), "findings": len(told.findings)}
+        private = {"first": [str(finding) for finding in told.findings[:SHOWN]], "robot": robot}
+        try:
+            audit.record(
+                "audit.verify", actor=here(), outcome=outcome, parameters=parameters, private=private
+            )
+        except (audit.AuditUnavailable, DatabaseError) as error:  # somebody who may only read verifies too
+            self.stderr.write(f"That it was verified is not on record: {error}")
+
+
+def _chain(robot: str) -> Chain:
+    """The chain of a robot, by its name or identifier."""
+    try:
+        chains = list(Chain.objects.filter(pk=UUID(robot)))
+    except ValueError:
+        chains = list(Chain.objects.filter(name=robot))
+    if len(chains) != 1:
+        raise CommandError(
+            f"{len(chains)} robots with records are called {robot}: name one by its identifier."
+        )
+    return chains[0]
+
+
+def _read(name: str) -> list[Head]:
+    try:
+        with _opened(name, "r") as file:
+            return [_line.decode(line) for line in file if line.strip()]
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise CommandError(f"{name} cannot be read as heads: {error}") from error
+
+
+def _write(name: str, heads: list[Head]) -> None:
+    try:
+        with _opened(name, "w") as file:
+            file.writelines(msgspec.json.encode(head).decode() + "\n" for head in heads)
+    except OSError as error:
+        raise CommandError(f"The heads cannot be written to {name}: {error}") from error
+
+
+@contextmanager
+def _opened(name: str, mode: str) -> Iterator[TextIO]:
+    if name == "-":
+        yield sys.stdin if mode == "r" else sys.stdout
+        return
+    with Path(name).open(mode, encoding="utf-8") as file:
+        yield file  # type: ignore[misc]  # in text mode

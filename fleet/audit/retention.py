@@ -1,0 +1,128 @@
+"""What is kept for how long: contents by their class, whole records by checkpoints. All of it is on record.
+
+In steps, each a small transaction: whoever drives meanwhile has records to write. The functions here are iterators
+that do one step each time they are asked for the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import date, datetime, timedelta, timezone
+from itertools import takewhile
+from uuid import UUID
+
+from django.conf import settings
+from django.db import connection, transaction
+
+from fleet.audit import record
+from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Chain, Content, Record
+from fleet.audit.services import lock_chain
+
+CONTENTS_AT_ONCE = 500
+RECORDS_AT_ONCE = 2000
+INDEX_PAGES_AT_ONCE = 200
+
+
+def keep_house(now: datetime) -> Iterator[None]:
+    """Take out what is older than it may be. Whoever does this twice finds nothing the second time."""
+    today = now.astimezone(timezone.utc).date()
+    yield from expire(today)
+    yield from remove(today)
+
+
+# --- contents -----------------------------------------------------------------------------------
+
+
+def expire(today: date) -> Iterator[None]:
+    """Take out contents whose time is over; the record that says so comes first."""
+    due: list[int] = []
+    expired = {}
+    for kind in KINDS:
+        since = _kept_since(kind, today)
+        if numbers := _due(kind, since):
+            due += numbers
+            expired[kind] = {"before": since.isoformat(), "removed": len(numbers)}
+        yield
+    if expired:
+        record("audit.expire", parameters={"kinds": expired})
+        yield from take_out(due)
+
+
+def take_out(numbers: Sequence[int]) -> Iterator[None]:
+    """Take out the contents of these records, and their words out of the search."""
+    for start in range(0, len(numbers), CONTENTS_AT_ONCE):
+        Content.objects.filter(pk__in=numbers[start : start + CONTENTS_AT_ONCE]).delete()
+        yield
+    if numbers and connection.vendor == "sqlite":
+        yield from _tidy_search()
+
+
+def _kept_since(kind: str, today: date) -> date:
+    return today - timedelta(days=settings.FLEET_AUDIT_KEEP_DAYS[KINDS[kind].kept.value])
+
+
+def _due(kind: str, since: date) -> list[int]:
+    """The numbers of records of that kind, of earlier days, that have content."""
+    midnight = datetime(since.year, since.month, since.day, tzinfo=timezone.utc)
+    contents = Content.objects.filter(record__kind=kind, record__at__lt=midnight)
+    return list(contents.values_list("pk", flat=True))
+
+
+def _tidy_search() -> Iterator[None]:
+    """SQLite's index only notes what was taken out, and keeps the words until its pages are merged."""
+    pages = -INDEX_PAGES_AT_ONCE  # below zero: begin a merge of everything
+    while _merge(pages):
+        pages = INDEX_PAGES_AT_ONCE
+        yield
+
+
+def _merge(pages: int) -> bool:
+    """One turn of merging; whether there was something left to do."""
+    connection.ensure_connection()
+    before = connection.connection.total_changes
+    with connection.cursor() as cursor:
+        cursor.execute(
+            "INSERT INTO audit_content_search (audit_content_search, rank) VALUES ('merge', %s)", [pages]
+        )
+    return bool(connection.connection.total_changes - before >= 2)  # as the documentation of FTS5 has it
+
+
+# --- whole records ------------------------------------------------------------------------------
+
+
+def remove(today: date) -> Iterator[None]:
+    """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
+    since = today - timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS)
+    for chain_id in Chain.objects.values_list("pk", flat=True):
+        while _remove_some(chain_id, since):
+            yield
+
+
+@transaction.atomic
+def _remove_some(chain_id: UUID, since: date) -> bool:
+    """Append a checkpoint and remove what is before it, in one transaction: so a chain always begins where one says.
+
+    False: nothing is that old.
+    """
+    robot_id = None if chain_id == NO_ROBOT else chain_id
+    records = Record.objects.filter(robot_id=robot_id)
+    if not records.filter(day__lt=since).exists():
+        return False
+    lock_chain(chain_id)
+    oldest = list(records.order_by("seq").values_list("seq", "digest", "day", "robot_name")[:RECORDS_AT_ONCE])
+    old = list(takewhile(lambda row: row[2] < since, oldest))
+    if not old:
+        return False
+    through, digest, _day, robot_name = old[-1]
+    record(
+        "audit.checkpoint",
+        robot_id=robot_id,
+        robot_name=robot_name,
+        parameters={"through": through, "digest": digest, "removed": len(old)},
+    )
+    gone = records.filter(seq__lte=through)
+    Content.objects.filter(record__in=gone).delete()
+    gone._raw_delete(gone.db)
+    return True

@@ -1,0 +1,256 @@
+"""Whatever is done to the log behind the console's back is found, and named."""
+
+import io
+import json
+import uuid
+from datetime import date
+
+import pytest
+from django.core.management import CommandError, call_command
+from django.db import connection
+
+from fleet.audit import record, triggers
+from fleet.audit.models import Chain, Record
+from fleet.audit.verify import compare, verify, verify_all
+from tests.audit.support import past_the_triggers, tamper
+
+pytestmark = pytest.mark.django_db
+
+ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
+
+
+@pytest.fixture
+def chain(operator) -> list[Record]:
+    """Records of one robot, among those of another and of none."""
+    return [_one(place, operator) for place in range(8)]
+
+
+def _one(place: int, actor) -> Record:
+    record("account.sign_in", actor=actor, private={"address": "10.0.0.7"})
+    record("stop.press", actor=actor, robot_id=uuid.UUID(int=9), robot_name="TIAGo 9")
+    return record(
+        "speech.start",
+        actor=actor,
+        robot_id=ROBOT,
+        robot_name="TIAGo 1",
+        session_id=uuid.UUID(int=place),
+        fence=place,
+        parameters={"language": "en-GB", "rate": 1.5, "place": place},
+        text=f"Sentence {place}.",
+    )
+
+
+def found() -> list[tuple[int | None, int | None, str]]:
+    """What verification says: order number, place in the chain, words."""
+    told = verify_all()
+    assert all(finding.chain == "TIAGo 1" for finding in told.findings)
+    return [(finding.number, finding.seq, finding.what) for finding in told.findings]
+
+
+def of(entry: Record, what: str) -> tuple[int, int, str]:
+    return (entry.pk, entry.seq, what)
+
+
+CHANGED = "is not what was written: it was changed or put in."
+
+
+def test_an_untouched_log_has_no_findings(chain):
+    told = verify_all()
+    assert told.findings == []
+    assert told.records == Record.objects.count()
+    assert {head.name: head.seq for head in told.heads}["TIAGo 1"] == 8
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "kind = 'stop.press'",
+        "at = '2020-01-01 00:00:00+00:00'",
+        "day = '2020-01-01'",
+        "actor_id = NULL",
+        "robot_name = 'TIAGo 2'",
+        "session_id = NULL",
+        "fence = 99",
+        "outcome = 'done'",
+        'parameters = \'{"language": "en-GB", "rate": 1.6, "place": 3}\'',
+        "parameters = '{}'",
+        "of_id = 1",
+    ],
+)
+def test_a_changed_record_is_named(chain, change):
+    tamper(f"UPDATE audit_record SET {change} WHERE id = %s", chain[3].pk)
+    assert found() == [of(chain[3], CHANGED)]
+
+
+def test_a_changed_digest_is_named_and_what_follows_on_it(chain):
+    tamper("UPDATE audit_record SET digest = %s WHERE id = %s", "00" * 32, chain[3].pk)
+    what = f"does not follow on #{chain[3].pk} as that is now."
+    assert found() == [of(chain[3], CHANGED), of(chain[4], what)]
+
+
+def test_a_removed_record_is_named_by_its_place(chain):
+    tamper("DELETE FROM audit_content WHERE record_id = %s", chain[3].pk)
+    tamper("DELETE FROM audit_record WHERE id = %s", chain[3].pk)
+    assert found() == [of(chain[4], "comes too early: record 4 of this chain is missing.")]
+
+
+def test_the_beginning_cannot_be_removed_without_a_checkpoint(chain):
+    first, second = chain[0].pk, chain[1].pk
+    tamper("DELETE FROM audit_content WHERE record_id IN (%s, %s)", first, second)
+    tamper("DELETE FROM audit_record WHERE id IN (%s, %s)", first, second)
+    assert found() == [of(chain[2], "comes too early: records 1 to 2 of this chain are missing.")]
+
+
+def test_all_records_of_a_robot_cannot_be_removed(chain):
+    with past_the_triggers(), connection.cursor() as cursor:
+        numbers = [entry.pk for entry in chain]
+        for table, key in (("audit_content", "record_id"), ("audit_record", "id")):
+            cursor.execute(f"DELETE FROM {table} WHERE {key} BETWEEN %s AND %s", [numbers[0], numbers[-1]])
+    assert (None, None, "all of its records are missing.") in [
+        (finding.number, finding.seq, finding.what)
+        for finding in verify(Chain.objects.filter(pk=ROBOT)).findings
+    ]
+
+
+def test_a_record_put_in_at_the_end_is_named(chain):
+    columns = ", ".join(
+        field.column for field in Record._meta.fields if field.column not in ("id", "seq", "content_digest")
+    )
+    tamper(
+        f"INSERT INTO audit_record (id, seq, content_digest, {columns})"
+        f" SELECT id + 100, seq + 1, '', {columns} FROM audit_record WHERE id = %s",
+        chain[-1].pk,
+    )
+    assert found() == [(chain[-1].pk + 100, 9, CHANGED)]
+
+
+def test_a_record_put_in_for_a_robot_without_chain_is_named(chain):
+    columns = ", ".join(
+        field.column for field in Record._meta.fields if field.column not in ("id", "robot_id")
+    )
+    stray = uuid.UUID(int=77)
+    tamper(
+        f"INSERT INTO audit_record (id, robot_id, {columns}) SELECT id + 100, %s, {columns}"
+        " FROM audit_record WHERE id = %s",
+        stray.hex if connection.vendor == "sqlite" else stray,
+        chain[0].pk,
+    )
+    [finding] = verify_all().findings
+    assert (finding.chain, finding.number) == (str(stray), chain[0].pk + 100)
+    assert finding.what == "belongs to no chain: it was put in."
+
+
+def test_records_whose_places_were_swapped_are_named(chain):
+    for place, entry in ((1000, chain[2]), (3, chain[5]), (6, chain[2])):
+        tamper("UPDATE audit_record SET seq = %s WHERE id = %s", place, entry.pk)
+    findings = {number: what for number, _seq, what in found()}
+    assert findings[chain[5].pk] == CHANGED
+    assert findings[chain[3].pk] == f"is out of order after #{chain[5].pk}: records were swapped."
+    assert findings[chain[2].pk] == f"is out of order after #{chain[4].pk}: records were swapped."
+    assert chain[0].pk not in findings and chain[7].pk not in findings
+
+
+def test_records_whose_words_were_swapped_are_both_named(chain):
+    for taken, given in ((chain[2], chain[5]), (chain[5], chain[2])):
+        tamper("UPDATE audit_record SET fence = %s WHERE id = %s", given.fence, taken.pk)
+    assert found() == [of(chain[2], CHANGED), of(chain[5], CHANGED)]
+
+
+def test_what_was_said_cannot_be_changed(chain):
+    tamper("UPDATE audit_content SET text = 'Something else.' WHERE record_id = %s", chain[3].pk)
+    assert found() == [of(chain[3], "has another content than was written.")]
+
+
+def test_what_was_said_cannot_be_taken_out_before_its_time(chain):
+    chain[3].content.delete()
+    assert found() == [of(chain[3], "has lost its content before its time.")]
+
+
+def test_a_trigger_that_is_missing_is_named():
+    dropped = {"sqlite": "", "postgresql": " ON audit_record"}[connection.vendor]
+    with connection.cursor() as cursor:
+        cursor.execute(f"DROP TRIGGER audit_record_no_update{dropped}")
+    [finding] = verify_all().findings
+    assert str(finding) == "database: the trigger audit_record_no_update is missing."
+    assert triggers.missing(connection) == {"audit_record_no_update"}
+
+
+# --- heads ----------------------------------------------------------------------------------------
+
+
+def test_a_tail_that_was_cut_off_shows_against_heads_kept_elsewhere(chain):
+    heads = verify_all().heads
+    tamper("DELETE FROM audit_content WHERE record_id = %s", chain[-1].pk)
+    tamper("DELETE FROM audit_record WHERE id = %s", chain[-1].pk)
+    assert verify_all().findings == []  # the rest is in order
+    [finding] = compare(heads)
+    assert finding.chain == "TIAGo 1" and finding.what.startswith("its end is cut off: it had 8 records")
+
+
+def test_a_chain_made_anew_shows_against_heads_kept_elsewhere(chain, operator):
+    heads = verify_all().heads
+    tamper("DELETE FROM audit_content WHERE record_id = %s", chain[-1].pk)
+    tamper("DELETE FROM audit_record WHERE id = %s", chain[-1].pk)
+    _one(7, operator)
+    assert verify_all().findings == []
+    [finding] = compare(heads)
+    assert (finding.seq, finding.what) == (8, "is another one than when the heads were kept.")
+
+
+def test_a_chain_that_has_grown_fits_older_heads(chain, operator):
+    heads = verify_all().heads
+    _one(8, operator)
+    assert list(compare(heads)) == []
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+def test_the_command_writes_heads_compares_with_them_and_puts_itself_on_record(chain, tmp_path):
+    kept, words = tmp_path / "heads.jsonl", io.StringIO()
+    call_command("verify_audit", heads=str(kept), stdout=words)
+    assert "All are as written." in words.getvalue()
+    heads = [json.loads(line) for line in kept.read_text().splitlines()]
+    assert {"TIAGo 1": 8, "TIAGo 9": 8}.items() <= {head["name"]: head["seq"] for head in heads}.items()
+    call_command("verify_audit", against=str(kept), stdout=io.StringIO())
+    told = Record.objects.filter(kind="audit.verify").latest("id")
+    assert (told.outcome, told.parameters["findings"], told.actor_id[:7]) == ("intact", 0, "system:")
+
+
+def test_the_command_ends_with_status_1_and_the_words_of_each_finding(chain):
+    tamper("UPDATE audit_record SET fence = 99 WHERE id = %s", chain[3].pk)
+    words = io.StringIO()
+    with pytest.raises(SystemExit) as ended:
+        call_command("verify_audit", robot="TIAGo 1", stderr=words)
+    assert ended.value.code == 1
+    assert f"TIAGo 1: record #{chain[3].pk} (place 4) {CHANGED}" in words.getvalue()
+    assert Record.objects.get(kind="audit.verify").outcome == "findings"
+
+
+def test_only_one_robot_is_verified_when_one_is_named(chain):
+    tamper("UPDATE audit_record SET fence = 99 WHERE id = %s", chain[3].pk)
+    words = io.StringIO()
+    call_command("verify_audit", robot=str(uuid.UUID(int=9)), stdout=words)
+    assert "Chains: 1, records: 8. All are as written." in words.getvalue()
+
+
+def test_heads_on_standard_output_are_nothing_but_heads(chain, capsys):
+    call_command("verify_audit", heads="-", stderr=io.StringIO())
+    assert all(json.loads(line)["digest"] for line in capsys.readouterr().out.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"robot": "nobody"}, "0 robots with records are called nobody"),
+        ({"against": "/no/such/file"}, "cannot be read as heads"),
+    ],
+)
+def test_what_cannot_be_done_is_said(options, words):
+    with pytest.raises(CommandError, match=words):
+        call_command("verify_audit", **options)
+
+
+def test_days_are_those_of_utc(chain):
+    assert isinstance(chain[0].day, date)
+    assert all(entry.day == entry.at.date() for entry in Record.objects.all())
