@@ -7,7 +7,7 @@ import pwd
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-from fleet.audit import record
+from fleet.audit import actor_renamed, record
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
@@ -35,8 +35,11 @@ def made(person: User, changes: list[dict[str, Any]]) -> None:
 
 def changed(person: User, changes: list[dict[str, Any]]) -> None:
     """Record a change, if it is one."""
-    if changes:
-        _record("account.change", person, changes=changes)
+    if not changes:
+        return
+    _record("account.change", person, changes=changes)
+    if {"username", "full_name"} & {change["field"] for change in changes}:
+        actor_renamed(person)
 
 
 def deleted(person: User) -> None:

@@ -1,6 +1,7 @@
 """Guessing passwords is slow: few failures for each name from each address, and not many more from one address.
 
-The failures are counted in the audit log, so that several web processes count together.
+The failures are counted in the audit log, so that several web processes count together; by digests, for names and
+addresses do not stay there for ever.
 """
 
 from __future__ import annotations
@@ -26,22 +27,24 @@ def failure_recorded(*, username: str, address: str) -> None:
 
     The name is kept as it was typed only if there is such an account: people type passwords into the wrong field.
     """
-    known = User.objects.filter(username=username).exists()
+    known = User.objects.filter(username=username).values_list("pk", flat=True).first()
     record(
         KIND,
         outcome="refused",
         parameters={
-            "username": username if known else None,
+            "user": str(known) if known else None,
             "name_digest": _digest(username),
-            "address": address,
+            "address_digest": _digest(address),
         },
+        private={"username": username if known else None, "address": address},
     )
 
 
 def wait_s(*, username: str, address: str) -> float:
     """Seconds until this name may be tried again from this address; 0 if it may be now."""
     now = timezone.now()
-    from_there = Record.objects.filter(kind=KIND, at__gt=now - WINDOW, parameters__address=address)
+    recent = Record.objects.filter(kind=KIND, at__gt=now - WINDOW)
+    from_there = recent.filter(parameters__address_digest=_digest(address))
     of_name = from_there.filter(parameters__name_digest=_digest(username))
     return max(_wait_s(of_name, FAILURES, now), _wait_s(from_there, FAILURES_OF_ADDRESS, now))
 
@@ -52,5 +55,5 @@ def _wait_s(failures: QuerySet[Record], most: int, now: datetime) -> float:
     return (oldest_that_counts + WINDOW - now).total_seconds() if oldest_that_counts else 0.0
 
 
-def _digest(username: str) -> str:
-    return salted_hmac("fleet.accounts.throttle", username, algorithm="sha256").hexdigest()[:32]
+def _digest(text: str) -> str:
+    return salted_hmac("fleet.accounts.throttle", text, algorithm="sha256").hexdigest()[:32]

@@ -12,7 +12,7 @@ from django.contrib.auth import authenticate
 from django.core.management import call_command
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable
+from fleet.audit import AuditUnavailable, record
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
 
@@ -107,3 +107,10 @@ def test_a_newer_hash_of_the_same_password_is_no_change(stranger: User, settings
     assert authenticate(username=stranger.username, password=PASSWORD) == stranger
     assert User.objects.get(pk=stranger.pk).password != before
     assert changes_of(stranger) == []
+
+
+def test_records_of_before_show_the_name_that_somebody_has_now(operator):
+    earlier = record("stop.press", actor=operator)
+    operator.full_name = "Olga Other"
+    operator.save()
+    assert Record.objects.get(pk=earlier.pk).actor_name == "Olga Other"

@@ -86,15 +86,23 @@ def test_a_wrong_password_is_refused_and_goes_on_record(operator):
     (error,) = response.context["form"].non_field_errors().as_data()
     assert (response.status_code, error.code) == (200, "invalid_login")
     (entry,) = _records("account.sign_in_failed")
-    assert (entry.actor_id, entry.outcome, entry.parameters["username"]) == (None, "refused", "operator")
-    assert "wrong" not in str(entry.parameters)
+    assert (entry.actor_id, entry.outcome, entry.details["username"]) == (None, "refused", "operator")
+    assert entry.parameters["user"] == str(operator.pk)
+    assert "wrong" not in str(entry.details)
+
+
+def test_neither_name_nor_address_stays_on_record_for_ever(operator):
+    _try("operator", "wrong")
+    (entry,) = _records("account.sign_in_failed")
+    assert entry.details["address"]
+    assert not {"operator", entry.details["address"]} & set(map(str, entry.parameters.values()))
 
 
 def test_a_name_that_nobody_has_is_not_kept_since_it_may_be_a_password(operator):
     _try(PASSWORD, "operator")
     (entry,) = _records("account.sign_in_failed")
-    assert entry.parameters["username"] is None
-    assert PASSWORD not in str(entry.parameters)
+    assert entry.details["username"] is None
+    assert PASSWORD not in str(entry.details)
 
 
 def test_a_closed_account_cannot_sign_in(operator):

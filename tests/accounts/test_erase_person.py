@@ -1,0 +1,92 @@
+"""A person can be forgotten, and the log stays whole."""
+
+import io
+
+import pytest
+from django.core.management import CommandError, call_command
+
+from fleet.accounts.models import User
+from fleet.audit import record
+from fleet.audit.models import Actor, Content, Record
+from fleet.audit.verify import verify_all
+
+pytestmark = pytest.mark.django_db
+
+
+def erase(username: str = "operator") -> str:
+    words = io.StringIO()
+    call_command("erase_person", username, yes=True, stdout=words)
+    return words.getvalue()
+
+
+def test_nothing_names_an_erased_person_any_more(operator, staff):
+    operator.email = "olga@lab.example"
+    operator.save()
+    record("speech.start", actor=operator, text="Olga was here.", parameters={"language": "en-GB"})
+    record("control.hand_over", actor=staff, parameters={"to": str(operator.pk)}, private={"to_name": "Olga"})
+    record("account.sign_in", actor=operator, private={"address": "10.0.0.7", "browser": "Olga's Browser"})
+    record("robot.change", private={"holder": {"id": str(operator.pk), "name": "Olga"}})
+    assert "is erased" in erase()
+    everything = [
+        *(str(entry.details) for entry in Record.objects.exclude(kind__startswith="account.c")),
+        *Actor.objects.values_list("name", flat=True),
+        *Content.objects.exclude(record__kind__startswith="account.c").values_list("text", flat=True),
+        *map(str, User.objects.filter(pk=operator.pk).values()),
+    ]
+    assert not [line for line in everything if "Olga" in line or "olga" in line]
+
+
+def test_the_log_still_verifies(operator):
+    record("speech.start", actor=operator, text="Olga was here.")
+    erase()
+    assert verify_all().findings == []
+
+
+def test_the_records_stay_under_a_pseudonym(operator):
+    said = record("speech.start", actor=operator, text="Hello.", parameters={"language": "en-GB"})
+    erase()
+    entry = Record.objects.get(pk=said.pk)
+    assert entry.actor_name == f"Person {str(operator.pk)[:4]}"
+    assert (entry.details, entry.actor.erased_at is not None) == ({"language": "en-GB"}, True)
+
+
+def test_what_others_said_stays(operator, staff):
+    said = record("speech.start", actor=staff, text="Good morning.")
+    erase()
+    assert Record.objects.get(pk=said.pk).details == {"text": "Good morning."}
+
+
+def test_that_somebody_was_erased_is_on_record(operator):
+    said = record("speech.start", actor=operator, text="Hello.")
+    erase()
+    told = Record.objects.get(kind="audit.erase")
+    assert told.parameters["person"] == str(operator.pk) and said.pk in told.parameters["records"]
+    assert told.actor_id.startswith("system:")
+
+
+def test_the_account_is_closed(operator, signed_in, client):
+    browser = signed_in(operator)
+    erase()
+    operator.refresh_from_db()
+    assert not operator.is_active and not operator.has_usable_password()
+    assert browser.get("/").status_code == 302  # to the sign-in page
+
+
+def test_a_name_is_not_written_over_a_pseudonym(operator):
+    record("stop.press", actor=operator)
+    erase()
+    operator.save()  # somebody who still has the old account in hand
+    assert Actor.objects.get(pk=str(operator.pk)).name.startswith("Person ")
+
+
+def test_whom_nobody_knows_is_said():
+    with pytest.raises(CommandError, match="There is no account nobody"):
+        erase("nobody")
+
+
+@pytest.mark.parametrize("answer", ["", "yes"])
+def test_one_is_asked_before(operator, monkeypatch, answer):
+    monkeypatch.setattr("builtins.input", lambda _question: answer)
+    with pytest.raises(CommandError, match="Nothing was erased"):
+        call_command("erase_person", "operator")
+    assert User.objects.get(pk=operator.pk).is_active
