@@ -65,13 +65,14 @@ class _Intervention:
 
 
 class DriveLog:
-    """At most one drive at a time, and within it at most one gate intervention."""
+    """At most one drive at a time, and within it at most one gate intervention.
 
-    def __init__(self, sink: RecordSink) -> None:
-        self.where: Callable[[], Pose | None] = lambda: (
-            None
-        )  # the odometry frame in the map's, if that is known
+    `map_to_odom` tells where the odometry frame is in the map's, if that is known.
+    """
+
+    def __init__(self, sink: RecordSink, map_to_odom: Callable[[], Pose | None] = lambda: None) -> None:
         self._sink = sink
+        self._map_to_odom = map_to_odom
         self._writer = Writer(sink.pulse)
         self._pose: Pose | None = None
         self._drive: _Drive | None = None
@@ -198,7 +199,7 @@ class DriveLog:
 
     @property
     def _place(self) -> Place:
-        return Place(self._pose, self.where())
+        return Place(self._pose, self._map_to_odom())
 
     def _begin(self, holder: Holder, now_s: float) -> None:
         start = self._place

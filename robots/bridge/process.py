@@ -46,7 +46,7 @@ class Bridge:
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: Store) -> None:
         left = store.load(config.last_fence)
         self._base = RosBase(config)
-        self._drives = DriveLog(sink)
+        self._drives = DriveLog(sink, self._base.map_to_odom)
         gate = Gate(config.gate)
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000

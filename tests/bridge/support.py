@@ -254,7 +254,7 @@ class Bench:
         self.gate = OpenGate(config.gate)
         self.sink = MemorySink()
         self.publisher = MemoryPublisher(lambda: self.now_s)
-        self.drives = DriveLog(sink or self.sink)
+        self.drives = DriveLog(sink or self.sink, lambda: self.map_to_odom)
         self.told: list[Ended | wire.Offers] = []  # to every link
         state = left or Persisted(False, "", "", 0)
         self.core = Core(config, self.base, self.gate, self.drives, state, self.told.append, self.publisher)  # type: ignore[arg-type]
@@ -262,6 +262,7 @@ class Bench:
         self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
         self.speed = STILL
         self.x = 0.0
+        self.map_to_odom: Pose | None = None
 
     def online(self) -> Bench:
         """The robot's master is there and odometry comes."""

@@ -95,9 +95,9 @@ def test_yaw_is_counted_on_beyond_a_full_turn(bench: Bench) -> None:
 
 
 def test_where_the_odometry_frame_is_in_the_map_is_told_at_the_start_and_at_the_end(bench: Bench) -> None:
-    bench.drives.where = lambda: Pose(1.0, 2.0, 0.1)
+    bench.map_to_odom = Pose(1.0, 2.0, 0.1)
     bench.driving()
-    bench.drives.where = lambda: Pose(1.1, 2.0, 0.1)
+    bench.map_to_odom = Pose(1.1, 2.0, 0.1)
     rolls(bench, 1.0)
     stands(bench)
     (start,) = told(bench, "drive.start")

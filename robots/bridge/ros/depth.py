@@ -21,7 +21,7 @@ from robots.bridge.config import DepthSource
 from robots.bridge.gate.depth import Cloud, DepthImage, Lens, Picture, picture_of_cloud, picture_of_image
 from robots.bridge.gate.depth_camera import Frame, frame_of
 from robots.bridge.gate.scan import Malformed
-from robots.bridge.gate.values import DepthView
+from robots.bridge.gate.values import DepthView, Pose
 from robots.bridge.ros.frames import Frames, PoseUnknown
 
 log = logging.getLogger(__name__)
@@ -62,6 +62,10 @@ class DepthTopics:
             self._wanted = wanted
             self._turn.set()
 
+    def map_to_odom(self) -> Pose | None:
+        """The odometry frame in the map's, by their usual names (REP 105), if the robot tells it."""
+        return self._frames.flat("odom", "map")
+
     def close(self) -> None:
         """End the thread."""
         self._ended = True
@@ -78,6 +82,7 @@ class DepthTopics:
                 leaving, self.subscribers = self.subscribers, []
                 for subscriber in leaving:
                     subscriber.unregister()
+                self._frames = Frames(self._source.base_frame)  # what was told before is not where things are
 
     def _subscribed(self) -> list[rospy.Subscriber]:
         wanted = [

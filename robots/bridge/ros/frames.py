@@ -18,6 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.bridge.gate.values import Pose
+
 KEPT = 100  # of each frame: 2 s at 50 Hz
 PATIENCE_S = 0.15  # that a picture waits for the frames of its stamp
 LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
@@ -78,6 +80,20 @@ class Frames:
             for child in self._way(frame):
                 matrix = self._at(child, stamp_s) @ matrix
             return matrix
+
+    def flat(self, frame: str, parent: str) -> Pose | None:
+        """Where a frame was in its parent when that was told last, seen from above; None: it was not told."""
+        with self._news:
+            told = self._newest(frame)
+        if told is None or told.parent != parent:
+            return None
+        try:
+            matrix = _matrix(*_parts(told))
+        except PoseUnknown:
+            return None
+        return Pose(
+            float(matrix[0, 3]), float(matrix[1, 3]), math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
+        )
 
     def _to_come(self, frame: str, stamp_s: float) -> bool:
         try:

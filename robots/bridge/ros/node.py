@@ -34,7 +34,7 @@ from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.posture import Disc, Posture
-from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
 from robots.bridge.ros.convert import planar
@@ -194,6 +194,10 @@ class RosBase:
         """Whether anybody drives: what is costly to the robot is asked of it only then."""
         if self._depth is not None:
             self._depth.look(wanted)
+
+    def map_to_odom(self) -> Pose | None:
+        """The odometry frame in the map's, if the robot has a map and somebody drives."""
+        return None if self._depth is None else self._depth.map_to_odom()
 
     # --- life ----------------------------------------------------------------------------------------
 
