@@ -1,11 +1,11 @@
 /** The control page: wires the modules together. One `ControlPage` per page; `close()` ends all of it. */
 
 import { SpeedChart } from "./chart.js";
-import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
 import { Echoes, RoundTrips } from "./delay.js";
 import { Desk } from "./desk.js";
 import { mark, parts } from "./dom.js";
+import { DrivingOptions } from "./driving_options.js";
 import { Face } from "./face.js";
 import { listenToGamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
@@ -55,7 +55,7 @@ class ControlPage {
   #clearing = false; // asked for by this page, and not done yet
   #stopAsked = 0; // number of the stop that the question to clear is about
   #panel;
-  #choices;
+  #options;
   #picture;
   #chart;
   #face;
@@ -85,7 +85,7 @@ class ControlPage {
     this.#joystick = new Joystick(this.#parts.zone, this.#stick);
     this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
-    this.#choices = new Choices(root, this.#parts);
+    this.#options = new DrivingOptions(root, this.#parts);
     this.#picture = new Picture(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
     this.#face = new Face(root, this.#parts);
@@ -126,7 +126,7 @@ class ControlPage {
     for (const end of this.#endings) end();
     const opened = [
       this.#panel,
-      this.#choices,
+      this.#options,
       this.#picture,
       this.#chart,
       this.#face,
@@ -155,13 +155,13 @@ class ControlPage {
     on(this.#socket, "down", ({ code }) => this.#lost(code));
     on(this.#socket, "message", (message) => this.#heard(message));
     on(this.#panel, "choose", (message) => this.#chose(message));
-    on(this.#choices, "share", (share) => {
+    on(this.#options, "share", (share) => {
       this.#sender.share = share;
     });
-    on(this.#choices, "slides", (slides) => {
+    on(this.#options, "slides", (slides) => {
       this.#joystick.slides = slides;
     });
-    on(this.#choices, "sticky", (sticky) => {
+    on(this.#options, "sticky", (sticky) => {
       this.#joystick.sticky = sticky;
     });
     on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
@@ -272,7 +272,7 @@ class ControlPage {
   #onWelcome(welcome) {
     const { robot } = welcome;
     this.#facts = robot;
-    this.#choices.facts = robot;
+    this.#options.facts = robot;
     this.#picture.facts = robot;
     this.#face.facts = robot;
     this.#desk.welcome = welcome;
@@ -348,9 +348,11 @@ class ControlPage {
     return this.#socket.send({ t: "stop" }) && !this.#isCut();
   }
 
+  /** The base stands: the stick rests, and nothing repeats a velocity. */
   #zero(reason) {
     this.#stick.neutralise(reason);
     this.#sender.zero();
+    this.#desk.zero();
   }
 
   // --- what is shown ---------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 /** Everything besides driving: motions, speech, topics, and the orders and notices that they share. */
 
-import { Endings } from "./endings.js";
+import { ChoiceEnds, Endings } from "./endings.js";
 import { History } from "./history.js";
 import { LookAhead } from "./look_ahead.js";
 import { endNotice, Motions } from "./motions.js";
@@ -24,6 +24,7 @@ export class Desk {
   #topics;
   #motionEnds;
   #speechEnds;
+  #choiceEnds;
   #uses = {};
   #chosen = {};
   #tab = null;
@@ -52,6 +53,9 @@ export class Desk {
     this.#motionEnds = new Endings((ended, name) =>
       notices.add(endNotice(ended, this.#motions.titleOf(name))),
     );
+    this.#choiceEnds = new ChoiceEnds((text) =>
+      notices.add({ level: "warning", code: "choice ended", text }),
+    );
     this.#speechEnds = new Endings((ended, text) => notices.add(speechEndNotice(ended, text)));
     this.#phrases.load();
     this.#enable();
@@ -61,7 +65,7 @@ export class Desk {
   set welcome({ role, robot }) {
     this.#role = role;
     this.#lookAhead.facts = robot;
-    this.#topics.isStaff = role === "staff";
+    this.#topics.role = role;
     this.#enable();
   }
 
@@ -78,10 +82,12 @@ export class Desk {
   set state(state) {
     const { motion = null, motion_ended: motionEnded = null } = state;
     const { speech = null, speech_ended: speechEnded = null, chosen = {} } = state;
+    const { choice_ended: choiceEnded = {} } = state;
     this.#chosen = chosen;
     this.#motions.state = state;
     this.#running.state = state;
     this.#topics.state = state;
+    this.#choiceEnds.follow(choiceEnded);
     this.#motionEnds.follow(motion?.name ?? null, motionEnded);
     const spoken = this.#speechEnds.follow(speech?.text ?? null, speechEnded);
     if (spoken && this.#tab === "speech") this.#history.load();
@@ -104,6 +110,11 @@ export class Desk {
     this.#phrases.showAll();
     if (tab === "topics") this.#topics.show();
     if (tab === "speech") this.#history.load();
+  }
+
+  /** No velocity is repeated any more. */
+  zero() {
+    this.#topics.zero();
   }
 
   /** @returns {boolean} whether the message was an answer to an order */

@@ -1,4 +1,4 @@
-/** How what was begun on this page ends. */
+/** How what was begun ends: on this page, and for everybody. */
 
 /** Tells the person who began or cancelled something how it ended; others only see it end. */
 export class Endings {
@@ -25,5 +25,27 @@ export class Endings {
     if (this.mine) this.#tell(ended, ended.name ?? this.name);
     this.mine = false;
     return true;
+  }
+}
+
+/** Tells everybody who watches that a chosen topic vanished: input goes to another one than was chosen. */
+export class ChoiceEnds {
+  #tell;
+  #known; // number of the last end by use; unknown until the first state
+
+  /** @param {(text: string) => void} tell */
+  constructor(tell) {
+    this.#tell = tell;
+  }
+
+  /** @param {Object<string, {number: number, text: string}>} ended by use. The first state is old news. */
+  follow(ended) {
+    const before = this.#known;
+    this.#known = Object.fromEntries(
+      Object.entries(ended).map(([use, { number }]) => [use, number]),
+    );
+    if (before === undefined) return;
+    for (const [use, { number, text }] of Object.entries(ended))
+      if (before[use] !== number) this.#tell(text);
   }
 }

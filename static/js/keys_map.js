@@ -1,9 +1,10 @@
 /** The map of keyboard and gamepad: shown on "?", and from the menu. */
 
+import { closable } from "./dialog.js";
 import { isEditing } from "./keyboard.js";
 
 /**
- * @param {HTMLDialogElement} dialog is not modal: the stop beside it must never wait
+ * @param {HTMLDialogElement} dialog
  * @param {HTMLElement} opener
  * @returns {() => void} ends it
  */
@@ -12,7 +13,7 @@ export function keysMap(dialog, opener) {
   const { signal } = listening;
   const toggle = () => (dialog.open ? dialog.close() : dialog.show());
   opener.addEventListener("click", () => dialog.open || dialog.show(), { signal });
-  dialog.querySelector("[data-close]").addEventListener("click", () => dialog.close(), { signal });
+  closable(dialog, signal);
   window.addEventListener(
     "keydown",
     (event) => {

@@ -144,7 +144,7 @@ export class SearchList {
       event.preventDefault();
       event.stopPropagation();
       this.clear();
-    } else if (event.key === "Enter") {
+    } else if (event.key === "Enter" && !event.isComposing) {
       event.preventDefault();
       const hits = this.#rows.filter((row) => !row.hidden);
       if (hits.length === 1) hits[0].querySelector("button:not(:disabled)")?.click();

@@ -128,7 +128,8 @@ export class Motions {
       ],
     });
     button.type = "button";
-    button.addEventListener("click", () => this.#press(motion));
+    // The second press of a double click does not cancel what the first began.
+    button.addEventListener("click", ({ detail }) => detail < 2 && this.#press(motion));
     this.#buttons.set(name, { button, act });
     return button;
   }

@@ -1,5 +1,6 @@
 /** What came of a person's input: told once at the edge of the screen, and kept in a log. */
 
+import { closable } from "./dialog.js";
 import { make, say, show } from "./dom.js";
 
 const SHOWN_MS = 5000;
@@ -70,7 +71,12 @@ class Shown {
     this.#leftMs = SHOWN_MS;
     this.#bar.remove();
     this.element.append(this.#bar); // an animation begins anew with its element
-    this.#run();
+    if (!this.held) this.#run();
+  }
+
+  /** Whether the pointer or the focus is on it. */
+  get held() {
+    return "held" in this.element.dataset;
   }
 
   end() {
@@ -107,12 +113,8 @@ export class Notices {
   constructor(parts) {
     this.#parts = parts;
     const { signal } = this.#listening;
-    const dialog = parts["log-dialog"];
     parts["log-open"].addEventListener("click", () => this.#openLog(), { signal });
-    dialog
-      .querySelector("[data-close]")
-      .addEventListener("click", () => dialog.close(), { signal });
-    dialog.addEventListener("keydown", ({ key }) => key === "Escape" && dialog.close(), { signal });
+    closable(parts["log-dialog"], signal);
   }
 
   /**
@@ -128,6 +130,7 @@ export class Notices {
       before.entry.text = text;
       before.entry.at = new Date();
       before.item.update(before.entry);
+      if (level === "error") this.#announce(before.entry);
     } else {
       this.#begin(key, { level, text, times: 1, at: new Date() });
     }
@@ -141,13 +144,19 @@ export class Notices {
   }
 
   #begin(key, entry) {
-    if (this.#shown.size >= SHOWN_AT_MOST) this.#shown.values().next().value.item.end();
+    if (this.#shown.size >= SHOWN_AT_MOST) this.#oldest.end();
     const item = new Shown(entry, () => this.#shown.delete(key));
     this.#shown.set(key, { item, entry });
     this.#parts.notices.prepend(item.element);
     this.#announce(entry);
     this.#log.unshift(entry);
     this.#log.length = Math.min(this.#log.length, KEPT);
+  }
+
+  /** The first to give way: not the one that somebody is reading, unless all are. */
+  get #oldest() {
+    const items = [...this.#shown.values()].map(({ item }) => item);
+    return items.find(({ held }) => !held) ?? items[0];
   }
 
   #announce({ level, text }) {

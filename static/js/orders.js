@@ -1,6 +1,6 @@
 /** Orders to the robot besides driving: each has a number, gets one answer, and is told of once. */
 
-import { useLabel } from "./topics/where.js";
+import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
 const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answer to what a person remembers
@@ -90,7 +90,8 @@ export class Orders {
   }
 
   /**
-   * @param {object} order without its number and fence. `title` is for people and stays here.
+   * @param {object} order without its number and fence. `title` is for people and stays here; `quiet` tells of a
+   *   refusal only, for what a page repeats.
    * @returns {Promise<?object>} why it was refused; null if it was accepted
    */
   send(order) {
@@ -98,7 +99,7 @@ export class Orders {
       const text = gettext("Take control first.");
       return Promise.resolve(this.#refused(order, { code: "no_lease", text }));
     }
-    const { title, ...message } = order;
+    const { title, quiet, ...message } = order;
     this.#seq += 1;
     message.seq = this.#seq;
     if (this.#fence !== null && order.t !== "refresh") message.fence = this.#fence;
@@ -144,7 +145,7 @@ export class Orders {
 
   #done(order) {
     const text = doneText(order);
-    if (text) this.#tell({ level: "success", code: `${order.t} done`, text });
+    if (text && !order.quiet) this.#tell({ level: "success", code: `${order.t} done`, text });
     return null;
   }
 

@@ -1,8 +1,9 @@
 /** A question in a dialog: what a person confirms is done, everything else is not. */
 
+import { closable } from "./dialog.js";
+
 /**
- * The dialog's form is submitted by a yes; a button with `data-close` and Escape are a no.
- * It is not modal: the stop beside it must never wait for an answer.
+ * The dialog's form is submitted by a yes; everything else that closes it is a no.
  * @param {HTMLDialogElement} dialog
  * @param {(answer: FormData) => void} yes
  * @returns {{ask: () => void, close: () => void}}
@@ -11,10 +12,8 @@ export function question(dialog, yes) {
   const listening = new AbortController();
   const { signal } = listening;
   const form = dialog.querySelector("form");
-  const no = () => dialog.close();
   form.addEventListener("submit", () => yes(new FormData(form)), { signal });
-  dialog.querySelector("[data-close]").addEventListener("click", no, { signal });
-  dialog.addEventListener("keydown", ({ key }) => key === "Escape" && no(), { signal });
+  closable(dialog, signal);
   return {
     ask() {
       form.reset();

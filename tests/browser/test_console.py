@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Locator
 
+from benchmarks.parts import proc
+from script.stack.stack import Stack
 from tests.browser.people import Person
 from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap
 
@@ -200,3 +204,23 @@ def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) 
     for name in names:
         observer.page.get_by_text(name, exact=True).wait_for()
     assert len(names) == 2
+
+
+def test_while_the_robot_is_out_of_reach_inputs_give_way_to_what_is_wrong(
+    person: Arrive, stack: Stack
+) -> None:
+    operator = person("operator")
+    operator.take(ROBOT)
+    go_to(operator, "Motions")
+    motions, banner = operator.part("motion-list"), operator.part("banner")
+    motions.get_by_role("button").first.wait_for()
+    [bridge] = [
+        child
+        for child in proc.children(stack.supervisor.pid)
+        if {"run_bridge", ROBOT} <= set(proc.arguments(child))
+    ]
+    os.kill(bridge, signal.SIGKILL)
+    motions.wait_for(state="hidden")
+    assert banner.is_visible()
+    motions.wait_for()  # the supervisor started another bridge
+    assert not banner.is_visible() or "stick" in banner.inner_text()

@@ -27,6 +27,9 @@ def test_driving_goes_elsewhere_and_back_with_one_press(person: Arrive) -> None:
     drive = operator.part("uses").get_by_role("listitem").filter(has_text="Drive")
     drive.get_by_role("button", name="Change…").click()
     dialog = operator.part("choose-dialog")
+    dialog.get_by_label("Search topics").press("Escape")
+    assert not dialog.is_visible()
+    drive.get_by_role("button", name="Change…").click()
     dialog.get_by_label("Search topics").fill("vel")
     assert dialog.get_by_role("button", name="/joy_vel").is_disabled()
     assert "not on the allow-list" in dialog.get_by_role("button", name="/joy_vel").inner_text()
@@ -106,17 +109,28 @@ def test_a_nested_message_is_published_and_a_wrong_field_is_named(
     operator.release()
 
 
-def test_a_velocity_that_is_published_goes_through_the_gate_and_ends_with_the_tab(person: Arrive) -> None:
+def test_a_velocity_that_is_published_goes_through_the_gate_and_ends_with_window_and_tab(
+    person: Arrive,
+) -> None:
     operator = person("operator")
     operator.take(ROBOT)
     topics_of(operator)
     operator.part("publish-topic").select_option("/key_vel")
     operator.page.locator("#field-linear-x").fill("-0.1")
     operator.part("publish-rate").fill("10")
-    start = operator.place
     operator.press("Publish")
-    operator.until_driven(start, 0.05)
+    operator.until_driven(operator.place, 0.05)
     assert operator.state["verdict"]["asked"][0] < 0.0
+    assert (
+        operator.part("notices").get_by_text(re.compile("^×")).count() == 0
+    )  # told once, not ten times a second
+    operator.page.evaluate("dispatchEvent(new Event('blur'))")
+    operator.part("publish-running").get_by_text("/key_vel").wait_for(state="detached")
+    operator.until_still()
+
+    operator.page.locator("#field-linear-x").fill("0.1")
+    operator.press("Publish")
+    operator.until_driven(operator.place, 0.05)
     operator.page.get_by_role("tab", name="Motions").click()
     operator.until_still()
     operator.release()

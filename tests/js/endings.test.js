@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { Endings } from "../../static/js/endings.js";
+import { ChoiceEnds, Endings } from "../../static/js/endings.js";
 
 describe("endings", () => {
   let tell;
@@ -28,5 +28,21 @@ describe("endings", () => {
     ends.mine = true;
     ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" });
     expect(tell.mock.calls[0][1]).toBe("wave");
+  });
+});
+
+describe("chosen topics that vanish", () => {
+  it("are told of once, each time; what was so before this page was opened is old news", () => {
+    const told = [];
+    const ends = new ChoiceEnds((text) => told.push(text));
+    const speech = { number: 4, text: "/say is gone." };
+    ends.follow({ speech });
+    ends.follow({ speech });
+    expect(told).toEqual([]);
+    const drive = { number: 9, text: "/phone_vel is gone." };
+    ends.follow({ speech, drive });
+    ends.follow({ speech, drive });
+    ends.follow({ speech, drive: { ...drive, number: 12 } });
+    expect(told).toEqual(["/phone_vel is gone.", "/phone_vel is gone."]);
   });
 });

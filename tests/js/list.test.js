@@ -55,6 +55,12 @@ describe("a searchable list", () => {
     expect(act).toHaveBeenCalledWith({ name: "wave" });
   });
 
+  it("leaves Enter to a writing aid while one composes with it", () => {
+    type("wav");
+    field.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", isComposing: true }));
+    expect(act).not.toHaveBeenCalled();
+  });
+
   it("acts on nothing that is off", () => {
     type("uber");
     expect(shown()).toEqual(["über"]);

@@ -44,6 +44,13 @@ describe("the list of motions", () => {
     expect(button("Wave").firstElementChild.textContent).toBe("Play");
   });
 
+  it("does not cancel by the second press of a double click what the first began", () => {
+    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    button("Wave").dispatchEvent(new MouseEvent("click", { detail: 2 }));
+    expect(send).not.toHaveBeenCalled();
+  });
+
   it("lets a second one be pressed: the robot says why not, and who runs which", () => {
     motions.rights = { mayPlay: true, mayCancel: true };
     motions.state = { motion: { name: "wave", who: "Ann" } };

@@ -52,6 +52,23 @@ describe("notices", () => {
     expect(texts()).toEqual([]);
   });
 
+  it("stay under the pointer when they are told again, and are not the ones to give way", () => {
+    notices.add({ level: "error", code: "busy", text: "Busy." });
+    parts.notices.firstElementChild.dispatchEvent(new Event("pointerenter"));
+    notices.add({ level: "error", code: "busy", text: "Still busy." });
+    for (let i = 0; i < 5; i += 1)
+      notices.add({ level: "info", code: `other ${i}`, text: `Other ${i}.` });
+    vi.advanceTimersByTime(60_000);
+    expect(texts()).toEqual(["Still busy."]);
+  });
+
+  it("of errors are announced each time", () => {
+    notices.add({ level: "error", code: "stop", text: "Not confirmed." });
+    vi.advanceTimersByTime(1500);
+    notices.add({ level: "error", code: "stop", text: "Not confirmed." });
+    expect(parts.alarm.textContent).toBe("Error: Not confirmed.");
+  });
+
   it("fold repeats into one that counts", () => {
     for (let i = 0; i < 12; i += 1)
       notices.add({ level: "warning", code: "play busy", text: "Busy." });

@@ -43,6 +43,17 @@ describe("orders", () => {
     expect(sent).toEqual([{ t: "play_cancel", seq: 101 }]);
   });
 
+  it("that are repeated quietly tell of a refusal only", () => {
+    orders.send({ t: "publish", topic: "/key_vel", quiet: true });
+    orders.send({ t: "publish", topic: "/key_vel", quiet: true });
+    expect(sent[0]).toEqual({ t: "publish", topic: "/key_vel", seq: 101, fence: 7 });
+    orders.heard({ t: "accepted", of: "publish", seq: 101 });
+    expect(told).toEqual([]);
+    const refusal = { code: "stopped", text: "The robot is stopped." };
+    orders.heard({ t: "refused", of: "publish", seq: 102, refusal });
+    expect(told.length).toBe(1);
+  });
+
   it("are told of once: accepted, what is done by it", async () => {
     const answer = orders.send({ t: "look_ahead" });
     expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(true);

@@ -60,16 +60,22 @@ export function wholeLengths(shortened) {
 }
 
 /** How big, how often: in words. */
-export function figuresText({ rate_hz: rateHz, bytes, age_s: ageS, publishers }) {
+export function figuresText(message) {
+  const { rate_hz: rateHz, bytes, age_s: ageS } = message;
   const said = [
     rateHz === null ? gettext("rate not known yet") : `${rateHz.toFixed(rateHz < 10 ? 1 : 0)} Hz`,
     sizeText(bytes),
-    interpolate(ngettext("%s publisher", "%s publishers", publishers), [publishers]),
+    publishersText(message),
   ];
   if (ageS !== null && ageS !== undefined) {
     said.push(interpolate(gettext("stamped %s s ago"), [ageS.toFixed(ageS < 10 ? 2 : 0)]));
   }
   return said.join(" · ");
+}
+
+function publishersText({ publishers, publisher_names: names = [] }) {
+  const count = interpolate(ngettext("%s publisher", "%s publishers", publishers), [publishers]);
+  return names.length ? `${count}: ${names.join(", ")}` : count;
 }
 
 function sizeText(bytes) {

@@ -63,7 +63,7 @@ export class MessageForm {
 
   /** @returns {?object} nested values; null if something is wrong, which is then said beside it */
   get values() {
-    const found = {};
+    const found = Object.create(null); // a field may be called "constructor"
     let right = true;
     for (const [path, { field, input, note }] of this.#inputs) {
       try {
@@ -91,7 +91,7 @@ export class MessageForm {
   #value(field, input) {
     if (field.array !== null && field.array !== undefined) return parsedArray(input.value, field);
     if (field.type === "bool") return input.checked;
-    return parsed(input.value, field.type);
+    return field.constants?.[input.value.trim()] ?? parsed(input.value, field.type);
   }
 
   #row(field, prefix) {
@@ -102,10 +102,15 @@ export class MessageForm {
       return make("fieldset", { className: "nested", children: [legend, ...inner] });
     }
     const input = this.#input(field);
+    const proposals = this.#proposals(field);
     const note = make("span", { className: "field-note" });
     note.hidden = true;
     const id = `field-${path.replaceAll(".", "-")}`;
     input.id = id;
+    if (proposals) {
+      proposals.id = `${id}-constants`;
+      input.setAttribute("list", proposals.id);
+    }
     note.id = `${id}-note`;
     input.setAttribute("aria-describedby", note.id);
     const label = make("label", {
@@ -116,20 +121,27 @@ export class MessageForm {
     });
     label.htmlFor = id;
     this.#inputs.set(path, { field, input, note });
-    return make("div", { className: "field", children: [label, input, note] });
+    return make("div", {
+      className: "field",
+      children: [label, input, proposals, note].filter(Boolean),
+    });
+  }
+
+  /** The names of the constants of its type, to choose from; any other value may be written, too. */
+  #proposals({ type, array, constants = {} }) {
+    const isArray = array !== null && array !== undefined;
+    const named = Object.entries(constants);
+    if (isArray || type === "bool" || !named.length) return null;
+    const options = named.map(([name, value]) => {
+      const option = make("option", { text: `${name} = ${value}` });
+      option.value = name;
+      return option;
+    });
+    return make("datalist", { children: options });
   }
 
   #input(field) {
     const isArray = field.array !== null && field.array !== undefined;
-    const constants = Object.entries(field.constants ?? {});
-    if (!isArray && constants.length) {
-      const options = constants.map(([name, value]) => {
-        const option = make("option", { text: `${name} = ${value}` });
-        option.value = value;
-        return option;
-      });
-      return make("select", { children: options });
-    }
     const input = make("input");
     input.type = !isArray && field.type === "bool" ? "checkbox" : "text";
     if (isArray) input.placeholder = field.fields?.length ? "[]" : "1, 2, 3";
@@ -160,6 +172,6 @@ function put(found, [name, ...rest], value) {
     found[name] = value;
     return;
   }
-  found[name] ??= {};
+  found[name] ??= Object.create(null);
   put(found[name], rest, value);
 }

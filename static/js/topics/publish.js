@@ -21,7 +21,7 @@ export function dictionary(text) {
 export class PublishPanel extends EventTarget {
   #parts;
   #describe;
-  #publishable = {};
+  #types = {}; // by topic
   #running = [];
   #mayAct = false;
   #form = null;
@@ -41,19 +41,20 @@ export class PublishPanel extends EventTarget {
     parts["publish-form"].addEventListener("submit", (event) => this.#submit(event), { signal });
   }
 
-  /** @param {Object<string, string>} publishable types by topic */
+  /** @param {{topic: string, type: string, why: string}[]} publishable `why` this person may not, empty if they may */
   set publishable(publishable) {
     const before = this.#parts["publish-topic"].value;
-    this.#publishable = publishable;
-    const options = Object.entries(publishable).map(([topic, type]) => {
-      const option = make("option", { text: `${topic} · ${type}` });
+    this.#types = Object.fromEntries(publishable.map(({ topic, type }) => [topic, type]));
+    const options = publishable.map(({ topic, type, why }) => {
+      const option = make("option", { text: [topic, type, why].filter(Boolean).join(" · ") });
       option.value = topic;
+      option.disabled = why !== "";
       return option;
     });
     this.#parts["publish-topic"].replaceChildren(...options);
     show(this.#parts["publish-none"], options.length === 0);
     show(this.#parts["publish-form"], options.length > 0);
-    if (before in publishable) this.#parts["publish-topic"].value = before;
+    if (before in this.#types) this.#parts["publish-topic"].value = before;
     else this.#choose();
   }
 
@@ -97,7 +98,7 @@ export class PublishPanel extends EventTarget {
 
   async #choose() {
     const topic = this.#parts["publish-topic"].value;
-    const type = this.#publishable[topic];
+    const type = this.#types[topic];
     this.#form = null;
     this.#parts["publish-fields"].replaceChildren();
     if (!type) return;
@@ -122,7 +123,7 @@ export class PublishPanel extends EventTarget {
     const fields = this.#read();
     if (fields === null) return;
     const rateHz = Number(this.#parts["publish-rate"].value) || 0;
-    this.#tell("publish", { topic, type: this.#publishable[topic], fields, rate_hz: rateHz });
+    this.#tell("publish", { topic, type: this.#types[topic], fields, rate_hz: rateHz });
   }
 
   #read() {

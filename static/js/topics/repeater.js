@@ -24,7 +24,7 @@ export class Repeater {
     this.end(order.topic);
     const pace = Math.max(rateHz, SLOWEST_HZ);
     this.#send(order);
-    const timer = setInterval(() => this.#send(order), 1000 / pace);
+    const timer = setInterval(() => this.#send({ ...order, quiet: true }), 1000 / pace);
     this.#timers.set(order.topic, { order, rateHz: pace, timer });
   }
 

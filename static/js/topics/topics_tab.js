@@ -1,14 +1,17 @@
 /** The Topics tab: where input goes, what the robot says, what may be published, called and set. */
 
+import { closable } from "../dialog.js";
 import { show } from "../dom.js";
 import { SearchList } from "../list.js";
+import { whyNot } from "../roles.js";
+import { useLabel } from "../uses.js";
 import { TopicsChannel } from "./channel.js";
 import { FieldPlot, LINES_AT_MOST } from "./plot.js";
 import { PublishPanel } from "./publish.js";
 import { Repeater } from "./repeater.js";
 import { ParameterView, ServiceCall } from "./services.js";
 import { Watch } from "./watch.js";
-import { Choices, candidates, useLabel } from "./where.js";
+import { Choices, candidates } from "./where.js";
 
 const LOOK_HZ = 5;
 const LOOKS_AT_MOST = 8;
@@ -19,7 +22,7 @@ export class TopicsTab {
   #orders;
   #channel;
   #graph = { topics: [], actions: [], services: [] };
-  #offers = { uses: {}, publishable: {} };
+  #offers = { uses: {}, publishable: {}, from: {} };
   #choices;
   #publish;
   #repeater;
@@ -28,7 +31,8 @@ export class TopicsTab {
   #lists;
   #choosing = null; // the use for which another topic is being chosen
   #chosenDrive; // undefined: the default
-  #isStaff = false;
+  #role = "observer";
+  #listening = new AbortController();
   #mayAct = false;
 
   /**
@@ -52,8 +56,8 @@ export class TopicsTab {
   }
 
   /** @param {object} offers of the robot */
-  set offers({ uses = {}, publishable = {} }) {
-    this.#offers = { uses, publishable };
+  set offers({ uses = {}, publishable = {}, publishable_from: from = {} }) {
+    this.#offers = { uses, publishable, from };
     this.#choices.uses = uses;
     this.#offerPublishing();
   }
@@ -77,9 +81,15 @@ export class TopicsTab {
     if (!may) this.#repeater.end();
   }
 
-  /** @param {boolean} isStaff may call services and set parameters */
-  set isStaff(isStaff) {
-    this.#isStaff = isStaff;
+  /** @param {string} role of this person on the robot */
+  set role(role) {
+    this.#role = role;
+    this.#offerPublishing();
+  }
+
+  /** No velocity is repeated any more. */
+  zero() {
+    this.#repeater.end();
   }
 
   show() {
@@ -94,6 +104,7 @@ export class TopicsTab {
 
   close() {
     this.hide();
+    this.#listening.abort();
     this.#publish.close();
     this.#plot.close();
     for (const list of Object.values(this.#lists)) list.close();
@@ -105,9 +116,7 @@ export class TopicsTab {
     this.#channel.addEventListener("open", () => this.#refresh());
     this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));
     this.#parts["topics-refresh"].addEventListener("click", () => this.#refresh());
-    this.#parts["choose-close"].addEventListener("click", () =>
-      this.#parts["choose-dialog"].close(),
-    );
+    closable(this.#parts["choose-dialog"], this.#listening.signal);
     this.#choices.addEventListener("choose", ({ detail }) =>
       this.#choose(detail.use, detail.topic),
     );
@@ -133,7 +142,7 @@ export class TopicsTab {
         note: ({ node }) => node,
         act: ({ name }) =>
           this.#parts["service-call"].replaceChildren(
-            new ServiceCall(this.#channel, name, this.#isStaff).element,
+            new ServiceCall(this.#channel, name, this.#role === "staff").element,
           ),
       }),
       parameters: new SearchList(this.#parts["parameter-list"], {
@@ -141,7 +150,7 @@ export class TopicsTab {
         text: ({ name }) => name,
         act: ({ name }) =>
           this.#parts["parameter-value"].replaceChildren(
-            new ParameterView(this.#channel, name, this.#isStaff).element,
+            new ParameterView(this.#channel, name, this.#role === "staff").element,
           ),
       }),
       choices: new SearchList(this.#parts["choose-list"], {
@@ -180,7 +189,7 @@ export class TopicsTab {
     this.#parts["choose-title"].textContent = interpolate(gettext("Where %s goes"), [
       useLabel(use),
     ]);
-    this.#lists.choices.items = candidates(this.#graph, this.#offers.uses[use]);
+    this.#lists.choices.items = candidates(this.#graph, this.#offers.uses[use], this.#role);
     this.#parts["choose-dialog"].show();
     this.#lists.choices.focus();
   }
@@ -239,7 +248,16 @@ export class TopicsTab {
   // --- publishing ------------------------------------------------------------------------------
 
   #offerPublishing() {
-    this.#publish.publishable = { ...this.#offers.publishable, ...this.#velocities };
+    const { publishable, from } = this.#offers;
+    const offered = Object.entries(publishable).map(([topic, type]) => {
+      return { topic, type, why: from[topic] ? whyNot(this.#role, from[topic]) : "" };
+    });
+    const drive = Object.entries(this.#velocities).map(([topic, type]) => ({
+      topic,
+      type,
+      why: "",
+    }));
+    this.#publish.publishable = [...offered, ...drive];
   }
 
   /** The one topic to which velocities go, with their type. */

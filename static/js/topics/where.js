@@ -1,34 +1,32 @@
 /** Where input goes: for each use its topic now, the way back to the default, and what else could be chosen. */
 
 import { make, say, show } from "../dom.js";
-
-export const USES = ["drive", "speech", "motions"];
-
-export function useLabel(use) {
-  return { drive: gettext("Drive"), speech: gettext("Speech"), motions: gettext("Motions") }[use];
-}
+import { whyNot } from "../roles.js";
+import { USES, useLabel } from "../uses.js";
 
 /**
  * Everything that this use could be sent to, what fits and is allowed first. Pure.
  * @param {object} graph of the robot @param {{topic, type, chooseable}} offer
+ * @param {string} role of this person on the robot
  * @returns {{name: string, type: string, why: string}[]} `why` it cannot be chosen, empty if it can
  */
-export function candidates(graph, offer) {
+export function candidates(graph, offer, role) {
   const isAction = offer.type.endsWith("Action");
   const found = (isAction ? graph.actions : graph.topics).map(({ name, type }) => ({
     name,
     type,
-    why: why(name, type, offer),
+    why: why(name, type, offer, role),
   }));
   const rank = ({ name, type, why: not }) =>
     name === offer.topic ? 0 : not === "" ? 1 : type === offer.type ? 2 : 3;
   return found.sort((a, b) => rank(a) - rank(b) || a.name.localeCompare(b.name));
 }
 
-function why(name, type, offer) {
+function why(name, type, offer, role) {
   if (type !== offer.type) return interpolate(gettext("takes %s"), [type]);
-  if (name === offer.topic || name in offer.chooseable) return "";
-  return gettext("not on the allow-list");
+  if (name === offer.topic) return "";
+  const needed = offer.chooseable[name];
+  return needed ? whyNot(role, needed) : gettext("not on the allow-list");
 }
 
 /** One row for each use that the robot has. Event "choose": {use, topic}, topic null for the default; "list": {use}. */

@@ -59,6 +59,9 @@ describe("values and figures in words", () => {
   it("tells rate, size, publishers and age", () => {
     const figures = { rate_hz: 9.96, bytes: 2700, age_s: 0.031, publishers: 1 };
     expect(figuresText(figures)).toBe("10.0 Hz · 2.7 kB · 1 publisher · stamped 0.03 s ago");
+    expect(figuresText({ ...figures, publisher_names: ["/talker"] })).toContain(
+      "1 publisher: /talker",
+    );
     expect(figuresText({ ...figures, rate_hz: null, age_s: null })).toBe(
       "rate not known yet · 2.7 kB · 1 publisher",
     );

@@ -58,6 +58,32 @@ describe("a form made from a definition", () => {
     });
   });
 
+  it("proposes constants by name, and takes any other value of the type too", () => {
+    const names = [...root.querySelectorAll("#field-mode-constants option")].map((o) => o.value);
+    expect(field("mode").getAttribute("list")).toBe("field-mode-constants");
+    expect(names).toEqual(["SLOW", "FAST"]);
+    field("mode").value = "FAST";
+    expect(form.values.mode).toBe(3);
+    field("mode").value = "7";
+    expect(form.values.mode).toBe(7);
+  });
+
+  it("has a box for what is true or false, whatever constants its type has", () => {
+    form = new MessageForm(root, [
+      { name: "on", type: "bool", constants: { OFF: false, ON: true } },
+    ]);
+    field("on").checked = true;
+    expect(form.values).toEqual({ on: true });
+  });
+
+  it("writes into nothing but the message, whatever its fields are called", () => {
+    const keys = Object.keys;
+    const fields = [{ name: "keys", type: "string" }];
+    form = new MessageForm(root, [{ name: "constructor", type: "e/C", fields }]);
+    expect(JSON.stringify(form.values)).toBe('{"constructor":{"keys":""}}');
+    expect(Object.keys).toBe(keys);
+  });
+
   it.each([
     ["count", "1.5", "Write a whole number."],
     ["count", "many", "This is not a number."],

@@ -15,7 +15,7 @@ const GRAPH = {
 
 describe("where input could go", () => {
   it("has the default first, then what may be chosen, then the rest with why not", () => {
-    expect(candidates(GRAPH, OFFER).map(({ name, why }) => [name, why])).toEqual([
+    expect(candidates(GRAPH, OFFER, "operator").map(({ name, why }) => [name, why])).toEqual([
       ["/key_vel", ""],
       ["/phone_vel", ""],
       ["/joy_vel", "not on the allow-list"],
@@ -23,9 +23,18 @@ describe("where input could go", () => {
     ]);
   });
 
+  it("shows what is for others' roles, and that it is", () => {
+    const offer = { ...OFFER, chooseable: { "/phone_vel": "supervisor", "/joy_vel": "staff" } };
+    const whyOf = (role) =>
+      Object.fromEntries(candidates(GRAPH, offer, role).map(({ name, why }) => [name, why]));
+    expect(whyOf("operator")["/phone_vel"]).toBe("for supervisors");
+    expect(whyOf("supervisor")["/phone_vel"]).toBe("");
+    expect(whyOf("supervisor")["/joy_vel"]).toBe("for staff");
+  });
+
   it("are actions for what is an action", () => {
     const offer = { topic: "/tts", type: "pal_interaction_msgs/TtsAction", chooseable: {} };
-    expect(candidates(GRAPH, offer).map(({ name }) => name)).toEqual(["/tts"]);
+    expect(candidates(GRAPH, offer, "operator").map(({ name }) => name)).toEqual(["/tts"]);
   });
 });
 

@@ -13,7 +13,7 @@ function isPressed(button) {
 }
 
 /** Events: "share" (detail: number), "sticky", "slides" (detail: boolean). */
-export class Choices extends EventTarget {
+export class DrivingOptions extends EventTarget {
   #root;
   #parts;
   #limits = null;

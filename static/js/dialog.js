@@ -1,0 +1,13 @@
+/** A dialog beside which everything else goes on: the stop must never wait for an answer. */
+
+/**
+ * Escape and the buttons with `data-close` close it.
+ * @param {HTMLDialogElement} dialog is shown by `show()`, never as a modal one
+ * @param {AbortSignal} signal ends the listening
+ */
+export function closable(dialog, signal) {
+  const close = () => dialog.close();
+  for (const button of dialog.querySelectorAll("[data-close]"))
+    button.addEventListener("click", close, { signal });
+  dialog.addEventListener("keydown", ({ key }) => key === "Escape" && close(), { signal });
+}

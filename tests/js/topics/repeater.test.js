@@ -1,0 +1,40 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Repeater } from "../../../static/js/topics/repeater.js";
+
+const TWIST = { t: "publish", topic: "/key_vel", type: "geometry_msgs/Twist" };
+
+describe("velocities that the page repeats", () => {
+  let sent;
+  let repeater;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    sent = [];
+    repeater = new Repeater((order) => sent.push(order));
+  });
+  afterEach(() => {
+    repeater.end();
+    vi.useRealTimers();
+  });
+
+  it("are told of once, and repeated quietly", () => {
+    repeater.begin(TWIST, 10);
+    vi.advanceTimersByTime(250);
+    expect(sent).toEqual([TWIST, { ...TWIST, quiet: true }, { ...TWIST, quiet: true }]);
+  });
+
+  it("are never slower than the base needs them", () => {
+    repeater.begin(TWIST, 1);
+    vi.advanceTimersByTime(1000);
+    expect(sent.length).toBe(6);
+    expect(repeater.running).toEqual([{ topic: "/key_vel", type: TWIST.type, rate_hz: 5 }]);
+  });
+
+  it("end at once", () => {
+    repeater.begin(TWIST, 10);
+    expect(repeater.end()).toBe(true);
+    vi.advanceTimersByTime(1000);
+    expect(sent).toEqual([TWIST]);
+    expect(repeater.end()).toBe(false);
+  });
+});
