@@ -126,21 +126,21 @@ def numbers_for(driver: Driver) -> Numbers:
     return Numbers(driver.robot.limits.turn_radps)
 
 
-async def drive(driver: Driver, observer: Observer) -> list[float]:
+async def drive(driver: Driver, observer: Observer, samples: int = SAMPLES) -> list[float]:
     """Delays of commands at 50 Hz. A command that never arrives counts as endless."""
     numbers = numbers_for(driver)
     await driver.drive(0.0, 0.0)  # through the middle: nobody drove since the last phase
     observer.forget()
     sent: dict[int, float] = {}
     due_s = time.monotonic()
-    for number in range(WARM_UP + SAMPLES):
+    for number in range(WARM_UP + samples):
         sent[number] = time.monotonic()
         await driver.drive(0.0, numbers.turn(number), SHARE)
         due_s += PERIOD_S
         await asyncio.sleep(max(0.0, due_s - time.monotonic()))
     await asyncio.sleep(0.2)
     arrived = numbers.arrivals(observer.commands)
-    return [arrived.get(number, math.inf) - sent[number] for number in range(WARM_UP, WARM_UP + SAMPLES)]
+    return [arrived.get(number, math.inf) - sent[number] for number in range(WARM_UP, WARM_UP + samples)]
 
 
 async def flood(driver: Driver, observer: Observer) -> list[Figure]:

@@ -1,0 +1,55 @@
+"""What the audit log costs a driver: the same commands through the same bridge, recorded and not, in turn."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from pathlib import Path
+from statistics import median
+
+from benchmarks.drive import BARE_STICKS, ROBOT, drive
+from benchmarks.harness import Figure, progress, quantile
+from benchmarks.parts.observer import Observer
+from script.stack.client import Driver, sign_in
+from script.stack.stack import Stack
+
+TURNS = (True, False, False, True) * 3  # whether it is recorded: what drifts evens out
+SAMPLES = 300  # of each turn
+MOST_TIMES = 1.05
+STANDSTILL_S = 1.5  # by then a drive has ended, on record or not
+
+
+def latency(directory: Path) -> list[Figure]:
+    """Start a console with one robot, in that directory, and drive it."""
+    off = directory / "unrecorded"
+    settings = {"DJANGO_SETTINGS_MODULE": "benchmarks.parts.switched", "FLEET_BENCH_UNRECORDED": str(off)}
+    with Stack(directory, robots=BARE_STICKS[:1], settings=settings) as stack:
+        return asyncio.run(_measured(stack, off))
+
+
+async def _measured(stack: Stack, off: Path) -> list[Figure]:
+    gc.freeze()
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    delays_s: dict[bool, list[float]] = {True: [], False: []}
+    async with Observer(stack.robots[ROBOT]) as observer, Driver(stack, ROBOT, cookie) as driver:
+        await driver.take()
+        for recorded in TURNS:
+            progress("driving, recorded ..." if recorded else "driving, not recorded ...")
+            _switch(off, recorded)
+            delays_s[recorded] += await drive(driver, observer, SAMPLES)
+            await asyncio.sleep(STANDSTILL_S)
+    with_log, without = delays_s[True], delays_s[False]
+    return [
+        Figure("command, recorded p50", 1000.0 * median(with_log), "ms"),
+        Figure("command, recorded p99", 1000.0 * quantile(with_log, 0.99), "ms"),
+        Figure("command, not recorded p50", 1000.0 * median(without), "ms"),
+        Figure("command, not recorded p99", 1000.0 * quantile(without, 0.99), "ms"),
+        Figure("recorded / not recorded p50", median(with_log) / median(without), "times", MOST_TIMES),
+    ]
+
+
+def _switch(off: Path, recorded: bool) -> None:
+    if recorded:
+        off.unlink(missing_ok=True)
+    else:
+        off.touch()
