@@ -55,6 +55,9 @@ class Base(Performer, Protocol):
     def cancel_all(self) -> None:
         """Cancel every goal of every action in `Topics.cancel_on_stop`, whoever sent it."""
 
+    def acknowledged_s(self, now_s: float) -> float | None:
+        """How long the robot's machine takes to acknowledge a twist; None if nothing new shows it."""
+
     @property
     def listeners(self) -> int:
         """How many nodes listen to the drive topic."""
@@ -192,6 +195,9 @@ class Core:
         """Every period: expiry, dead-man, the gate's newest word, zeros."""
         if self.grants.expired(now_s):
             self._end_control("Control was not renewed in time.", now_s)
+        took_s = self._base.acknowledged_s(now_s)
+        if took_s is not None:
+            self._gate.observe_acknowledgement(took_s, now_s)
         still = self._gate.standstill(now_s)
         if still is None:
             self._drives.halted("nothing new came from odometry")

@@ -83,6 +83,9 @@ class OpenGate:
     def observe_operator(self, delay_s: float | None) -> None:
         self.operator_delay_s = delay_s
 
+    def observe_acknowledgement(self, took_s: float, now_s: float) -> None:
+        self.latency.acknowledged(took_s, now_s)
+
     def observe_range(self, *_observation: object) -> None: ...
 
     def decide(self, asked: Velocity, _sent: Velocity, _now_s: float) -> Verdict:
@@ -109,6 +112,7 @@ class MemoryBase:
     sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
     asked: list[Callable[[], None]] | None = None  # a list: the robot's answers about motions wait there
     lies: tuple[Disc, ...] | None = None  # the arm, by its joints
+    echo_s: float | None = None  # how long its machine takes to acknowledge a twist
     played: list[tuple[str, str]] = field(default_factory=list)
     cancelled_goals: list[str] = field(default_factory=list)
     said: list[tuple[str, Utterance]] = field(default_factory=list)
@@ -121,6 +125,9 @@ class MemoryBase:
 
     def publish(self, velocity: Velocity) -> None:
         self.sent.append(velocity)
+
+    def acknowledged_s(self, now_s: float) -> float | None:
+        return self.echo_s
 
     def cancel_all(self) -> None:
         self.cancelled += 1

@@ -242,3 +242,42 @@ def test_the_gate_hears_of_messages_that_come_later_and_says_so(tiago, source):
     assert verdict.code == "robot_late"
     assert "the robot answers after 0.4" in verdict.text
     assert 0.8 < verdict.velocity.vx < 0.9
+
+
+# --- commands that come later and later ---------------------------------------------------------------
+
+
+def answered(latency, *took_s, begin_s=50.0):
+    """Twists were acknowledged after these times, one a period; what is reckoned with then."""
+    for number, one_s in enumerate(took_s):
+        latency.acknowledged(one_s, begin_s + 0.05 * number)
+    return latency.in_force_s(begin_s + 0.05 * len(took_s)) - ASSUMED_S
+
+
+def test_acknowledgements_that_come_later_and_later_count_once_for_they_go_both_ways():
+    latency = Latency(LIMITS, ASSUMED_S)
+    assert answered(latency, *[0.05] * 40) == 0.0
+    assert answered(latency, *[0.45] * 20, begin_s=52.0) == pytest.approx(0.4 - JITTER_S, abs=0.01)
+
+
+def test_a_link_whose_both_ways_grow_slow_is_not_counted_twice():
+    latency = Latency(LIMITS, ASSUMED_S)
+    came(latency, [0.03] * 40 + [0.23] * 20)
+    assert answered(latency, *[0.05] * 40, *[0.45] * 20) == pytest.approx(2 * (0.2 - JITTER_S), abs=0.03)
+
+
+def test_acknowledgements_that_are_late_now_and_then_are_no_delay():
+    assert answered(Latency(LIMITS, ASSUMED_S), *[0.0, 0.04, 0.3, 0.0, 0.15] * 20) == 0.0
+
+
+def test_the_gate_says_so_while_the_sensors_are_in_time(tiago):
+    for number in range(60):
+        tiago.now_s += 0.05
+        tiago.gate.observe_acknowledgement(0.01 if number < 30 else 0.31, tiago.now_s)
+        tiago.odometry()
+        tiago.scan()
+    verdict = tiago.decide(1.0)
+    assert verdict.code == "robot_late"
+    assert "the robot answers after 0.48 s" in verdict.text
+    tiago.gate.observe_acknowledgement(float("nan"), tiago.now_s)
+    assert tiago.decide(1.0).code == "robot_late"

@@ -197,6 +197,11 @@ class Gate:
             if self._depth:
                 self._depth.body = self.footprint
 
+    def observe_acknowledgement(self, took_s: float, now_s: float) -> None:
+        """Take how long the robot's machine took to acknowledge a twist, there and back."""
+        if math.isfinite(took_s):
+            self.latency.acknowledged(took_s, now_s)
+
     def observe_operator(self, delay_s: float | None) -> None:
         """Take how long the way to the operator's page and back is; None if nobody knows."""
         self._operator_delay_s = delay_s

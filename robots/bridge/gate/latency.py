@@ -6,7 +6,8 @@ base that is slower than its profile says counts as later, which errs on the saf
 joystick in somebody's hand has the say, wheels slip) fits badly and is no measurement.
 
 Between two such changes a link may grow slow: every message still comes, one a period, but each of them later. That
-shows in the stamps, whatever the robot's clock says: arrival less stamp rises above the least that it was.
+shows in the stamps, whatever the robot's clock says: arrival less stamp rises above the least that it was. Where
+commands alone come later, their acknowledgements do too: they take longer than the least that they took.
 """
 
 from __future__ import annotations
@@ -54,10 +55,15 @@ class Latency:
         self._measured: deque[float] = deque(maxlen=KEPT)
         self._in_force_s = assumed_s
         self._backlogs: dict[str, Backlog] = {}
+        self._commands = Backlog()
 
     def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
         """Something new came from a source: odometry, or a laser."""
         self._backlogs.setdefault(source, Backlog()).arrived(stamp_s, arrival_s)
+
+    def acknowledged(self, took_s: float, now_s: float) -> None:
+        """So long the robot's machine took to acknowledge a twist: the way there and back."""
+        self._commands.took(took_s, now_s)
 
     def sent(self, velocity: Velocity, now_s: float) -> None:
         """A twist was published."""
@@ -83,7 +89,8 @@ class Latency:
         """
         waited_s = max(axis.waited_s(now_s) for axis in self._axes)
         later_s = max((backlog.later_s for backlog in self._backlogs.values()), default=0.0)
-        return max(self._in_force_s, min(waited_s, LONGEST_S)) + BOTH_WAYS * later_s
+        later_s = max(BOTH_WAYS * later_s, self._commands.later_s)
+        return max(self._in_force_s, min(waited_s, LONGEST_S)) + later_s
 
     def _from_measurements(self) -> float:
         late_s = float(np.quantile(self._measured, SHARE, method="higher")) + ADDED_S
@@ -91,7 +98,7 @@ class Latency:
 
 
 class Backlog:
-    """How much later than at best the messages of one source come, by their stamps."""
+    """How much later than at best the messages of one source come, by their stamps; or how much longer they take."""
 
     def __init__(self) -> None:
         self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
@@ -100,15 +107,19 @@ class Backlog:
 
     def arrived(self, stamp_s: float, arrival_s: float) -> None:
         """Something new came. Stamps go back only where a clock was set."""
-        passed_s = arrival_s - self._lately[-1][0] if self._lately else 0.0
         if stamp_s < self._stamp_s:
             self._lately.clear()
             self._best_s = math.inf
         self._stamp_s = stamp_s
-        self._lately.append((arrival_s, arrival_s - stamp_s))
-        while arrival_s - self._lately[0][0] > LATELY_S:
+        self.took(arrival_s - stamp_s, arrival_s)
+
+    def took(self, after_s: float, now_s: float) -> None:
+        """Something came so long after it was sent, by one clock or by two that keep step."""
+        passed_s = now_s - self._lately[-1][0] if self._lately else 0.0
+        self._lately.append((now_s, after_s))
+        while now_s - self._lately[0][0] > LATELY_S:
             self._lately.popleft()
-        self._best_s = min(self._best_s + ACCEPTED * max(passed_s, 0.0), arrival_s - stamp_s)
+        self._best_s = min(self._best_s + ACCEPTED * max(passed_s, 0.0), after_s)
 
     @property
     def later_s(self) -> float:

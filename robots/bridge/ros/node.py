@@ -39,6 +39,7 @@ from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
+from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
 from robots.bridge.ros.motions import MotionTopics
@@ -78,6 +79,7 @@ class RosBase:
         self._master = Master(config.master_uri, NODE)
         self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # the default, and one chosen instead
+        self._echoes: Echoes | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._cancels: list[rospy.Publisher] = []
         self._publishers: list[rospy.Publisher] = []
@@ -103,6 +105,12 @@ class RosBase:
         if self._drive is not None:
             twist = _twist(velocity)
             publish(self._drive, _stamp(twist) if self._stamped else twist)
+            if self._echoes is not None:
+                self._echoes.wrote(self._drive, time.monotonic())
+
+    def acknowledged_s(self, now_s: float) -> float | None:
+        """How long the robot's machine takes to acknowledge a twist; None if nothing new shows it."""
+        return None if self._echoes is None else self._echoes.took_s(now_s)
 
     def drive_to(self, topic: str) -> None:
         """Twists go to this one of the attended topics from now on."""
@@ -294,6 +302,7 @@ class RosBase:
             self._subscribe(topics.battery, self._on_battery)
         if topics.charging:
             self._subscribe(topics.charging, self._on_charging)
+        self._echoes = Echoes(socket.gethostbyname(urlsplit(self._config.master_uri).hostname or ""))
         self._cancels = [
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
         ]

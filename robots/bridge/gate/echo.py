@@ -1,0 +1,38 @@
+"""How long the robot's machine takes to acknowledge what is sent to it, told without its clock.
+
+Between two looks an acknowledgement may have come at any moment, so what is told is the least that it can have taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+MOST = 1000  # writes that are not acknowledged; a connection's buffer is full before
+
+
+class Echo:
+    """One connection. Bytes are counted from its beginning."""
+
+    def __init__(self) -> None:
+        self._unheard: deque[tuple[int, float]] = deque(
+            maxlen=MOST
+        )  # bytes so far, and when they were written
+        self._looked_s = -math.inf
+        self._last_s = math.inf
+
+    def wrote(self, total: int, now_s: float) -> None:
+        """So many bytes are written now."""
+        self._unheard.append((total, now_s))
+
+    def took_s(self, acknowledged: int, now_s: float) -> float | None:
+        """How long an acknowledgement takes, now that so many bytes are; None if nothing new shows it."""
+        newest_s = None
+        while self._unheard and self._unheard[0][0] <= acknowledged:
+            newest_s = self._unheard.popleft()[1]
+        looked_s, self._looked_s = self._looked_s, now_s
+        if newest_s is not None:
+            self._last_s = max(looked_s - newest_s, 0.0)
+            return self._last_s
+        waits_s = now_s - self._unheard[0][1] if self._unheard else 0.0
+        return waits_s if waits_s > self._last_s else None

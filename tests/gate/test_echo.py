@@ -1,0 +1,68 @@
+"""How long the other machine takes to acknowledge is told by what it has acknowledged when one looks."""
+
+import pytest
+
+from robots.bridge.gate.echo import Echo
+
+PERIOD_S = 0.05
+SIZE = 52
+
+
+class Line:
+    """A connection that is written to each period, after a look; `way_s` is there and back."""
+
+    def __init__(self, way_s):
+        self.way_s = way_s
+        self.now_s = 100.0
+        self.echo = Echo()
+        self.total = 0
+        self.acknowledgements = []  # when, of how many bytes
+
+    def passes(self, seconds, writes=True):
+        """What each look showed."""
+        shown = []
+        for _ in range(round(seconds / PERIOD_S)):
+            self.now_s += PERIOD_S
+            acknowledged = max(
+                (total for at_s, total in self.acknowledgements if at_s <= self.now_s), default=0
+            )
+            shown.append(self.echo.took_s(acknowledged, self.now_s))
+            if writes:
+                self.total += SIZE
+                self.echo.wrote(self.total, self.now_s)
+                self.acknowledgements.append((self.now_s + self.way_s, self.total))
+        return [took_s for took_s in shown if took_s is not None]
+
+
+@pytest.mark.parametrize("way_s", [0.001, 0.04, 0.22, 0.43])
+def test_no_more_is_told_than_it_took_and_less_by_a_period_at_most(way_s):
+    told = Line(way_s).passes(5.0)
+    assert len(told) > 80
+    assert max(told) <= way_s
+    assert min(told) >= way_s - PERIOD_S
+
+
+@pytest.mark.parametrize("way_s", [0.001, 0.22])
+def test_a_pause_and_a_new_beginning_make_the_line_no_quicker_and_no_slower(way_s):
+    line = Line(way_s)
+    told = [*line.passes(2.0), *line.passes(2.0, writes=False), *line.passes(2.0)]
+    assert max(told) <= way_s
+    assert min(told) >= way_s - PERIOD_S
+    line.passes(1.0, writes=False)
+    assert line.passes(1.0, writes=False) == []
+
+
+def test_a_line_that_grows_slow_is_told_of_while_it_does():
+    line = Line(0.02)
+    line.passes(1.0)
+    line.way_s = 0.4
+    assert max(line.passes(0.5)) == pytest.approx(0.4, abs=2 * PERIOD_S)
+
+
+def test_of_a_line_that_acknowledges_nothing_more_is_told_as_long_as_that_lasts():
+    line = Line(0.02)
+    line.passes(1.0)
+    line.way_s = 1e6
+    told = line.passes(1.0)
+    assert told[1:] == sorted(told[1:])
+    assert told[-1] == pytest.approx(1.0, abs=2 * PERIOD_S)

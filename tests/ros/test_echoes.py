@@ -1,0 +1,123 @@
+"""What the kernel keeps of a connection tells how long the robot's machine takes; no master is needed."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import socket
+from types import SimpleNamespace
+
+import pytest
+
+from robots.bridge.ros.echoes import Echoes, _kept
+from tests.ros.support import until
+
+
+class Listener:
+    """One that listens to the topic from an address of its own."""
+
+    def __init__(self, host):
+        with socket.socket() as door:
+            door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+            door.bind((host, 0))
+            door.listen()
+            ours = socket.create_connection(door.getsockname())
+            self.theirs, _ = door.accept()
+        ours.setblocking(False)
+        self.connection = Connection(ours)
+
+    def acknowledges(self):
+        """By its kernel, some milliseconds later."""
+        until(lambda: _kept(self.connection) == 0, "an acknowledgement")
+
+    def stalls(self):
+        """Its machine takes nothing more."""
+        while self.connection.write(4096):
+            pass
+
+    def close(self):
+        self.theirs.close()
+        if self.connection.socket is not None:
+            self.connection.socket.close()
+
+
+class Connection:
+    """As rospy keeps one."""
+
+    def __init__(self, ours):
+        self.socket = ours
+        self.stat_bytes = 0
+
+    def write(self, size):
+        try:
+            written = self.socket.send(bytes(size))
+        except BlockingIOError:
+            return 0
+        self.stat_bytes += written
+        return written
+
+
+@pytest.fixture
+def listen():
+    listeners = []
+
+    def begin(host="127.0.0.1"):
+        listeners.append(Listener(host))
+        return listeners[-1]
+
+    yield begin
+    for listener in listeners:
+        listener.close()
+
+
+def topic(*listeners):
+    return SimpleNamespace(impl=SimpleNamespace(connections=[listener.connection for listener in listeners]))
+
+
+def test_what_is_acknowledged_at_once_took_no_time(listen):
+    robot, echoes = listen(), Echoes("127.0.0.1")
+    told = []
+    for period in range(5):
+        told.append(echoes.took_s(0.05 * period))
+        robot.connection.write(52)
+        echoes.wrote(topic(robot), 0.05 * period)
+        robot.acknowledges()
+    assert told == [None, 0.0, 0.0, 0.0, 0.0]
+
+
+def test_a_machine_that_takes_nothing_more_is_waited_for(listen):
+    robot, echoes = listen(), Echoes("127.0.0.1")
+    robot.connection.write(52)
+    echoes.wrote(topic(robot), 0.0)
+    robot.acknowledges()
+    assert echoes.took_s(0.05) == 0.0
+    robot.stalls()
+    echoes.wrote(topic(robot), 0.05)
+    assert echoes.took_s(0.65) == pytest.approx(0.6)
+
+
+def test_who_looks_on_from_elsewhere_is_not_waited_for_but_a_robot_that_is_elsewhere_is(listen):
+    robot, onlooker, echoes = listen(), listen("127.0.0.2"), Echoes("127.0.0.1")
+    onlooker.stalls()
+    for listeners, expected in (((robot, onlooker), 0.0), ((onlooker,), None)):
+        for listener in listeners:
+            listener.connection.write(52)
+        echoes.wrote(topic(*listeners), 1.0)
+        robot.acknowledges()
+        assert echoes.took_s(1.4) == expected
+    onlooker.connection.socket.close()
+    assert echoes.took_s(1.5) == pytest.approx(0.4)
+
+
+def test_a_connection_that_rospy_has_closed_tells_nothing_more(listen):
+    robot, echoes = listen(), Echoes("127.0.0.1")
+    robot.connection.write(52)
+    echoes.wrote(topic(robot), 0.0)
+    robot.connection.socket.close()
+    robot.connection.socket = None
+    assert echoes.took_s(0.05) == 0.0
+    echoes.wrote(topic(robot), 0.05)
+    assert echoes.took_s(0.1) == 0.0
+    echoes.wrote(topic(), 0.1)
+    assert echoes.took_s(0.2) is None
