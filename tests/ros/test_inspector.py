@@ -25,6 +25,8 @@ from robots import wire
 from robots.bridge.config import Allowed
 from robots.bridge.inspection import COMMAND, Check, Done, Ready, Silence
 from robots.bridge.inspection import Report as InspectorReport
+from robots.bridge.ros.inspector import graph
+from robots.bridge.ros.inspector.__main__ import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.types import message_class
 from tests.ros.bridge_support import tiago_config
 from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
@@ -53,6 +55,8 @@ ALLOWED = (
     Allowed("call", "/lamp", "std_srvs/SetBool"),
     Allowed("call", "/slow", "std_srvs/Trigger"),
     Allowed("set", "/greeting"),
+    Allowed("publish", "/lab/joy", "std_msgs/String"),  # what no list admits, is not allowed by being on one
+    Allowed("set", "/robot_description"),
 )
 
 _report = msgspec.json.Decoder(InspectorReport)
@@ -428,6 +432,7 @@ def test_a_parameter_is_set_only_from_the_allow_list(inspector):
     assert inspector.ask(wire.SetParameter("/greeting", "hello")).value == "hello"
     assert rospy.get_param("/greeting") == "hello"
     assert inspector.ask(wire.SetParameter("/kitchen_light", True)).refusal.code == "not_allowed"
+    assert inspector.ask(wire.SetParameter("/robot_description", "")).refusal.code == "not_allowed"
     assert not rospy.has_param("/kitchen_light")
     assert inspector.ask(wire.SetParameter("/greeting", 2**40)).refusal.code == "bad_field"
 
@@ -505,8 +510,9 @@ def test_a_type_that_only_a_publisher_knows_is_published_in_its_words(inspector,
     assert [station.place.z for station in message.stations] == [0.0, 3.0]
 
 
-def test_what_the_allow_list_has_not_or_must_not_have_is_not_even_checked(inspector):
-    other = order("/diary", "std_msgs/String", {})
+@pytest.mark.parametrize("topic", ["/diary", "/lab/joy"])
+def test_what_the_allow_list_has_not_or_must_not_have_is_not_even_checked(inspector, topic):
+    other = order(topic, "std_msgs/String", {})
     assert inspector.done(lambda number: Check(number, other)).code == "not_allowed"
 
 
@@ -521,6 +527,40 @@ def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):
         inspector.shown("/look/end", lambda s: s.number)
         assert inspector.stop() == 0
     assert not subscribed(rosmaster)
+
+
+def test_with_its_master_it_ends(make_master, tmp_path):
+    master = make_master()
+    inspector = InspectorProcess(tiago_config(master, tmp_path), master)
+    inspector.look(rosout=5.0)
+    until(lambda: subscribed(master), "a look")
+    master.stop()
+    assert inspector.process.wait(PATIENCE_S) == 1
+    inspector.stop()
+
+
+def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, rosmaster):
+    """What is over is refused by the bridge, as all that has no answer in time."""
+    answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    begun = threading.Semaphore(0)
+    go_on = threading.Event()
+
+    def waits(_master: Any, seq: int) -> wire.Graph:
+        begun.release()
+        go_on.wait(PATIENCE_S)
+        return wire.Graph([], [], [], seq)
+
+    monkeypatch.setattr(graph, "graph", waits)
+    asked = Inspector(tiago_config(rosmaster, tmp_path), answers.put)
+    for number in range(MOST_QUESTIONS + 1):
+        asked.hear(wire.encode(wire.Inspect(number, wire.ListTopics())))
+    for _ in range(MOST_QUESTIONS):
+        assert begun.acquire(timeout=PATIENCE_S)
+    assert not begun.acquire(timeout=0.1)
+    go_on.set()
+    answered = {_report.decode(answers.get(timeout=PATIENCE_S)).seq for _ in range(MOST_QUESTIONS)}
+    assert answered == set(range(MOST_QUESTIONS))
+    assert answers.empty()
 
 
 def test_without_a_master_it_says_so_and_ends(tmp_path, rosmaster):

@@ -1,0 +1,86 @@
+"""Message definitions as others tell them: believed at their md5 sum, and not without end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import (
+    DEEPEST,
+    LARGEST_TEXT,
+    LONGEST_ARRAY,
+    MOST_FIELDS,
+    Definitions,
+    installed,
+    parsed,
+)
+
+LEVEL = "lab_msgs/Level"
+BREAK = f"{'=' * 80}\nMSG: "
+
+
+def told(type_name: str, text: str) -> dict[str, str]:
+    """A publisher's connection header."""
+    return {"type": type_name, "md5sum": parsed(type_name, text).md5, "message_definition": text}
+
+
+def nested(levels: int, fields: int) -> str:
+    """A text of so many types, each with so many fields of the next."""
+    texts = ["".join(f"T{level + 1} {chr(97 + n)}\n" for n in range(fields)) for level in range(levels)]
+    own, *embedded = [*texts, "bool last\n"]
+    return own + "".join(f"{BREAK}lab_msgs/T{level}\n{text}" for level, text in enumerate(embedded, start=1))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        nested(levels=12, fields=2),
+        nested(levels=DEEPEST, fields=1),
+        f"uint8[{LONGEST_ARRAY + 1}] data\n",
+        f"bool on\n# {'x' * LARGEST_TEXT}\n",
+        "".join(f"bool on{number}\n" for number in range(MOST_FIELDS + 1)),
+    ],
+    ids=["many nested", "deep", "long array", "long text", "many"],
+)
+def test_a_definition_without_end_is_not_read(text: str) -> None:
+    with pytest.raises(Declined) as caught:
+        parsed(LEVEL, text)
+    assert caught.value.refusal.code == "bad_definition"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [nested(levels=8, fields=2), nested(levels=DEEPEST - 1, fields=1), f"uint8[{LONGEST_ARRAY}] data\n"],
+    ids=["many nested", "deep", "long array"],
+)
+def test_a_large_one_is(text: str) -> None:
+    assert parsed(LEVEL, text).fields
+
+
+def test_a_type_that_is_installed_in_another_version_is_read_in_its_publishers_words(tmp_path: Path) -> None:
+    newer = told("std_msgs/String", "string data\nstring language\n")
+    definition = Definitions(tmp_path).of_connection(newer)
+    assert [field.name for field in definition.fields] == ["data", "language"]
+    assert not definition.known
+    here = installed("std_msgs/String")
+    assert here is not None and here.md5 != definition.md5
+
+
+def test_and_not_at_all_if_it_says_none(tmp_path: Path) -> None:
+    mute = told("std_msgs/String", "string data\nstring language\n") | {"message_definition": ""}
+    with pytest.raises(Declined) as caught:
+        Definitions(tmp_path).of_connection(mute)
+    assert caught.value.refusal.code == "type_unknown"
+
+
+def test_what_was_changed_on_disk_is_not_what_was_told(tmp_path: Path) -> None:
+    header = told(LEVEL, "float64 level\n")
+    Definitions(tmp_path).of_connection(header)
+    assert Definitions(tmp_path).of_type(LEVEL).md5 == header["md5sum"]
+    (file,) = tmp_path.iterdir()
+    file.write_text("int64 level\n")
+    with pytest.raises(Declined) as caught:
+        Definitions(tmp_path).of_type(LEVEL)
+    assert caught.value.refusal.code == "type_unknown"

@@ -1,0 +1,74 @@
+"""Services by a connection of our own: one of another version, or without measure, is not called, or not read."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, cast
+
+import pytest
+
+from robots.bridge.ros.inspector import services
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.master import Master
+from robots.bridge.ros.tcpros import read_header
+from robots.bridge.ros.types import service_class
+
+TRIGGER = "std_srvs/Trigger"
+
+
+class OneService:
+    """A master that knows one service."""
+
+    def __init__(self, uri: str) -> None:
+        self._uri = uri
+
+    def call(self, _method: str, *_args: Any) -> str:
+        return self._uri
+
+
+@contextmanager
+def serving(md5: str, answer: bytes = b"") -> Iterator[Master]:
+    """A service that says it has this md5 sum, and answers every call with these bytes; its master."""
+    pairs = [f"{key}={value}".encode() for key, value in {"type": TRIGGER, "md5sum": md5}.items()]
+    header = b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
+
+    def serve() -> None:
+        while True:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            with connection:
+                asked = read_header(connection)
+                connection.sendall(struct.pack("<I", len(header)) + header)
+                if "probe" not in asked:
+                    connection.sendall(answer)
+                    connection.recv(1024)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        yield cast(Master, OneService(f"rosrpc://127.0.0.1:{listener.getsockname()[1]}"))
+        listener.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def test_a_service_of_another_version_is_not_called() -> None:
+    with serving("0" * 32) as master, pytest.raises(Declined) as caught:
+        services.find(master, "/lamp")
+    assert caught.value.refusal.code == "definition_differs"
+    assert caught.value.refusal.figures["robot_md5"] == "0" * 32
+
+
+def test_an_answer_without_measure_is_not_read() -> None:
+    size = services.LARGEST_ANSWER + 1
+    with serving(service_class(TRIGGER)._md5sum, b"\x01" + struct.pack("<I", size)) as master:
+        service = services.find(master, "/lamp")
+        with pytest.raises(Declined) as caught:
+            services.call(service, {})
+    assert caught.value.refusal.code == "service_lost"
+    assert str(size) in caught.value.refusal.text
