@@ -185,7 +185,7 @@ class TestPalsVoice:
 
     def test_what_the_robot_will_not_say_fails_in_its_own_words(self, talk):
         hand, records = talk
-        hand.send(wire.Say(1, "hello", "en"))
+        hand.send(wire.Say(1, "saluton", "eo"))  # none of its languages: sent as it is
         ended = hand.state_until(
             lambda state: state.speech_ended and state.speech_ended.outcome == "failed", "its end"
         ).speech_ended
