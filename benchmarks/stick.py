@@ -15,14 +15,16 @@ itself turns far from one command to the next little can be gained, for no filte
 What holds, and what does not. Over the recorded hands One-Euro lags by less than half of what the mean does, and in
 every row of the table its difference is below none's and, by a hair, below the mean's. But a resting hand is calmer
 under the mean, the more so at 20 commands a second. And in slow rows One-Euro, too, lags by more than 30 ms, as a low
-pass does: by 63 ms where the stick turns 9 degrees a second, which is half a degree.
+pass does: by 63 ms where the stick turns 9 degrees a second, which is half a degree. No setting does both:
+``python -m benchmarks.stick`` plays many and says what each gives (docs/decisions/a-slow-hand-may-lag.md).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +46,9 @@ TRANSITIONS_S = (2.0, 5.0)
 SWEEPS = 64  # of each row, sixteen of each tremor
 AROUND_S = 1.0  # the hand rests before and after a sweep
 DEFLECTION = 0.9
+
+SETTINGS = ((0.1, 0.3, 1.0, 2.0), (5.0, 10.0, 15.0, 20.0), (0.5, 0.7, 1.0))  # One-Euro's, in its order
+SURVEY_SWEEPS = 16
 
 
 def measure() -> list[Figure]:
@@ -156,29 +161,37 @@ def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
 # --- the former system's table -------------------------------------------------------------------
 
 
+class Row(NamedTuple):
+    """What a scheme makes of one range and transition time: the mean difference (degrees), and lag (ms)."""
+
+    difference: float
+    lag: float
+
+
 def _row(degrees: int, transition_s: float) -> list[Figure]:
     """One range and transition time, at the page's rate."""
-    differences: dict[str, list[float]] = {name: [] for name in SCHEMES}
-    lags: dict[str, list[float]] = {name: [] for name in SCHEMES}
-    for seed in range(SWEEPS):
-        times_s, meant, measured = _sweep(degrees, transition_s, seed)
-        for name, steps in SCHEMES.items():
-            given = through(steps, measured, PAGE_HZ)
-            differences[name].append(_mean_difference_deg(given, times_s, transition_s))
-            lags[name].append(lag_ms(given, times_s, meant))
-    difference = {name: float(np.mean(values)) for name, values in differences.items()}
+    played = {name: _played(steps, degrees, transition_s, SWEEPS) for name, steps in SCHEMES.items()}
     row = f"0-{degrees} deg, {transition_s:g} s"
-    figures = [Figure(f"{row}, none: difference", difference["none"], "deg")]
+    figures = [Figure(f"{row}, none: difference", played["none"].difference, "deg")]
     for name in ("mean", "One-Euro"):
-        improvement = 100.0 * (difference["none"] / difference[name] - 1.0)
+        improvement = 100.0 * (played["none"].difference / played[name].difference - 1.0)
         figures += [
             Figure(f"{row}, {name}: improvement", improvement, "%"),
-            Figure(f"{row}, {name}: lag", float(np.mean(lags[name])), "ms"),
+            Figure(f"{row}, {name}: lag", played[name].lag, "ms"),
         ]
     for other in ("none", "mean"):
-        share = difference["One-Euro"] / difference[other]
+        share = played["One-Euro"].difference / played[other].difference
         figures.append(Figure(f"{row}, One-Euro / {other}", share, "", 1.0))
     return figures
+
+
+def _played(steps: Sequence[StickStep], degrees: int, transition_s: float, sweeps: int) -> Row:
+    rows = []
+    for seed in range(sweeps):
+        times_s, meant, measured = _sweep(degrees, transition_s, seed)
+        given = through(steps, measured, PAGE_HZ)
+        rows.append((_mean_difference_deg(given, times_s, transition_s), lag_ms(given, times_s, meant)))
+    return Row(*np.mean(rows, axis=0).tolist())
 
 
 def _sweep(degrees: int, transition_s: float, seed: int) -> tuple[Array, Callable[[Array], Array], Array]:
@@ -200,3 +213,35 @@ def _mean_difference_deg(given: Array, times_s: Array, transition_s: float) -> f
     directions = np.unwrap(np.arctan2(given[:, 1], given[:, 0]))
     turning = _between(times_s[1:], AROUND_S, AROUND_S + transition_s)
     return math.degrees(float(np.mean(abs(np.diff(directions))[turning])))
+
+
+# --- other settings ------------------------------------------------------------------------------
+
+
+def survey() -> None:
+    """Print what each of `SETTINGS` gives: over the recorded hands, and in the table's worst row for each figure."""
+    kinds = [(degrees, transition_s) for transition_s in TRANSITIONS_S for degrees in RANGES_DEG]
+    none, mean = (
+        [_played(SCHEMES[name], *kind, SURVEY_SWEEPS) for kind in kinds] for name in ("none", "mean")
+    )
+    traces = [_thinned(trace, PAGE_HZ) for trace in hand.recorded()]
+    print("min_hz  beta  speed_hz | hands: jitter %  lag ms | worst row: lag ms  / none  / mean")
+    for setting in product(*SETTINGS):
+        steps = (OneEuro(*setting),)
+        given = [through(steps, trace.measured, PAGE_HZ) for trace in traces]
+        lag = float(np.mean([_lag_of(trace, one) for trace, one in zip(traces, given, strict=True)]))
+        rows = [_played(steps, *kind, SURVEY_SWEEPS) for kind in kinds]
+        shares = [
+            max(row.difference / other.difference for row, other in zip(rows, others, strict=True))
+            for others in (none, mean)
+        ]
+        least_hz, beta, speed_hz = setting
+        print(
+            f"{least_hz:6g}{beta:6g}{speed_hz:10g} | {100.0 * _jitter(traces, given):15.2f}{lag:8.1f} |"
+            f"{max(row.lag for row in rows):18.1f}{shares[0]:8.3f}{shares[1]:8.3f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    survey()
