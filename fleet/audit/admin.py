@@ -1,35 +1,298 @@
-"""The audit log in the admin: to read, never to change."""
+"""The audit log in the admin: lists to read, page by page, and each record by itself; never to change."""
 
 from __future__ import annotations
 
+import datetime
+from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
+from urllib.parse import urlencode
 
 from django.contrib import admin
-from django.http import HttpRequest
+from django.core.exceptions import BadRequest, PermissionDenied
+from django.db.models import Q
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.template.response import TemplateResponse
+from django.urls import NoReverseMatch, URLPattern, path, reverse
+from django.utils.functional import Promise
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.http import require_POST, require_safe
+from msgspec import Struct
 
-from fleet.audit.models import Record
+from fleet.audit import exports, wording
+from fleet.audit.forms import FilterForm
+from fleet.audit.kinds import Listing, kinds_listed
+from fleet.audit.listing import COUNTED, Page, Row, Selection, row_of
+from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
+
+LISTS = {
+    "audit_speechrecord": gettext_lazy("Speech"),
+    "audit_motionrecord": gettext_lazy("Motion"),
+    "teleop_controlsession": gettext_lazy("Control sessions"),
+    "audit_refusalrecord": gettext_lazy("Refusals and gate"),
+    "audit_record": gettext_lazy("Everything"),
+}
 
 
-@admin.register(Record)
-class RecordAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Everything, newest first."""
-
-    list_display = ["id", "at", "kind", "actor_name", "robot_name", "outcome", "parameters"]
-    list_filter = [("at", admin.DateFieldListFilter), "kind", "robot_name", "actor__name"]
-    list_select_related = ["actor"]
-    search_fields = ["actor__name", "robot_name", "kind", "outcome"]
-    ordering = ["-id"]
-    show_full_result_count = False  # counting all rows is the slow part of a long list
-    actions = None
+class ReadOnly(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Written by what happens, and by nobody."""
 
     def has_add_permission(self, request: HttpRequest) -> bool:
-        """Records are written by what happens."""
+        """Nobody."""
         return False
 
     def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Append-only."""
+        """Nobody."""
         return False
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Append-only."""
+        """Nobody."""
         return False
+
+
+class Line(Struct, frozen=True):
+    """A row as the page shows it."""
+
+    url: str
+    at: datetime.datetime
+    robot: str
+    who: str
+    what: str
+    subject: str
+    expired: bool
+    outcome: str
+    facts: list[str]
+    session_url: str
+
+
+class Link(Struct, frozen=True):
+    """Somewhere to go."""
+
+    text: str | Promise
+    url: str
+    current: bool = False
+
+
+class ListAdmin(ReadOnly):
+    """A list of the log in place of the admin's own, which counts and sorts what it shows."""
+
+    listing: Listing | None = None  # None: everything
+    without: Sequence[str] = ()  # filters of no use here
+    outcomes_are: str | Promise = gettext_lazy("Outcome")
+
+    def get_urls(self) -> list[URLPattern]:
+        """The list, its export, and each record."""
+        name = f"{self.opts.app_label}_{self.opts.model_name}"
+        wrap = self.admin_site.admin_view
+        return [
+            path("", wrap(require_safe(self.changelist_view)), name=f"{name}_changelist"),
+            path("export/", wrap(require_POST(self.export_view)), name=f"{name}_export"),
+            path("<int:object_id>/change/", wrap(require_safe(self.record_view)), name=f"{name}_change"),
+        ]
+
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
+        """One page of it."""
+        self._look(request)
+        form = self._form(request)
+        context = {
+            **self.admin_site.each_context(request),
+            **(extra_context or {}),
+            "title": self.opts.verbose_name_plural,
+            "is_nav_sidebar_enabled": False,  # the lists have a row of their own
+            "opts": self.opts,
+            "lists": lists(f"{self.opts.app_label}_{self.opts.model_name}"),
+            "form": form,
+            "outcomes_are": self.outcomes_are,
+            "clear": request.path,
+        }
+        if form.is_valid():
+            selection = Selection(form.wanted(), self._kinds())
+            before, after = _number(request, "before"), _number(request, "after")
+            page = selection.page(before=before, after=after)
+            context |= self._links(request, selection, page)
+            context |= {
+                "days": _by_day(request, page.rows),
+                "count": _count(page.count),
+                "export": f"export/?{_address(request)}",
+            }
+        return TemplateResponse(request, "admin/audit/list.html", context)
+
+    def export_view(self, request: HttpRequest) -> HttpResponseBase:
+        """All that the filters of the address leave, as a file; on record."""
+        self._look(request)
+        form = self._form(request)
+        if not form.is_valid():
+            raise BadRequest("these filters are not valid")
+        format_ = request.POST.get("format", "")
+        if format_ not in exports.FORMATS:
+            raise BadRequest(f"no such format: {format_}")
+        return exports.response(
+            Selection(form.wanted(), self._kinds()),
+            form.wanted(),
+            actor=request.user,  # type: ignore[arg-type]  # signed in: this is the admin
+            name=self.listing.value if self.listing else "everything",
+            format_=format_,
+        )
+
+    def record_view(self, request: HttpRequest, object_id: int) -> HttpResponse:
+        """One record with all that is known of it."""
+        self._look(request)
+        record = Record.objects.select_related("actor", "real_actor", "content").filter(pk=object_id).first()
+        if record is None:
+            raise Http404(f"there is no record {object_id}")
+        context = {
+            **self.admin_site.each_context(request),
+            "title": f"#{record.pk} {wording.label(record.kind)}",
+            "is_nav_sidebar_enabled": False,
+            "opts": self.opts,
+            "lists": lists(""),
+            "record": record,
+            "line": _line(row_of(record)),
+            "who": wording.who(record),
+            "label": wording.label(record.kind),
+            "parameters": list(wording.lines(record.parameters)),
+            "content": record.content_kept,
+            "private": list(wording.lines(record.content_kept.data)) if record.content_kept else [],
+            "expired": wording.expired(record),
+            "related": _related(record),
+            "session_url": _session_url(record),
+            "of_session": urlencode({"session": record.session_id or ""}),
+        }
+        return TemplateResponse(request, "admin/audit/record.html", context)
+
+    def _look(self, request: HttpRequest) -> None:
+        if not self.has_view_permission(request):
+            raise PermissionDenied
+
+    def _kinds(self) -> list[str] | None:
+        return None if self.listing is None else kinds_listed(self.listing)
+
+    def _form(self, request: HttpRequest) -> FilterForm:
+        return FilterForm(
+            request.GET, kinds=self._kinds(), without=self.without, outcomes_are=self.outcomes_are
+        )
+
+    def _links(self, request: HttpRequest, selection: Selection, page: Page) -> dict[str, Any]:
+        """To the pages and days beside this one."""
+        links: dict[str, Any] = {}
+        if page.newer:
+            links["newer"] = f"?{_address(request, after=page.rows[0].number if page.rows else None)}"
+            links["newest"] = f"?{_address(request)}"
+        if page.older and page.rows:
+            links["older"] = f"?{_address(request, before=page.rows[-1].number)}"
+        for name, later in (("day_before", False), ("day_after", True)):
+            day = selection.day_beside(later=later)
+            if day:
+                links[name] = Link(day.isoformat(), f"?{_address(request, since=day, until=day)}")
+        return links
+
+
+@admin.register(SpeechRecord)
+class SpeechAdmin(ListAdmin):
+    """What robots were made to say."""
+
+    listing = Listing.SPEECH
+    without = ["kind"]
+
+
+@admin.register(MotionRecord)
+class MotionAdmin(ListAdmin):
+    """Drives and motions."""
+
+    listing = Listing.MOTION
+    without = ["q"]
+
+
+@admin.register(RefusalRecord)
+class RefusalAdmin(ListAdmin):
+    """What was refused, and what the gate held back."""
+
+    listing = Listing.REFUSALS
+    without = ["q"]
+    outcomes_are = gettext_lazy("Reason")
+
+
+@admin.register(Record)
+class EverythingAdmin(ListAdmin):
+    """All there is."""
+
+
+def lists(current: str) -> list[Link]:
+    """The lists of the log beside each other."""
+    return [Link(text, reverse(f"admin:{name}_changelist"), name == current) for name, text in LISTS.items()]
+
+
+# --- rows ----------------------------------------------------------------------------------------
+
+
+def _by_day(request: HttpRequest, rows: list[Row]) -> list[tuple[datetime.date, str, list[Line]]]:
+    """Each day with the address of its own list, and its rows."""
+    return [
+        (day, f"?{_address(request, since=day, until=day)}", [_line(row) for row in of_day])
+        for day, of_day in groupby(rows, key=lambda row: row.record.day)
+    ]
+
+
+def _line(row: Row) -> Line:
+    record = row.record
+    return Line(
+        url=_url(record),
+        at=record.at,
+        robot=record.robot_name,
+        who=wording.who(record),
+        what=wording.label(record.kind),
+        subject=wording.subject(record),
+        expired=wording.expired(record),
+        outcome=row.outcome,
+        facts=wording.facts([record, row.end] if row.end else [record]),
+        session_url=_session_url(record),
+    )
+
+
+def _related(record: Record) -> list[tuple[str, Record, str]]:
+    """What it is the outcome of, and its own outcomes and parts, oldest first: word, record, address."""
+    beside = Record.objects.filter(Q(pk=record.of_id) | Q(of=record)).order_by("pk")
+    return [(wording.label(other.kind), other, _url(other)) for other in beside]
+
+
+def _url(record: Record) -> str:
+    return reverse("admin:audit_record_change", args=[record.pk])
+
+
+def _session_url(record: Record) -> str:
+    try:
+        return reverse("control-session", args=[record.session_id]) if record.session_id else ""
+    except NoReverseMatch:
+        return ""
+
+
+def _count(count: int | None) -> str:
+    match count:
+        case None:
+            return ""
+        case int() if count > COUNTED:
+            return _("more than %s") % f"{COUNTED:,}"
+    return f"{count:,}"
+
+
+# --- addresses -----------------------------------------------------------------------------------
+
+
+def _address(request: HttpRequest, **changed: Any) -> str:
+    """The filters of this page, changed so, without its place among the pages."""
+    asked = request.GET.copy()
+    for name in ("before", "after"):
+        asked.pop(name, None)
+    for name, value in changed.items():
+        asked[name] = str(value)
+    return urlencode([(name, value) for name, value in asked.items() if value])
+
+
+def _number(request: HttpRequest, name: str) -> int | None:
+    asked = request.GET.get(name)
+    if asked is None:
+        return None
+    if not (asked.isascii() and asked.isdecimal() and len(asked) <= 18):
+        raise BadRequest(f"{name} is not a number of a record")
+    return int(asked)

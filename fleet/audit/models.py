@@ -7,8 +7,11 @@ from typing import Any, NoReturn
 
 from django.db import models
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
 from fleet.audit.errors import AppendOnly
+
+_BESIDES = ["day", "of"]  # in the indexes of records
 
 
 class Actor(models.Model):
@@ -90,6 +93,8 @@ class Record(models.Model):
     objects = Records.as_manager()
 
     class Meta:
+        verbose_name = _("record")
+        verbose_name_plural = _("Everything")
         ordering = ["-id"]
         constraints = [
             models.UniqueConstraint(fields=["robot_id", "seq"], name="audit_chain_place"),
@@ -101,9 +106,18 @@ class Record(models.Model):
             models.Index(fields=["kind", "at"], name="audit_kind_at"),
             models.Index(fields=["kind", "id"], name="audit_kind"),
             models.Index(fields=["day", "id"], name="audit_day"),
-            models.Index(fields=["robot_id", "id"], name="audit_robot"),
-            models.Index(fields=["robot_id", "kind", "id"], name="audit_robot_kind"),
-            models.Index(fields=["actor", "id"], name="audit_by_actor"),
+            # After the number what the lists filter by besides, so that no filter has to look into the table.
+            models.Index(fields=["robot_id", "id", *_BESIDES, "actor", "kind"], name="audit_robot"),
+            models.Index(fields=["actor", "id", *_BESIDES, "robot_id", "kind"], name="audit_by_actor"),
+            models.Index(
+                fields=["robot_id", "kind", "id", *_BESIDES, "actor", "outcome"], name="audit_robot_kind"
+            ),
+            models.Index(
+                fields=["actor", "kind", "id", *_BESIDES, "robot_id", "outcome"], name="audit_actor_kind"
+            ),
+            models.Index(
+                fields=["kind", "outcome", "id", *_BESIDES, "robot_id", "actor"], name="audit_kind_outcome"
+            ),
             models.Index(
                 fields=["real_actor"], condition=models.Q(real_actor__isnull=False), name="audit_real_actor"
             ),
@@ -165,3 +179,47 @@ class Content(models.Model):
         if not self._state.adding:
             raise AppendOnly
         super().save(**options | {"force_insert": True})
+
+
+class ContentSearch(models.Model):
+    """The texts of contents in an index of trigrams: a virtual table of SQLite (`fleet.audit.triggers` keeps it)."""
+
+    rowid = models.BigIntegerField(primary_key=True)  # the record's number
+    text = models.TextField()
+
+    class Meta:
+        managed = False
+        db_table = "audit_content_search"
+
+    def __str__(self) -> str:
+        return f"text of #{self.pk}"
+
+
+# --- what the admin lists -------------------------------------------------------------------------
+
+
+class SpeechRecord(Record):
+    """What robots were made to say."""
+
+    class Meta:
+        proxy = True
+        verbose_name = _("text")
+        verbose_name_plural = _("Speech history")
+
+
+class MotionRecord(Record):
+    """Drives and motions."""
+
+    class Meta:
+        proxy = True
+        verbose_name = _("drive or motion")
+        verbose_name_plural = _("Motion history")
+
+
+class RefusalRecord(Record):
+    """What was refused, and what the gate held back."""
+
+    class Meta:
+        proxy = True
+        verbose_name = _("refusal or gate intervention")
+        verbose_name_plural = _("Refusals and gate interventions")

@@ -34,18 +34,10 @@ def test_nobody_else_does(page, supervisor, signed_in):
 def test_a_record_can_be_read_and_neither_added_changed_nor_deleted(admin):
     entry = record("stop.press")
     assert admin.get(f"{RECORDS}{entry.pk}/change/").status_code == 200
-    assert admin.post(f"{RECORDS}{entry.pk}/change/", {"kind": "stop.clear"}).status_code == 403
-    assert admin.get(f"{RECORDS}add/").status_code == 403
-    assert admin.post(f"{RECORDS}{entry.pk}/delete/", {"post": "yes"}).status_code == 403
+    assert admin.post(f"{RECORDS}{entry.pk}/change/", {"kind": "stop.clear"}).status_code == 405
+    assert admin.get(f"{RECORDS}add/").status_code == 404
+    assert admin.post(f"{RECORDS}{entry.pk}/delete/", {"post": "yes"}).status_code == 404
     assert Record.objects.get(pk=entry.pk).kind == "stop.press"
-
-
-def test_records_can_be_filtered_by_robot_kind_actor_and_day(admin, operator):
-    record("stop.press", actor=operator, robot_name="TIAGo 1")
-    record("stop.clear", robot_name="TIAGo 2")
-    query = "kind=stop.press&robot_name=TIAGo+1&actor__name=Olga+Operator&at__gte=2000-01-01+00%3A00%3A00%2B00%3A00"
-    response = admin.get(f"{RECORDS}?{query}")
-    assert [entry.kind for entry in response.context["cl"].result_list] == ["stop.press"]
 
 
 def test_an_account_made_here_goes_on_record_without_its_password(admin, staff):

@@ -1,0 +1,201 @@
+"""The log as a file: CSV for spreadsheets, JSON Lines for programs. Streamed, so that it may be long, and on record."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import logging
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import Any
+from urllib.parse import quote
+
+from asgiref.sync import sync_to_async
+from django.contrib.auth.models import AbstractUser
+from django.http import StreamingHttpResponse
+from django.utils import timezone
+from msgspec.structs import asdict
+
+from fleet.audit import AuditUnavailable, record, wording
+from fleet.audit.listing import Row, Selection, Wanted
+from fleet.audit.models import Record
+
+log = logging.getLogger(__name__)
+
+CHUNK = 500  # rows in memory
+# Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
+BOM = "\ufeff"
+# What spreadsheets may take for a formula at the beginning of a cell, the full-width forms too (OWASP, CSV injection).
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+
+COLUMNS = [
+    *("number", "time_utc", "robot", "robot_id", "person", "person_id", "really_by", "really_by_id"),
+    *("kind", "what", "subject", "outcome", "outcome_number", "outcome_time_utc", "control_session", "fence"),
+    *("request", "details", "outcome_details"),
+]
+
+
+class Export:
+    """One export: what it tells piece by piece, and how many rows it has told."""
+
+    def __init__(
+        self, selection: Selection, begun: Record, actor: AbstractUser, to_text: Callable[[list[Row]], str]
+    ) -> None:
+        self._chunks = selection.chunks(CHUNK)
+        self._begun = begun
+        self._actor = actor
+        self._to_text = to_text
+        self._count = 0
+        self._complete = self._is_on_record = False
+
+    def piece(self) -> str | None:
+        """The next rows, None after the last."""
+        rows = next(self._chunks, None)
+        if rows is None:
+            self._complete = True
+            return None
+        self._count += len(rows)
+        return self._to_text(rows)
+
+    def ended(self) -> None:
+        """Put on record what came of it, once."""
+        if self._is_on_record:
+            return
+        self._is_on_record = True
+        outcome = "done" if self._complete else "broken_off"
+        try:
+            record(
+                "audit.export",
+                actor=self._actor,
+                of=self._begun,
+                outcome=outcome,
+                parameters={"rows": self._count},
+            )
+        except AuditUnavailable as error:  # what is told is told, and that it was begun is on record
+            log.error("the outcome %s of export %s was not recorded: %s", outcome, self._begun.pk, error)
+
+
+class ExportResponse(StreamingHttpResponse):
+    """Ends on record, also when the browser goes away: the server closes every response."""
+
+    def __init__(self, head: str, export: Export, **options: Any) -> None:
+        super().__init__(_pieces(head, export), **options)
+        self._export = export
+
+    def close(self) -> None:
+        """The end."""
+        super().close()
+        self._export.ended()
+
+
+async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
+    """Each piece is read in a thread, for it asks the database; none before the last is on its way."""
+    yield head.encode()
+    while (piece := await sync_to_async(export.piece)()) is not None:
+        yield piece.encode()
+
+
+def response(
+    selection: Selection, wanted: Wanted, *, actor: AbstractUser, name: str, format_: str
+) -> ExportResponse:
+    """The answer to who wants a file. Raises `AuditUnavailable`: what cannot be recorded is not told."""
+    head, media_type, to_text = FORMATS[format_]
+    asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
+    begun = record(
+        "audit.export",
+        actor=actor,
+        robot_id=None,
+        parameters={"list": name, "format": format_, **{key: str(value) for key, value in asked.items()}},
+        private={"words": " ".join(wanted.words)} if wanted.words else None,
+    )
+    file = f"{name}-{timezone.now():%Y-%m-%d}.{format_}"
+    return ExportResponse(
+        head,
+        Export(selection, begun, actor, to_text),
+        content_type=media_type,
+        headers={
+            "Content-Disposition": f"attachment; filename=\"{file}\"; filename*=UTF-8''{quote(file)}",
+            "Cache-Control": "no-store",
+        },
+    )
+
+
+# --- CSV ------------------------------------------------------------------------------------------
+
+
+def safe_cell(value: str) -> str:
+    """The cell as text for every spreadsheet: an apostrophe before what would be a formula."""
+    return f"'{value}" if value.startswith(_FORMULA) else value
+
+
+def _csv(rows: list[Row]) -> str:
+    return _csv_lines([[safe_cell(str(cell)) for cell in _cells(row)] for row in rows])
+
+
+def _csv_lines(lines: list[list[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, quoting=csv.QUOTE_ALL).writerows(lines)
+    return text.getvalue()
+
+
+def _cells(row: Row) -> Iterator[Any]:
+    record, end = row.record, row.end
+    yield from (record.pk, _time(record), record.robot_name, record.robot_id or "")
+    yield from (record.actor_name, record.actor_id or "")
+    yield from (record.real_actor.name if record.real_actor else "", record.real_actor_id or "")
+    yield from (record.kind, wording.label(record.kind), wording.subject(record), row.outcome)
+    yield from (end.pk if end else "", _time(end) if end else "")
+    yield from (record.session_id or "", "" if record.fence is None else record.fence, record.request_id)
+    yield from (_json(record.details), _json(end.details) if end else "")
+
+
+# --- JSON Lines -----------------------------------------------------------------------------------
+
+
+def _json_lines(rows: list[Row]) -> str:
+    return "".join(f"{_json(_whole(row.record, row.end))}\n" for row in rows)
+
+
+def _whole(record: Record, end: Record | None) -> dict[str, Any]:
+    """All columns of a record; `ended` is the record of what came of it."""
+    return {
+        "number": record.pk,
+        "time": _time(record),
+        "kind": record.kind,
+        "robot": {"id": _id(record.robot_id), "name": record.robot_name} if record.robot_id else None,
+        "person": _person(record.actor_id, record.actor_name),
+        "really_by": _person(record.real_actor_id, record.real_actor.name if record.real_actor else ""),
+        "control_session": _id(record.session_id),
+        "fence": record.fence,
+        "request": _id(record.request_id),
+        "of": record.of_id,
+        "outcome": record.outcome,
+        "details": record.details,
+        "expired": wording.expired(record),
+        "place": record.seq,
+        "digest": record.digest,
+        "ended": _whole(end, None) if end else None,
+    }
+
+
+def _person(key: str | None, name: str) -> dict[str, str] | None:
+    return {"id": key, "name": name} if key else None
+
+
+def _id(value: Any) -> str | None:
+    return None if value is None else str(value)
+
+
+def _time(record: Record) -> str:
+    return record.at.isoformat()
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+
+
+# What comes first, the media type, and how rows are told.
+FORMATS: dict[str, tuple[str, str, Callable[[list[Row]], str]]] = {
+    "csv": (BOM + _csv_lines([COLUMNS]), "text/csv; charset=utf-8", _csv),
+    "jsonl": ("", "application/jsonl; charset=utf-8", _json_lines),
+}

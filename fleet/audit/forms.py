@@ -1,0 +1,98 @@
+"""What the lists of the log can be filtered by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+from uuid import UUID
+
+from django import forms
+from django.core.exceptions import ValidationError
+from django.utils.translation import gettext_lazy as _
+
+from fleet.audit import wording
+from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.kinds import KINDS
+from fleet.audit.listing import CONSOLE, Wanted, seen, that_begin, with_ends
+from fleet.audit.models import Actor, Chain
+from fleet.audit.search import words_of
+
+ANY = [("", _("any"))]
+
+
+class FilterForm(forms.Form):
+    """In the address of the page, so that a filtered list can be sent to somebody.
+
+    `kinds` are those of the list (None: all), `without` the filters that it has no use for.
+    """
+
+    q = forms.CharField(label=_("Said"), max_length=200, required=False)
+    since = forms.DateField(label=_("From"), required=False)
+    until = forms.DateField(label=_("To"), required=False)
+    robot = forms.ChoiceField(label=_("Robot"), required=False)
+    person = forms.ChoiceField(label=_("Person"), required=False)
+    kind = forms.ChoiceField(label=_("What"), required=False)
+    outcome = forms.ChoiceField(label=_("Outcome"), required=False)
+    session = forms.UUIDField(required=False, widget=forms.HiddenInput)
+
+    def __init__(
+        self,
+        asked: Any,
+        *,
+        kinds: Sequence[str] | None,
+        without: Sequence[str] = (),
+        outcomes_are: Any = None,
+    ) -> None:
+        super().__init__(asked, label_suffix="")
+        self.fields["q"].widget = forms.TextInput(attrs={"type": "search", "autocomplete": "off"})
+        for name in ("since", "until"):
+            self.fields[name].widget = forms.DateInput(attrs={"type": "date"}, format="%Y-%m-%d")
+        listed = list(KINDS if kinds is None else kinds)
+        self._offer("robot", _robots())
+        self._offer("person", [(CONSOLE, _("the console itself")), *_people()])
+        self._offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
+        outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
+        self._offer("outcome", sorted((outcome, outcome) for outcome in outcomes))
+        if outcomes_are is not None:
+            self.fields["outcome"].label = outcomes_are
+        for name in without:
+            del self.fields[name]
+
+    def clean(self) -> dict[str, Any]:
+        """The days in order."""
+        asked: dict[str, Any] = super().clean() or self.cleaned_data
+        since, until = asked.get("since"), asked.get("until")
+        if since and until and since > until:
+            raise ValidationError(_("The first day is after the last."))
+        return asked
+
+    def wanted(self) -> Wanted:
+        """What is asked for; the form is valid."""
+        asked = self.cleaned_data
+        return Wanted(
+            words=words_of(asked.get("q", "")),
+            since=asked["since"],
+            until=asked["until"],
+            robot=UUID(asked["robot"]) if asked["robot"] else None,
+            person=asked["person"],
+            kind=asked.get("kind", ""),
+            outcome=asked.get("outcome", ""),
+            session=asked["session"],
+        )
+
+    @property
+    def is_filtered(self) -> bool:
+        """Whether it asks for less than everything."""
+        return any(self.data.get(name) for name in self.fields)
+
+    def _offer(self, name: str, choices: Sequence[tuple[str, Any]]) -> None:
+        cast(forms.ChoiceField, self.fields[name]).choices = [*ANY, *choices]
+
+
+def _robots() -> list[tuple[str, Any]]:
+    robots = Chain.objects.exclude(pk=NO_ROBOT).order_by("name")
+    return [*((str(robot.pk), str(robot)) for robot in robots), (str(NO_ROBOT), _("none"))]
+
+
+def _people() -> list[tuple[str, Any]]:
+    return list(Actor.objects.order_by("name").values_list("pk", "name"))

@@ -1,0 +1,325 @@
+"""Reading the log page by page: what is wanted, which records that is, and each request with what came of it.
+
+However many records there are, a page costs a few seeks: every filter has an index that ends in the record's number and
+carries the columns of the other filters, and pages are cut by number ("older than 4711"), not by counting rows.
+An index serves one kind and one person at a time, so several are read side by side and merged.
+"""
+
+from __future__ import annotations
+
+import datetime
+import heapq
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
+from itertools import islice, product
+from typing import Any
+from uuid import UUID
+
+from django.db import connection
+from django.db.models import Exists, OuterRef, Q, QuerySet
+from msgspec import Struct
+from msgspec.structs import replace
+
+from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Record
+from fleet.audit.search import texts_among, texts_with
+
+PAGE = 50  # rows
+COUNTED = 1000  # rows; of more it is only said that there are more
+FEW = 2000  # candidates, whose texts are looked at one by one
+OUTCOMES = 500  # different ones to choose from
+CONSOLE = "console"  # as a person: what nobody did
+
+_DAY = datetime.timedelta(days=1)
+# Part of something, and a row of their own all the same: more than the outcome of what they refer to.
+_OWN_ROW = ["gate.begin", "refusal"]
+_IS_OUTCOME = Q(of__isnull=False) & ~Q(kind__in=_OWN_ROW)
+_END_OF = {
+    start: end
+    for end in KINDS
+    for start in (end.removesuffix("end") + "start", end.removesuffix("end") + "begin")
+    if end.endswith(".end") and start in KINDS
+}
+
+
+class Wanted(Struct, frozen=True):
+    """What a list is to show. Days are UTC, and both included; blank and None: any."""
+
+    words: tuple[str, ...] = ()
+    since: datetime.date | None = None
+    until: datetime.date | None = None
+    robot: UUID | None = None  # `NO_ROBOT`: what concerns none
+    person: str = ""  # an `Actor`'s id, or `CONSOLE`
+    kind: str = ""
+    outcome: str = ""
+    session: UUID | None = None  # control session
+
+
+class Row(Struct, frozen=True):
+    """A request with what came of it, or a record that stands alone."""
+
+    number: int  # by which pages are cut
+    record: Record
+    end: Record | None
+
+    @property
+    def outcome(self) -> str:
+        """What came of it; blank: nothing is known, or there was nothing to wait for."""
+        return self.end.outcome if self.end and self.end.outcome else self.record.outcome
+
+
+class Page(Struct, frozen=True):
+    """Some of the rows, newest first."""
+
+    rows: list[Row]
+    newer: bool  # whether there are any
+    older: bool
+    count: int | None = None  # of all rows, at most `COUNTED` + 1; the first page knows it
+
+
+class Selection:
+    """The wanted records. `kinds` are those of the list; None: all there are."""
+
+    def __init__(self, wanted: Wanted, kinds: Sequence[str] | None = None) -> None:
+        self._wanted = wanted
+        self._kinds = kinds
+
+    def page(self, *, before: int | None = None, after: int | None = None, size: int = PAGE) -> Page:
+        """The newest rows; or those next below `before`, or next above `after`."""
+        if after is not None:
+            found = self.numbers(size + 1, after=after)
+            shown = found[-size:]
+            older = self.numbers(1, before=shown[-1] if shown else after + 1)
+            return Page(_rows(shown), newer=len(found) > size, older=bool(older))
+        if before is not None:
+            found = self.numbers(size + 1, before=before)
+            newer = self.numbers(1, after=found[0] if found else before - 1)
+            return Page(_rows(found[:size]), newer=bool(newer), older=len(found) > size)
+        found = self.numbers(COUNTED + 1)
+        return Page(_rows(found[:size]), newer=False, older=len(found) > size, count=len(found))
+
+    def chunks(self, size: int) -> Iterator[list[Row]]:
+        """All rows, newest first. What is recorded meanwhile is newer, and so not among them."""
+        before: int | None = None
+        while found := self.numbers(size, before=before):
+            yield _rows(found)
+            before = found[-1]
+
+    def numbers(self, limit: int, *, before: int | None = None, after: int | None = None) -> list[int]:
+        """At most so many, newest first: of the rows, or where an outcome is wanted of the records that tell it."""
+        sources = [self._texts()] if self._wanted.words else self._streams()
+        return _merged(
+            [_cut(source, limit, before, after) for source in sources], limit, up=after is not None
+        )
+
+    def day_beside(self, *, later: bool) -> datetime.date | None:
+        """The next day after, or before, the wanted ones that has rows."""
+        edge = self._wanted.until if later else self._wanted.since
+        if edge is None:
+            return None
+        if later:
+            beyond = replace(self._wanted, since=edge + _DAY, until=None)
+        else:
+            beyond = replace(self._wanted, since=None, until=edge - _DAY)
+        found = Selection(beyond, self._kinds).numbers(1, after=0 if later else None)
+        return Record.objects.values_list("day", flat=True).get(pk=found[0]) if found else None
+
+    # --- which records --------------------------------------------------------------------------
+
+    def _streams(self) -> list[QuerySet[Record]]:
+        """Queries that have no row in common and one index each."""
+        return [
+            Record.objects.filter(self._where, what, who)
+            for what, who in product(self._whats(), self._whos())
+        ]
+
+    def _texts(self) -> QuerySet[Any]:
+        """Texts with the words that are wanted, of the rows that are wanted.
+
+        Where these are few, their texts are read; where they are many, the index of words is.
+        """
+        words = self._wanted.words
+        few = Selection(replace(self._wanted, words=()), self._kinds).numbers(FEW + 1)
+        if len(few) <= FEW:
+            told = Record.objects.filter(pk__in=few).values_list("pk", "of", "kind")
+            return texts_among([_row_of(*record) for record in told], words)
+        rows = Q()
+        for stream in Selection(replace(self._wanted, words=(), outcome=""), self._kinds)._streams():
+            rows |= Q(Exists(self._with_outcome(stream.filter(pk=OuterRef("pk")))))
+        return texts_with(words).filter(rows, self._within)
+
+    def _with_outcome(self, rows: QuerySet[Record]) -> QuerySet[Record]:
+        outcome = self._wanted.outcome
+        if not outcome:
+            return rows
+        told = Record.objects.filter(of=OuterRef("pk"), outcome=outcome).exclude(kind__in=_OWN_ROW)
+        return rows.filter(Q(outcome=outcome) | Q(Exists(told)))
+
+    @cached_property
+    def _where(self) -> Q:
+        wanted = self._wanted
+        where = self._within
+        if wanted.since:
+            where &= Q(day__gte=wanted.since)
+        if wanted.until:
+            where &= Q(day__lte=wanted.until)
+        if wanted.robot:
+            where &= Q(robot_id=None if wanted.robot == NO_ROBOT else wanted.robot)
+        if wanted.session:
+            where &= Q(session_id=wanted.session)
+        return where
+
+    @cached_property
+    def _within(self) -> Q:
+        """Between which numbers the wanted days are, so that no index is read from its newest end down to them."""
+        if not (self._wanted.since or self._wanted.until):
+            return Q()
+        first, last = _numbers_of(
+            self._wanted.since or datetime.date.min, self._wanted.until or datetime.date.max
+        )
+        return Q(pk__gte=first, pk__lte=last)
+
+    def _whats(self) -> list[Q]:
+        kinds = self._kinds
+        if self._wanted.kind:
+            kinds = [self._wanted.kind] if kinds is None or self._wanted.kind in kinds else []
+        if self._wanted.outcome:
+            tell = (
+                {*kinds, *(_END_OF[kind] for kind in kinds if kind in _END_OF)}
+                if kinds is not None
+                else KINDS
+            )
+            return [
+                Q(kind=kind, outcome=outcome)
+                for kind, outcome in seen(tell)
+                if outcome == self._wanted.outcome
+            ]
+        if kinds is None:
+            return [~_IS_OUTCOME]
+        return [Q(kind=kind) & ~_IS_OUTCOME for kind in that_begin(kinds)]
+
+    def _whos(self) -> list[Q]:
+        person = self._wanted.person
+        if not person:
+            return [Q()]
+        if person == CONSOLE:
+            return [Q(actor=None)]
+        return [Q(actor=person), Q(real_actor=person) & ~Q(actor=person)]
+
+
+def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
+    """Which outcomes records of these kinds have: pairs of kind and outcome. From one to the next by the index."""
+    kinds = list(kinds)
+    if not kinds:
+        return []
+    told = ", ".join(["(%s)"] * len(kinds))
+    next_one = "(SELECT MIN(outcome) FROM audit_record AS r WHERE r.kind = {0}.kind AND r.outcome > {1})"
+    with connection.cursor() as cursor:
+        cursor.execute(
+            f"""
+            WITH RECURSIVE asked (kind) AS (VALUES {told}), seen (kind, outcome) AS (
+                SELECT kind, {next_one.format("asked", "''")} FROM asked
+                UNION ALL
+                SELECT kind, {next_one.format("seen", "seen.outcome")} FROM seen WHERE outcome IS NOT NULL
+            )
+            SELECT kind, outcome FROM seen WHERE outcome IS NOT NULL LIMIT {OUTCOMES}
+            """,  # noqa: S608  # nothing in it comes from outside
+            kinds,
+        )
+        return [(kind, outcome) for kind, outcome in cursor.fetchall()]
+
+
+def that_begin(kinds: Iterable[str]) -> list[str]:
+    """The kinds without those that tell how another ended: what rows are of."""
+    return [kind for kind in kinds if kind not in _END_OF.values()]
+
+
+def with_ends(kinds: Iterable[str]) -> list[str]:
+    """The kinds and those that tell how they ended."""
+    kinds = list(kinds)
+    return [*kinds, *(_END_OF[kind] for kind in kinds if kind in _END_OF)]
+
+
+def row_of(record: Record) -> Row:
+    """The row that a record is part of."""
+    return _rows([record.pk])[0]
+
+
+# --- numbers ----------------------------------------------------------------------------------
+
+
+def _cut(source: QuerySet[Any], limit: int, before: int | None, after: int | None) -> Iterable[int]:
+    if after is not None:
+        source = source.filter(pk__gt=after).order_by("pk")
+    elif before is not None:
+        source = source.filter(pk__lt=before).order_by("-pk")
+    else:
+        source = source.order_by("-pk")
+    return source.values_list("pk", flat=True)[:limit]
+
+
+def _merged(sources: list[Iterable[int]], limit: int, *, up: bool) -> list[int]:
+    """The first of them all; newest first, whichever way they were read."""
+    found = list(islice(heapq.merge(*sources, reverse=not up), limit))
+    return found[::-1] if up else found
+
+
+def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
+    """The first and the last number of these days; nothing is between (1, 0).
+
+    Day by day, for numbers do not always grow with days: somebody may have set the clock.
+    """
+    next_day = "(SELECT MIN(day) FROM audit_record AS r WHERE r.day > days.day AND r.day <= %s)"
+    edge = "(SELECT {0}(r.id) FROM audit_record AS r WHERE r.day = days.day)"
+    first, last = (connection.ops.adapt_datefield_value(day) for day in (since, until))
+    with connection.cursor() as cursor:
+        cursor.execute(
+            f"""
+            WITH RECURSIVE days (day) AS (
+                SELECT MIN(day) FROM audit_record WHERE day >= %s AND day <= %s
+                UNION ALL
+                SELECT {next_day} FROM days WHERE day IS NOT NULL
+            )
+            SELECT MIN({edge.format("MIN")}), MAX({edge.format("MAX")}) FROM days
+            """,  # noqa: S608  # nothing in it comes from outside
+            [first, last, last],
+        )
+        lowest, highest = cursor.fetchone()
+    return (1, 0) if lowest is None else (lowest, highest)
+
+
+# --- rows -------------------------------------------------------------------------------------
+
+
+def _rows(numbers: list[int]) -> list[Row]:
+    """What is shown of the records with these numbers: their requests, if they are outcomes, and how these ended."""
+    told = {number: (of, kind) for number, of, kind in _told(numbers)}
+    row_numbers = {number: _row_of(number, *told[number]) for number in numbers if number in told}
+    records = _whole(Q(pk__in={*row_numbers, *row_numbers.values()}))
+    ends = {end.of_id: end for end in _whole(Q(of__in=set(row_numbers.values())) & _IS_OUTCOME).values()}
+    return [
+        _row(number, records[number], records.get(row_numbers[number]), ends.get(row_numbers[number]))
+        for number in numbers
+        if number in records
+    ]
+
+
+def _row(number: int, found: Record, request: Record | None, end: Record | None) -> Row:
+    if request is None:  # an old one, removed up to a checkpoint; its outcome is still there
+        return Row(number, found, None)
+    return Row(number, request, end if found.pk == request.pk else found)
+
+
+def _told(numbers: Iterable[int]) -> QuerySet[Record, tuple[int, int | None, str]]:
+    return Record.objects.filter(pk__in=numbers).values_list("pk", "of", "kind")
+
+
+def _row_of(number: int, of: int | None, kind: str) -> int:
+    return number if of is None or kind in _OWN_ROW else of
+
+
+def _whole(which: Q) -> dict[int, Record]:
+    """Records with people and what is kept of their content, oldest first."""
+    records = Record.objects.filter(which).select_related("actor", "real_actor", "content").order_by("pk")
+    return {record.pk: record for record in records}

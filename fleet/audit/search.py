@@ -1,0 +1,114 @@
+"""Finding records by what was said: part of a word, in any script, capitals or not.
+
+Words of three characters and more are looked up in an index of trigrams (FTS5 on SQLite, pg_trgm on PostgreSQL).
+Shorter ones have none: they are looked for in text after text, newest first. Accents count: "manana" does not find
+"mañana".
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import unicodedata
+from typing import Any
+
+from django.db import connection
+from django.db.backends.base.base import BaseDatabaseWrapper
+from django.db.models import Lookup, Q, QuerySet, TextField
+
+from fleet.audit.models import Content, ContentSearch
+
+TRIGRAM = 3  # characters: a shorter word is in no index
+_WORD = re.compile(r'"([^"]+)"|(\S+)')
+
+Texts = QuerySet[Content] | QuerySet[ContentSearch]  # their primary keys are the records' numbers
+
+
+def words_of(asked: str) -> tuple[str, ...]:
+    """The words that a text must have, in whatever order; what is in double quotes is one."""
+    found = _WORD.findall(unicodedata.normalize("NFC", asked))
+    return tuple(word for quoted, plain in found if (word := (quoted or plain).replace('"', "").strip()))
+
+
+def texts_with(words: tuple[str, ...]) -> Texts:
+    """Texts that have all of these words, by the index; to be read in order of their numbers, for it has that order."""
+    if connection.vendor != "sqlite":
+        return _having(words)
+    long = [word for word in words if len(word) >= TRIGRAM]
+    short = [word for word in words if len(word) < TRIGRAM]
+    texts: Texts = (
+        ContentSearch.objects.filter(text__matches=" ".join(f'"{word}"' for word in long))
+        if long
+        else Content.objects.filter(text__said=True)
+    )
+    for word in short:
+        texts = texts.filter(_like(word))
+    return texts
+
+
+def texts_among(numbers: list[int], words: tuple[str, ...]) -> QuerySet[Content]:
+    """Texts of these few records that have all of these words."""
+    return _having(words).filter(pk__in=numbers)
+
+
+def _having(words: tuple[str, ...]) -> QuerySet[Content]:
+    texts = Content.objects.filter(text__said=True)
+    for word in words:
+        texts = texts.filter(text__having=word)
+    return texts
+
+
+def _like(word: str) -> Q:
+    """For one or two characters: SQLite's LIKE takes capitals and small letters for the same in ASCII only."""
+    either = Q()
+    for letters in set(itertools.product(*({letter.lower(), letter.upper()} for letter in word))):
+        either |= Q(text__contains="".join(letters))
+    return either
+
+
+# --- lookups --------------------------------------------------------------------------------------
+
+Sql = tuple[str, Any]
+
+
+@TextField.register_lookup
+class Matches(Lookup):
+    """`text__matches`: what FTS5 has indexed. Each word is quoted, so that none is an operator."""
+
+    lookup_name = "matches"
+
+    def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
+        """SQLite only."""
+        left, left_values = self.process_lhs(compiler, connection)
+        right, right_values = self.process_rhs(compiler, connection)
+        return f"{left} MATCH {right}", [*left_values, *right_values]
+
+
+@TextField.register_lookup
+class Said(Lookup):
+    """`text__said=True`: that there is a text, in the very words of the index of them."""
+
+    lookup_name = "said"
+
+    def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
+        """A parameter in place of '' would keep SQLite from using the index."""
+        left, values = self.process_lhs(compiler, connection)
+        return f"{left} <> ''", values
+
+
+@TextField.register_lookup
+class Having(Lookup):
+    """`text__having=word`: that the word is part of it, capitals or not."""
+
+    lookup_name = "having"
+
+    def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
+        """PostgreSQL's ILIKE uses the index of trigrams."""
+        left, values = self.process_lhs(compiler, connection)
+        pattern = connection.ops.prep_for_like_query(self.rhs)
+        return f"{left} ILIKE %s", [*values, f"%{pattern}%"]
+
+    def as_sqlite(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
+        """In Python, by Django's REGEXP: for few texts."""
+        left, values = self.process_lhs(compiler, connection)
+        return f"{left} REGEXP %s", [*values, f"(?i){re.escape(self.rhs)}"]

@@ -1,0 +1,130 @@
+"""Records in words: what was done, and the figures that belong to it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from django.utils.translation import gettext as _
+
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Record
+
+FACTS = 4  # figures in a line of a list
+LONG = 60  # characters of one of them
+
+# How names of figures end, and what that means.
+_UNITS = {
+    "_mps2": "m/s²",
+    "_radps": "rad/s",
+    "_mps": "m/s",
+    "_deg": "°",
+    "_rad": "rad",
+    "_hz": "Hz",
+    "_m": "m",
+    "_s": "s",
+}
+_IDENTIFIER = re.compile(r"[0-9a-f]{8}-?([0-9a-f]{4}-?){3}[0-9a-f]{12}|[0-9a-f]{32,}")  # nothing for a line
+# What a record is about, by the first of these that it has.
+_SUBJECTS = (
+    "text",
+    "words",
+    "motion",
+    "topic",
+    "service",
+    "camera",
+    "name",
+    "username",
+    "entry",
+    "profile",
+    "file",
+)
+
+
+def label(kind: str) -> str:
+    """A kind in words; as it is called, if an older version of the console had it."""
+    return str(KINDS[kind].label) if kind in KINDS else kind
+
+
+def who(record: Record) -> str:
+    """Who did it; who really did, where that is somebody else."""
+    acted = record.actor_name or _("the console")
+    if record.real_actor is None or record.real_actor_id == record.actor_id:
+        return acted
+    return _("%(real)s as %(actor)s") % {"real": record.real_actor.name, "actor": acted}
+
+
+def subject(record: Record) -> str:
+    """What it is about: the sentence, the motion, the topic; blank if there is nothing to name."""
+    details = record.details
+    return next((str(details[name]) for name in _SUBJECTS if isinstance(details.get(name), str)), "")
+
+
+def expired(record: Record) -> bool:
+    """Whether there was more than is still kept."""
+    return bool(record.content_digest) and record.content_kept is None
+
+
+def facts(records: list[Record]) -> list[str]:
+    """Some figures of a request and of what came of it, such as "distance 3.2 m"."""
+    found: dict[str, str] = {}
+    for record in records:
+        for name, value in record.details.items():
+            if name not in _SUBJECTS and _is_short(value):
+                found[name] = figure(name, value)
+    return list(found.values())[:FACTS]
+
+
+def figure(name: str, value: Any) -> str:
+    """One figure, with its unit."""
+    for ending, unit in _UNITS.items():
+        if name.endswith(ending) and isinstance(value, int | float):
+            return f"{_plain(name.removesuffix(ending))} {value:g} {unit}"
+    return f"{_plain(name)} {_said(value)}"
+
+
+def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
+    """All details, one by one; what is in another has its name before its own. Long lists are counted."""
+    for name, value in details.items():
+        known_as = f"{within}{_plain(name)}"
+        match value:
+            case Mapping() if value:
+                yield from lines(value, within=f"{known_as} · ")
+            case list() if len(value) > LONG:
+                yield known_as, _("%d entries, all in the export") % len(value)
+            case list() if value and all(isinstance(entry, Mapping) for entry in value):
+                for number, entry in enumerate(value, 1):
+                    yield from lines(entry, within=f"{known_as} {number} · ")
+            case _:
+                unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
+                is_number = isinstance(value, int | float) and not isinstance(value, bool)
+                yield known_as, f"{value:g} {unit}".strip() if is_number and unit else _said(value)
+
+
+def _plain(name: str) -> str:
+    for ending in _UNITS:
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace("_", " ")
+    return name.replace("_", " ")
+
+
+def _said(value: Any) -> str:
+    match value:
+        case True:
+            return _("yes")
+        case False:
+            return _("no")
+        case None:
+            return _("none")
+        case list():
+            return ", ".join(_said(entry) for entry in value) or _("none")
+        case float():
+            return f"{value:g}"
+    return str(value)
+
+
+def _is_short(value: Any) -> bool:
+    if isinstance(value, str):
+        return 0 < len(value) <= LONG and not _IDENTIFIER.fullmatch(value)
+    return isinstance(value, int | float)
