@@ -210,14 +210,14 @@ def test_while_the_robot_is_out_of_reach_inputs_give_way_to_what_is_wrong(
     person: Arrive, stack: Stack
 ) -> None:
     operator = person("operator")
-    operator.take(ROBOT)
+    operator.take("tiago-2")
     go_to(operator, "Motions")
     motions, banner = operator.part("motion-list"), operator.part("banner")
     motions.get_by_role("button").first.wait_for()
     [bridge] = [
         child
         for child in proc.children(stack.supervisor.pid)
-        if {"run_bridge", ROBOT} <= set(proc.arguments(child))
+        if {"run_bridge", "tiago-2"} <= set(proc.arguments(child))
     ]
     os.kill(bridge, signal.SIGKILL)
     motions.wait_for(state="hidden")
