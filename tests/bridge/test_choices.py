@@ -20,6 +20,7 @@ ALLOWED = (
     Allowed("choose", "/second_tts", TTS, "speech"),
     Allowed("choose", "/second_play", PLAY, "motions"),
     Allowed("publish", "/notes", "std_msgs/String"),
+    Allowed("call", "/third_tts", TTS, "speech"),  # of a service: no input goes there
 )
 LISTENED = {
     "/key_vel": TWIST,
@@ -120,6 +121,7 @@ def test_the_old_drive_topic_gets_its_zero_before_the_new_one_gets_anything(benc
         ("drive", "/mobile_base_controller/cmd_vel", "not_allowed"),
         ("drive", "/second_tts", "not_allowed"),
         ("speech", "/notes", "not_allowed"),
+        ("speech", "/third_tts", "not_allowed"),
         ("drive", "/nav_vel", "wrong_type"),
     ],
 )

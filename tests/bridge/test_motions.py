@@ -251,16 +251,31 @@ def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_do
     assert [motion for _, motion in bench.base.played] == ["nod"]
 
 
-def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench):
+@pytest.mark.parametrize(
+    ("happens", "outcome"),
+    [
+        (lambda bench: setattr(bench.gate, "seen", [(0.6, 0.0)]), "intruder"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "cancelled"),
+        (lambda bench: bench.odometry(Velocity(0.3, 0.0, 0.0)), "cancelled"),
+    ],
+)
+def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench, happens, outcome):
     bench.sink.open.clear()
     ask(bench)
-    bench.gate.seen = [(0.6, 0.0)]
+    happens(bench)
     bench.sink.open.set()
     settled(bench)
     bench.recorded()
     assert bench.base.played == []
     assert bench.sink.kinds == ["motion.start", "motion.end"]
-    assert bench.sink.records[-1][1].outcome == "intruder"
+    assert bench.sink.records[-1][1].outcome == outcome
+
+
+def test_the_end_of_another_goal_ends_nothing_here(bench):
+    goal_id = begun(bench)
+    bench.core.orders.motions.ended("another", "done", "", bench.now_s)
+    assert bench.core.state(bench.now_s, []).motion.name == "wave"
+    assert ends(bench, goal_id, "done").outcome == "done"
 
 
 @pytest.mark.parametrize(

@@ -208,6 +208,8 @@ def test_a_twist_asks_for_no_more_than_the_holders_share():
     bench.pass_time(0.3)
     driven(bench, 5.0)
     assert bench.last.vx == pytest.approx(0.5 * CONFIG.gate.limits.forward_mps)
+    bench.order(twist(bench, 0.3))
+    assert bench.last.vx == pytest.approx(0.3)
 
 
 def test_a_stick_that_is_moved_goes_before(bench):
@@ -222,6 +224,12 @@ def test_after_a_stop_a_twist_that_is_still_sent_does_not_drive(bench):
     bench.core.clear(bench.core.stop_state.number, bench.now_s)
     bench.stick(0.0)
     assert bench.order(twist(bench, 0.3)).code == "neutral_needed"
+    assert bench.last == STILL
+
+
+def test_a_twist_whose_age_nobody_can_tell_is_refused(bench):
+    fields = {"linear.x": 0.3}
+    assert bench.order(wire.Publish(1, "/key_vel", "geometry_msgs/Twist", fields)).code == "invalid"
     assert bench.last == STILL
 
 

@@ -306,6 +306,13 @@ def test_an_older_word_of_the_text_that_ended_is_nobody_elses_text(bench):
     assert begun(bench, "y otra vez")
 
 
+def test_the_end_of_another_goal_ends_nothing_here(bench):
+    goal_id = begun(bench)
+    bench.core.orders.speaking.ended("another", "failed", "", bench.now_s)
+    assert shown(bench).text == "Hola a todos"
+    assert ends(bench, goal_id).outcome == "done"
+
+
 def test_a_text_may_go_to_the_topic_that_an_earlier_one_went_to(bench):
     [refusal] = ask(bench, topic="/other_tts")
     assert refusal.code == "not_allowed"

@@ -31,6 +31,7 @@ ALLOWED = (
     Allowed("choose", "/other_tts", "pal_interaction_msgs/TtsAction", "speech", "operator"),
     Allowed("publish", "/notes", "std_msgs/String", "", "operator"),
     Allowed("publish", "/lights", "std_msgs/Bool", "", "staff"),
+    Allowed("call", "/diary", "std_msgs/String", "", "operator"),
 )
 
 
@@ -212,6 +213,8 @@ async def eventually(condition):
         ("say", {"text": "Hi", "language": "en", "topic": "/third_tts"}, "not_allowed"),
         ("publish", {"topic": "/notes", "type": "std_msgs/String"}, None),
         ("publish", {"topic": "/notes", "type": "std_msgs/Bool"}, "not_allowed"),
+        ("publish", {"topic": "/diary", "type": "std_msgs/String"}, "not_allowed"),
+        ("choose", {"use": "drive", "topic": "/tts"}, "not_allowed"),
         ("publish", {"topic": "/other", "type": "geometry_msgs/Twist"}, None),  # the bridge refuses it
         ("publish", {"topic": "/lights", "type": "std_msgs/Bool"}, "role_too_low"),
         ("publish", {"topic": "/key_vel", "type": "geometry_msgs/Twist"}, None),
