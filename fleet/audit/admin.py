@@ -114,6 +114,7 @@ class ListAdmin(ReadOnly):
             context |= {
                 "days": _by_day(request, page.rows),
                 "count": _count(page.count),
+                "formats": exports.Format,
                 "export": f"export/?{_address(request)}",
             }
         return TemplateResponse(request, "admin/audit/list.html", context)
@@ -124,9 +125,10 @@ class ListAdmin(ReadOnly):
         form = self._form(request)
         if not form.is_valid():
             raise BadRequest("these filters are not valid")
-        format_ = request.POST.get("format", "")
-        if format_ not in exports.FORMATS:
-            raise BadRequest(f"no such format: {format_}")
+        try:
+            format_ = exports.Format(request.POST.get("format", ""))
+        except ValueError as error:
+            raise BadRequest(f"a format is one of {exports.Format.values}") from error
         return exports.response(
             Selection(form.wanted(), self._kinds()),
             form.wanted(),

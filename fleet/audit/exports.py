@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 from asgiref.sync import sync_to_async
 from django.contrib.auth.models import AbstractUser
+from django.db.models import TextChoices
 from django.http import StreamingHttpResponse
 from django.utils import timezone
 from msgspec.structs import asdict
@@ -33,6 +34,13 @@ COLUMNS = [
     *("kind", "what", "subject", "outcome", "outcome_number", "outcome_time_utc", "control_session", "fence"),
     *("request", "details", "outcome_details"),
 ]
+
+
+class Format(TextChoices):
+    """What an export may be; the value is the ending of the file's name."""
+
+    CSV = "csv", "CSV"
+    JSON_LINES = "jsonl", "JSON Lines"
 
 
 class Export:
@@ -76,7 +84,7 @@ class Export:
 
 
 class ExportResponse(StreamingHttpResponse):
-    """Ends on record, also when the browser goes away: the server closes every response."""
+    """Ends on record also when the browser goes away: the server closes every response."""
 
     def __init__(self, head: str, export: Export, **options: Any) -> None:
         super().__init__(_pieces(head, export), **options)
@@ -93,22 +101,27 @@ async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
     yield head.encode()
     while (piece := await sync_to_async(export.piece)()) is not None:
         yield piece.encode()
+    await sync_to_async(export.ended)()
 
 
 def response(
-    selection: Selection, wanted: Wanted, *, actor: AbstractUser, name: str, format_: str
+    selection: Selection, wanted: Wanted, *, actor: AbstractUser, name: str, format_: Format
 ) -> ExportResponse:
     """The answer to who wants a file. Raises `AuditUnavailable`: what cannot be recorded is not told."""
-    head, media_type, to_text = FORMATS[format_]
+    head, media_type, to_text = _TOLD[format_]
     asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
     begun = record(
         "audit.export",
         actor=actor,
         robot_id=None,
-        parameters={"list": name, "format": format_, **{key: str(value) for key, value in asked.items()}},
+        parameters={
+            "list": name,
+            "format": format_.value,
+            **{key: str(value) for key, value in asked.items()},
+        },
         private={"words": " ".join(wanted.words)} if wanted.words else None,
     )
-    file = f"{name}-{timezone.now():%Y-%m-%d}.{format_}"
+    file = f"{name}-{timezone.now():%Y-%m-%d}.{format_.value}"
     return ExportResponse(
         head,
         Export(selection, begun, actor, to_text),
@@ -195,7 +208,7 @@ def _json(value: Any) -> str:
 
 
 # What comes first, the media type, and how rows are told.
-FORMATS: dict[str, tuple[str, str, Callable[[list[Row]], str]]] = {
-    "csv": (BOM + _csv_lines([COLUMNS]), "text/csv; charset=utf-8", _csv),
-    "jsonl": ("", "application/jsonl; charset=utf-8", _json_lines),
+_TOLD: dict[Format, tuple[str, str, Callable[[list[Row]], str]]] = {
+    Format.CSV: (BOM + _csv_lines([COLUMNS]), "text/csv; charset=utf-8", _csv),
+    Format.JSON_LINES: ("", "application/jsonl; charset=utf-8", _json_lines),
 }

@@ -61,7 +61,8 @@ def _having(words: tuple[str, ...]) -> QuerySet[Content]:
 def _like(word: str) -> Q:
     """For one or two characters: SQLite's LIKE takes capitals and small letters for the same in ASCII only."""
     either = Q()
-    for letters in set(itertools.product(*({letter.lower(), letter.upper()} for letter in word))):
+    ways = ([letter] if letter.isascii() else {letter.lower(), letter.upper()} for letter in word)
+    for letters in itertools.product(*ways):
         either |= Q(text__contains="".join(letters))
     return either
 

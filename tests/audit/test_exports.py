@@ -1,0 +1,171 @@
+"""The log as a file."""
+
+import csv
+import io
+import json
+
+import pytest
+from django.test import AsyncClient
+from django.urls import reverse
+
+from fleet.audit import AuditUnavailable, exports, record
+from fleet.audit.exports import BOM, COLUMNS, Format, safe_cell
+from fleet.audit.listing import Selection, Wanted
+from fleet.audit.models import Record
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+SPEECH = "admin:audit_speechrecord_export"
+
+
+@pytest.fixture
+def export(staff):
+    """`await export("csv", "q=hello")`: the file, as text, and the response."""
+
+    async def fetch(format_, query="", name=SPEECH):
+        client = AsyncClient()
+        await client.aforce_login(staff)
+        response = await client.post(f"{reverse(name)}?{query}", {"format": format_})
+        assert response.status_code == 200
+        content = b"".join([piece async for piece in response.streaming_content])
+        return content.decode(), response
+
+    return fetch
+
+
+def say(text, outcome="succeeded", **more):
+    start = record("speech.start", robot_name="TIAGo 1", text=text, **more)
+    record("speech.end", of=start, outcome=outcome)
+    return start
+
+
+async def test_csv_has_a_row_for_each_request_with_its_outcome(export, operator):
+    await exports.sync_to_async(say)('Hello, "world"\n你好', actor=operator)
+    text, response = await export("csv")
+    assert text.startswith(BOM)
+    [row] = csv.DictReader(io.StringIO(text.removeprefix(BOM), newline=""))
+    assert list(row) == COLUMNS
+    assert (row["subject"], row["person"], row["outcome"]) == (
+        'Hello, "world"\n你好',
+        "Olga Operator",
+        "succeeded",
+    )
+    assert response["Content-Type"].startswith("text/csv")
+    assert "attachment" in response["Content-Disposition"]
+    assert "no-store" in response["Cache-Control"]
+
+
+async def test_json_lines_have_all_columns_and_the_outcome_inside(export, operator):
+    start = await exports.sync_to_async(say)("Hello\nworld", actor=operator, fence=7)
+    text, _response = await export("jsonl")
+    [entry] = [json.loads(line) for line in text.splitlines()]
+    assert (entry["number"], entry["details"]["text"], entry["fence"]) == (start.pk, "Hello\nworld", 7)
+    assert entry["person"] == {"id": str(operator.pk), "name": "Olga Operator"}
+    assert entry["digest"] == start.digest
+    assert (entry["ended"]["outcome"], entry["ended"]["of"]) == ("succeeded", start.pk)
+
+
+async def test_only_what_is_filtered_is_told(export):
+    for outcome in ("succeeded", "failed"):
+        await exports.sync_to_async(say)(f"it {outcome}", outcome)
+    text, _response = await export("jsonl", "outcome=failed&q=it")
+    assert [json.loads(line)["details"]["text"] for line in text.splitlines()] == ["it failed"]
+
+
+async def test_what_is_long_comes_whole_and_in_order(export, monkeypatch):
+    monkeypatch.setattr(exports, "CHUNK", 2)
+    starts = [await exports.sync_to_async(say)(f"text {number}") for number in range(5)]
+    text, _response = await export("jsonl")
+    assert [json.loads(line)["number"] for line in text.splitlines()] == [start.pk for start in starts][::-1]
+
+
+async def test_an_export_is_on_record_with_its_filters_and_its_rows(export, staff):
+    await exports.sync_to_async(say)("secret words")
+    await export("csv", "q=secret+words&outcome=succeeded&since=2026-01-01")
+    begun, ended = [entry async for entry in Record.objects.filter(kind="audit.export").order_by("pk")]
+    assert begun.actor_id == str(staff.pk)
+    assert begun.parameters == {
+        "list": "speech",
+        "format": "csv",
+        "outcome": "succeeded",
+        "since": "2026-01-01",
+    }
+    assert (await exports.sync_to_async(lambda: begun.details)())["words"] == "secret words"
+    assert (ended.of_id, ended.outcome, ended.parameters) == (begun.pk, "done", {"rows": 1})
+
+
+async def test_an_export_that_nobody_reads_to_the_end_is_on_record_as_broken_off(staff, monkeypatch):
+    monkeypatch.setattr(exports, "CHUNK", 2)
+    for number in range(5):
+        await exports.sync_to_async(say)(f"text {number}")
+    selection = Selection(Wanted(), ["speech.start"])
+    response = await exports.sync_to_async(exports.response)(
+        selection, Wanted(), actor=staff, name="speech", format_=Format.CSV
+    )
+    pieces = aiter(response.streaming_content)
+    await anext(pieces)  # its head
+    await anext(pieces)
+    await exports.sync_to_async(response.close)()
+    await exports.sync_to_async(response.close)()
+    ended = await Record.objects.aget(kind="audit.export", of__isnull=False)
+    assert (ended.outcome, ended.parameters) == ("broken_off", {"rows": 2})
+
+
+def test_what_cannot_be_recorded_is_not_told(staff, signed_in, monkeypatch):
+    def fails(*_args, **_named):
+        raise AuditUnavailable("audit_locked", "Not done, because it could not be recorded.")
+
+    monkeypatch.setattr(exports, "record", fails)
+    response = signed_in(staff).post(reverse(SPEECH), {"format": "csv"})
+    assert response.status_code == 503
+
+
+@pytest.mark.parametrize(("method", "status"), [("get", 405), ("head", 405)])
+def test_a_link_alone_exports_nothing(method, status, staff, signed_in):
+    assert getattr(signed_in(staff), method)(reverse(SPEECH)).status_code == status
+
+
+@pytest.mark.parametrize(
+    ("query", "form"), [("", {"format": "xlsx"}), ("", {}), ("since=x", {"format": "csv"})]
+)
+def test_what_is_not_valid_exports_nothing(query, form, staff, signed_in):
+    assert signed_in(staff).post(f"{reverse(SPEECH)}?{query}", form).status_code == 400
+    assert not Record.objects.filter(kind="audit.export").exists()
+
+
+# --- cells ----------------------------------------------------------------------------------------
+
+FORMULAS = [
+    "=1+1",
+    "+1",
+    "-1",
+    "@SUM(A1)",
+    "\t=1",
+    "\r=1",
+    "\n=1",
+    "\uff1d1",
+    "\uff0b1",
+    "\uff0d1",
+    "\uff201",
+]
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_no_cell_begins_as_a_formula(text):
+    assert safe_cell(text) == f"'{text}"
+
+
+@pytest.mark.parametrize("text", ["hello", "1-1", "a=b", "'quoted", "", "مرحبا"])
+def test_other_cells_are_as_they_are(text):
+    assert safe_cell(text) == text
+
+
+@pytest.mark.parametrize("text", ["=cmd|' /C calc'!A0", '","=1+1', "\n=1+1", '";=1+1'])
+async def test_whatever_is_said_no_cell_of_the_file_is_a_formula(text, export):
+    await exports.sync_to_async(say)(text)
+    told, _response = await export("csv")
+    for delimiter in (",", ";", "\t"):
+        rows = list(csv.reader(io.StringIO(told.removeprefix(BOM), newline=""), delimiter=delimiter))
+        if delimiter == ",":
+            assert len(rows) == 2
+            assert not any(cell.startswith(("=", "+", "-", "@", "\t", "\r")) for cell in rows[1])
