@@ -96,7 +96,9 @@ def remove(today: date) -> Iterator[None]:
     """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
     since = today - timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS)
     for chain_id in Chain.objects.values_list("pk", flat=True):
-        while _remove_some(chain_id, since):
+        more = True
+        while more:
+            more = _remove_some(chain_id, since)
             yield
 
 
@@ -104,7 +106,7 @@ def remove(today: date) -> Iterator[None]:
 def _remove_some(chain_id: UUID, since: date) -> bool:
     """Append a checkpoint and remove what is before it, in one transaction: so a chain always begins where one says.
 
-    False: nothing is that old.
+    Whether there may be more of them.
     """
     robot_id = None if chain_id == NO_ROBOT else chain_id
     records = Record.objects.filter(robot_id=robot_id)
@@ -125,4 +127,4 @@ def _remove_some(chain_id: UUID, since: date) -> bool:
     gone = records.filter(seq__lte=through)
     Content.objects.filter(record__in=gone).delete()
     gone._raw_delete(gone.db)
-    return True
+    return len(old) == RECORDS_AT_ONCE

@@ -1,0 +1,187 @@
+"""Nothing is kept longer than the settings say, and the log verifies with what is left."""
+
+import uuid
+from datetime import date, datetime, timedelta, timezone
+from unittest import mock
+
+import pytest
+from django.core.management import call_command
+from django.db import DatabaseError, connection, transaction
+from django.utils import timezone as django_timezone
+
+from fleet.audit import record, retention
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Content, Record
+from fleet.audit.retention import expire, remove
+from fleet.audit.verify import verify_all
+
+pytestmark = pytest.mark.django_db
+
+ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
+TODAY = date(2033, 6, 1)
+
+
+@pytest.fixture
+def ago():
+    """`ago(days)`: what is recorded within was recorded that many days before `TODAY`."""
+
+    def at(days: int):
+        then = datetime(TODAY.year, TODAY.month, TODAY.day, 12, tzinfo=timezone.utc) - timedelta(days=days)
+        return mock.patch.object(django_timezone, "now", return_value=then)
+
+    return at
+
+
+@pytest.fixture(autouse=True)
+def _nothing_but_what_the_test_records(ago, settings):
+    """The shipped profiles were recorded on the day of the test run; that is before all days here."""
+    settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 20 * 365
+
+
+def exhaust(steps):
+    return len(list(steps))
+
+
+@pytest.mark.parametrize(
+    ("kind", "days"), [("speech.start", 90), ("drive.end", 365), ("account.sign_in", 730), ("refusal", 365)]
+)
+def test_contents_go_when_the_days_of_their_class_are_over(kind, days, ago):
+    with ago(days + 1):
+        old = record(kind, robot_id=ROBOT, text="old", private={"figure": 1}, parameters={"stays": True})
+    with ago(days):
+        young = record(kind, robot_id=ROBOT, text="young")
+    exhaust(expire(TODAY))
+    assert Record.objects.get(pk=old.pk).details == {"stays": True}
+    assert Record.objects.get(pk=young.pk).details == {"text": "young"}
+    assert verify_all().findings == []
+
+
+def test_what_expired_is_on_record_by_kind_day_and_number(ago):
+    with ago(100):
+        for text in "one", "two":
+            record("speech.start", text=text)
+    exhaust(expire(TODAY))
+    told = Record.objects.get(kind="audit.expire")
+    assert told.parameters["kinds"]["speech.start"] == {"before": "2033-03-03", "removed": 2}
+
+
+def test_a_second_time_there_is_nothing_to_do(ago):
+    with ago(100):
+        record("speech.start", text="old")
+    exhaust(expire(TODAY))
+    exhaust(expire(TODAY))
+    assert Record.objects.filter(kind="audit.expire").count() == 1
+
+
+def test_what_expired_cannot_be_found_any_more(ago):
+    with ago(100):
+        record("speech.start", text="Geheimnis")
+    exhaust(expire(TODAY))
+    if connection.vendor == "sqlite":
+        with connection.cursor() as cursor:
+            cursor.execute("SELECT rowid FROM audit_content_search WHERE text LIKE '%geheim%'")
+            assert cursor.fetchall() == []
+            cursor.execute("SELECT block FROM audit_content_search_data")
+            assert not [block for (block,) in cursor.fetchall() if b"geh" in bytes(block)]
+    assert not Content.objects.filter(text__icontains="geheim").exists()
+
+
+def test_contents_go_in_small_steps(ago, monkeypatch):
+    monkeypatch.setattr(retention, "CONTENTS_AT_ONCE", 2)
+    with ago(100):
+        for number in range(5):
+            record("speech.start", text=f"Sentence {number}.")
+    assert exhaust(expire(TODAY)) >= len(KINDS) + 3
+    assert not Content.objects.filter(record__kind="speech.start").exists()
+
+
+# --- whole records ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def five_years(settings):
+    settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 1830
+
+
+def test_records_go_up_to_a_checkpoint_of_their_chain(ago, five_years):
+    for days in (1900, 1850, 1831, 1830, 10):
+        with ago(days):
+            record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text=f"{days} days ago")
+    third = Record.objects.get(robot_id=ROBOT, seq=3)
+    with ago(0):
+        exhaust(remove(TODAY))
+    left = list(Record.objects.filter(robot_id=ROBOT).order_by("seq"))
+    assert [(entry.seq, entry.kind) for entry in left] == [
+        (4, "speech.start"),
+        (5, "speech.start"),
+        (6, "audit.checkpoint"),
+    ]
+    assert left[-1].parameters == {"through": 3, "digest": third.digest, "removed": 3}
+    assert not Content.objects.filter(text="1831 days ago").exists()
+    assert verify_all().findings == []
+
+
+def test_many_go_in_several_steps_each_with_its_checkpoint(ago, five_years, monkeypatch):
+    monkeypatch.setattr(retention, "RECORDS_AT_ONCE", 2)
+    with ago(2000):
+        for _ in range(5):
+            record("stop.press", robot_id=ROBOT)
+    with ago(0):
+        exhaust(remove(TODAY))
+        assert verify_all().findings == []
+        record("stop.press", robot_id=ROBOT)
+    assert verify_all().findings == []
+    checkpoints = Record.objects.filter(robot_id=ROBOT, kind="audit.checkpoint").order_by("seq")
+    assert [entry.parameters["through"] for entry in checkpoints] == [2, 4, 5]
+
+
+def test_a_clock_that_stands_wrong_removes_no_end_of_checkpoints(ago, five_years):
+    with ago(1900):
+        record("stop.press", robot_id=ROBOT)
+    with ago(1890):
+        exhaust(remove(TODAY))
+    assert [entry.kind for entry in Record.objects.filter(robot_id=ROBOT)] == ["audit.checkpoint"]
+
+
+def test_an_outcome_outlives_its_request(ago, five_years):
+    with ago(1900):
+        asked = record("motion.start", robot_id=ROBOT)
+    with ago(10):
+        record("motion.end", robot_id=ROBOT, of=asked)
+    with ago(0):
+        exhaust(remove(TODAY))
+    connection.check_constraints()
+    assert Record.objects.get(kind="motion.end").of_id == asked.pk
+
+
+def test_nothing_beyond_the_checkpoint_can_be_removed(ago, five_years):
+    with ago(1900):
+        record("stop.press", robot_id=ROBOT)
+    with ago(10):
+        young = record("stop.press", robot_id=ROBOT)
+    with ago(0):
+        exhaust(remove(TODAY))
+    with pytest.raises(DatabaseError, match="append-only"), transaction.atomic():
+        Record.objects.filter(pk=young.pk)._raw_delete("default")
+
+
+def test_a_checkpoint_of_another_robot_lets_nothing_go():
+    mine = record("stop.press", robot_id=ROBOT)
+    record(
+        "audit.checkpoint", robot_id=uuid.UUID(int=9), parameters={"through": 99, "digest": "", "removed": 0}
+    )
+    record("audit.checkpoint", parameters={"through": 99, "digest": "", "removed": 0})
+    with pytest.raises(DatabaseError, match="append-only"), transaction.atomic():
+        Record.objects.filter(pk=mine.pk)._raw_delete("default")
+
+
+# --- housekeeping -------------------------------------------------------------------------------------
+
+
+def test_housekeeping_does_it(ago):
+    with ago(0):
+        record("speech.start", text="young")
+    old = Content.objects.get(text="young").record
+    with mock.patch.object(django_timezone, "now", return_value=datetime(2033, 12, 24, tzinfo=timezone.utc)):
+        call_command("run_housekeeping", "--once")
+    assert Record.objects.get(pk=old.pk).details == {}
