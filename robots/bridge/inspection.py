@@ -303,6 +303,8 @@ class Inspection:
             self._ready = False
             process.stdin.close()
             await _ended(process)
+            with suppress(OSError):  # at what it read no more
+                await process.stdin.wait_closed()
             self._forget_publishing()
 
     def _forget_publishing(self) -> None:

@@ -36,6 +36,8 @@ PROGRAM = textwrap.dedent("""
                 name = request["ask"].get("name", "")
                 if name == "/die":
                     os._exit(1)
+                if name == "/doze":
+                    time.sleep(600.0)
                 if name == "/babble":
                     print("not JSON", flush=True)
                 if name != "/silent":
@@ -118,6 +120,15 @@ async def test_the_answer_goes_to_who_asked_with_the_askers_number(relay):
         answer = await viewer.answer(7)
         assert (answer.name, answer.seq) == (name, 1007)
         assert len(viewer.answers) == 1
+
+
+async def test_an_answer_to_who_has_gone_is_nobodys(relay):
+    ann, ben = Viewer(), Viewer()
+    relay.ask(ann, question(1))
+    relay.forget(ann)
+    relay.ask(ben, question(2))
+    await ben.answer(2)
+    assert ann.answers == []
 
 
 async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wants(relay):
@@ -241,6 +252,19 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
     assert process.returncode is None  # it said that it stopped
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/deaf"))
     relay.publish_stop("/deaf")
+    assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
+
+
+async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
+    monkeypatch.setattr(inspection, "LARGEST_BACKLOG", 10_000)
+    ann = Viewer()
+    relay.look_at(ann, {"/x": 1.0})
+    await ann.until(lambda: ann.seen)
+    process = relay._process
+    assert process is not None
+    relay.ask(ann, question(1, "/doze"))
+    for _ in range(10):  # more than a pipe holds
+        relay.check(msgspec.structs.replace(ORDER, fields={"data": "x" * 60_000}), lambda *_: None)
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
 
 
