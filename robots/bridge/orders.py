@@ -314,7 +314,7 @@ class Orders:
             refusal = self._why_not_play(order, link, now_s)
             if refusal is None and now_s >= until_s:
                 text = "The robot took too long to tell how it would move: ask again."
-                refusal = Refusal("too_old", text, "robot", {"limit_s": MOTION_PATIENCE_S})
+                refusal = Refusal("robot_silent", text, "robot", {"limit_s": MOTION_PATIENCE_S})
             if refusal is None and (space is None or action != self.choices.topic("motions")):
                 text = f"The robot has no motion “{order.motion}”."
                 refusal = Refusal("unknown_motion", text, "robot", {"motion": order.motion})

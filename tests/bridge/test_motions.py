@@ -224,7 +224,7 @@ def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
         (lambda bench: bench.driving(), "base_moving"),
-        (lambda bench: bench.pass_time(3.1), "too_old"),
+        (lambda bench: bench.pass_time(3.1), "robot_silent"),
     ],
 )
 def test_what_comes_in_between_request_and_points_keeps_it_off_the_record(bench, happens, code):
