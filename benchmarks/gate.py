@@ -187,6 +187,10 @@ class _NoTopics:
 
     def publish_stop(self, topic: str) -> None: ...
 
+    def halt(self) -> None: ...
+
+    def keep_alive(self) -> None: ...
+
 
 class _NoRecords:
     """Everything is on record at once."""

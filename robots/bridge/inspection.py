@@ -10,7 +10,6 @@ import asyncio
 import logging
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -39,6 +38,23 @@ LARGEST_LINE = 4 * 1024 * 1024  # bytes
 LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
 
 
+class TooLate(Exception):
+    """Nobody waits for the answer any more: what was asked for must not be done."""
+
+
+class Question(Struct, frozen=True, tag_field="t", tag="inspect"):
+    """A viewer's question, until its asker is told that there is no answer. Answer: `wire.Inspected`."""
+
+    seq: int
+    ask: wire.Question
+    until_s: float | None = None  # by the monotonic clock, which all processes of a machine share
+
+    def require_time(self) -> None:
+        """Before anything is done. Raises `TooLate`."""
+        if self.until_s is not None and time.monotonic() >= self.until_s:
+            raise TooLate
+
+
 class Check(Struct, frozen=True, tag_field="t", tag="check"):
     """Do the fields of this order fit its definition? Answer: `Done`."""
 
@@ -47,13 +63,17 @@ class Check(Struct, frozen=True, tag_field="t", tag="check"):
 
 
 class Silence(Struct, frozen=True, tag_field="t", tag="silence"):
-    """Publish no more there. Answer: `Done`."""
+    """Publish no more there; None: nothing of what was given until now, also of what waits. Answer: `Done`."""
 
     number: int
-    topic: str
+    topic: str | None = None
 
 
-Request = wire.Inspect | wire.LookAt | Check | wire.Publish | Silence
+class Alive(Struct, frozen=True, tag_field="t", tag="alive"):
+    """The bridge is there: go on with what is published at a rate."""
+
+
+Request = Question | wire.LookAt | Check | wire.Publish | Silence | Alive
 
 
 class Ready(Struct, frozen=True, tag_field="t", tag="ready"):
@@ -71,6 +91,13 @@ Report = Ready | Done | wire.Inspected | wire.Seen
 
 _report = msgspec.json.Decoder(Report)
 
+_SILENT = Refusal("inspector_silent", "The robot's inspector did not answer in time: ask again.", "robot")
+_NOT_KNOWN = Refusal(
+    "inspector_silent",
+    "The robot's inspector did not answer in time: whether it was carried out is not known.",
+    "robot",
+)
+
 
 class Viewer(Protocol):
     """Who looks: a `Link`."""
@@ -86,11 +113,16 @@ class _Waiting:
     """Something that the inspector was asked, and who wants to know."""
 
     def __init__(
-        self, viewer: Viewer | None, answer: Callable[[Any], None], timer: asyncio.TimerHandle
+        self,
+        viewer: Viewer | None,
+        answer: Callable[[Any], None],
+        timer: asyncio.TimerHandle,
+        silence: Refusal,
     ) -> None:
         self.viewer = viewer
         self.answer = answer  # with a `Refusal`, or what the report holds
         self.timer = timer
+        self.silence = silence  # the answer if there is none
 
 
 class Inspection:
@@ -109,12 +141,14 @@ class Inspection:
         self._linger_s = linger_s
         self._looks: dict[Viewer, Mapping[str, float]] = {}
         self._talking: set[str] = set()  # topics that are published on at a rate
+        self._has_published = False  # since the last halt: it may still wait there
         self._waiting: dict[int, _Waiting] = {}
         self._count = 0
-        self._unsent: deque[bytes] = deque(maxlen=MOST_UNSENT)  # until the process is there
+        self._unsent: dict[int, bytes] = {}  # by number, until the process is there
         self._process: asyncio.subprocess.Process | None = None
         self._stdin: asyncio.StreamWriter | None = None
         self._ready = False
+        self._let_go = False  # the process was told to end
         self._running: asyncio.Task[None] | None = None
         self._idle: asyncio.TimerHandle | None = None
         self._closing = asyncio.Event()
@@ -134,8 +168,10 @@ class Inspection:
             text = f"More than {MOST_ASKED} questions at once: wait for the answers."
             answer(Refusal("busy", text, "wire", {"limit": MOST_ASKED}))
             return
-        number = self._expect(viewer, answer)
-        self._send(wire.Inspect(number, inspect.ask))
+        acts = isinstance(inspect.ask, wire.SetParameter | wire.CallService)
+        within_s = self._patience_s
+        number = self._expect(viewer, answer, within_s, _NOT_KNOWN if acts else _SILENT)
+        self._ask(number, Question(number, inspect.ask, time.monotonic() + within_s))
 
     def look_at(self, viewer: Viewer, topics: Mapping[str, float]) -> None:
         """Exactly these topics are looked at through this viewer now, each at so many messages a second."""
@@ -151,14 +187,15 @@ class Inspection:
         self._looks.pop(viewer, None)
         for number in [number for number, waiting in self._waiting.items() if waiting.viewer is viewer]:
             self._waiting.pop(number).timer.cancel()
+            self._unsent.pop(number, None)
         self._look_anew(before)
 
     # --- what is published (`robots.bridge.publishings.Publisher`) --------------------------------------
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
         """Whether the fields fit the definition; `then` is called once, with what does not, and the time."""
-        number = self._expect(None, lambda given: then(given, time.monotonic()))
-        self._send(Check(number, order))
+        number = self._expect(None, lambda given: then(given, time.monotonic()), self._patience_s)
+        self._ask(number, Check(number, order))
 
     def publish(self, order: wire.Publish) -> None:
         """Send it now, or from now on. Without a process nothing is sent, also not later."""
@@ -166,14 +203,31 @@ class Inspection:
             log.warning("the inspector is gone: nothing is published on %s", order.topic)
             asyncio.get_running_loop().call_soon(self._lost)
             return
+        self._has_published = True
         if order.rate_hz:
             self._talking.add(order.topic)
         self._send(order)
 
+    def keep_alive(self) -> None:
+        """What is published at a rate may go on for `LIFE_S` of the inspector's."""
+        if self._talking:
+            self._send(Alive())
+
     def publish_stop(self, topic: str) -> None:
         """Send no more there. A process that does not say so in time is killed."""
-        if topic in self._talking and self._process is not None:
+        if topic in self._talking:
             self._talking.discard(topic)
+            self._silence(topic)
+
+    def halt(self) -> None:
+        """Send nothing of what was given until now, also of what waits. The same for who does not say so in time."""
+        if self._has_published:
+            self._has_published = False
+            self._talking.clear()
+            self._silence(None)
+
+    def _silence(self, topic: str | None) -> None:
+        if self._process is not None:
             number = self._expect(None, self._silent, SILENCE_S)
             self._send(Silence(number, topic))
 
@@ -197,20 +251,29 @@ class Inspection:
             case Ready():
                 self._ready = True
 
+    @property
+    def _patience_s(self) -> float:
+        """How long an answer may take."""
+        return ANSWER_S if self._ready else START_S
+
     def _expect(
-        self, viewer: Viewer | None, answer: Callable[[Any], None], within_s: float | None = None
+        self,
+        viewer: Viewer | None,
+        answer: Callable[[Any], None],
+        within_s: float,
+        silence: Refusal = _SILENT,
     ) -> int:
-        """A number whose answer goes to `answer`: a refusal, if there is none in time."""
+        """A number whose answer goes to `answer`: `silence`, if there is none in time."""
         self._need()
         self._count += 1
-        within_s = within_s or (ANSWER_S if self._ready else START_S)
-        refusal = Refusal(
-            "inspector_silent", "The robot's inspector did not answer in time: ask again.", "robot"
-        )
-        loop = asyncio.get_running_loop()
-        timer = loop.call_later(within_s, partial(self._answer, self._count, refusal))
-        self._waiting[self._count] = _Waiting(viewer, answer, timer)
+        timer = asyncio.get_running_loop().call_later(within_s, partial(self._give_up, self._count))
+        self._waiting[self._count] = _Waiting(viewer, answer, timer, silence)
         return self._count
+
+    def _give_up(self, number: int) -> None:
+        """Nothing was answered in time. What was not sent never is: of that it is known."""
+        unsent = self._unsent.pop(number, None)
+        self._answer(number, self._waiting[number].silence if unsent is None else _SILENT)
 
     def _answer(self, number: int, given: Any) -> None:
         waiting = self._waiting.pop(number, None)
@@ -233,28 +296,34 @@ class Inspection:
         wanted = self._wanted()
         if wanted != before:
             self._need()
-            if self._stdin is not None:  # else it is told when it starts
-                self._send(wire.LookAt(wanted))
+            self._send(wire.LookAt(wanted))  # one that is not there yet is told when it starts
+
+    def _ask(self, number: int, request: Question | Check) -> None:
+        """Send it now, or once there is a process."""
+        if self._stdin is not None:
+            self._send(request)
+        elif len(self._unsent) < MOST_UNSENT:
+            self._unsent[number] = wire.encode(request)
 
     def _send(self, request: Request) -> None:
-        line = wire.encode(request) + b"\n"
+        """To the process that is there now; what concerns publishing is for no other."""
         if self._stdin is None:
-            self._unsent.append(line)
-        elif self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
+            return
+        if self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
             self._kill("it does not read")
         else:
-            self._stdin.write(line)
+            self._stdin.write(wire.encode(request) + b"\n")
 
     def _need(self) -> None:
         """Have a process, for another while."""
         loop = asyncio.get_running_loop()
         if self._idle is not None:
             self._idle.cancel()
-        self._idle = loop.call_later(self._linger_s, self._let_go)
+        self._idle = loop.call_later(self._linger_s, self._end_if_idle)
         if self._running is None and not self._closing.is_set():
             self._running = loop.create_task(self._run())
 
-    def _let_go(self) -> None:
+    def _end_if_idle(self) -> None:
         self._idle = None
         if not self._needed():
             self._end()
@@ -277,7 +346,7 @@ class Inspection:
                     log.exception("the inspector broke")
                 lived_s = time.monotonic() - began_s
                 pause_s = RESTART_S[0] if lived_s > longest_s else min(2 * pause_s, longest_s)
-                if self._needed():
+                if self._needed() and not self._let_go:
                     with suppress(asyncio.TimeoutError):
                         await asyncio.wait_for(self._closing.wait(), pause_s)
         finally:
@@ -290,17 +359,18 @@ class Inspection:
             *self._command, stdin=pipe, stdout=pipe, limit=LARGEST_LINE
         )
         assert process.stdin is not None and process.stdout is not None  # noqa: S101  (they are pipes)
-        self._process, self._stdin = process, process.stdin
+        self._process, self._stdin, self._let_go = process, process.stdin, False
         try:
             self._stdin.write(msgspec.json.encode(self._config) + b"\n")
             self._send(wire.LookAt(self._wanted()))
-            while self._unsent:
-                self._stdin.write(self._unsent.popleft())
+            for unsent in self._unsent.values():
+                self._stdin.write(unsent + b"\n")
+            self._unsent.clear()
             while line := await process.stdout.readline():
                 self._hear(line)
         finally:
             self._process = self._stdin = None
-            self._ready = False
+            self._ready = self._has_published = False
             process.stdin.close()
             await _ended(process)
             with suppress(OSError):  # at what it read no more
@@ -314,8 +384,9 @@ class Inspection:
             self._lost()
 
     def _end(self) -> None:
-        """Close its stdin, at which it ends; insist after a while."""
+        """Close its stdin, at which it ends; insist after a while. Who asks meanwhile asks the next one."""
         process = self._process
+        self._let_go, self._ready = True, False
         if self._stdin is not None:
             self._stdin.close()
             self._stdin = None

@@ -28,16 +28,18 @@ _OVERRIDING = {
     "the lab's own joystick wins over the console, and must": "joy joystick joypad gamepad teleop tab",
     "locks and emergency stops are the robot's own": "lock locks locked pause brake stop estop emergency "
     "closing_loop safety deadman",
+    "what the console calls its own is its own": "fleet_bridge fleet_inspector",
 }
 _CHAIN = {
     _VELOCITY: "vel velocity velocities cmdvel twist speed",
+    "what turns wheels and motors goes past the gate": "cmd wheel motor servo",
     "goals and cancels of actions go through the console's own orders": "goal cancel",
     "the gate sees by scans and ranges": "scan scans laser lidar hokuyo sick sonar range ultrasound bumper cliff",
     "the gate sees by depth pictures and clouds": "depth points cloud disparity xtion realsense",
     "the gate reckons with odometry": "odom odometry",
     "the gate reckons with where the joints are": "joint",
     "frames and clocks tie together what the gate sees": "tf clock time robot_description",
-    "the robot's power is its own": "power battery batteries charging charge docked",
+    "the robot's power is its own": "power battery batteries charging charge docked shutdown reboot",
 }
 
 _POINTS = {"what a motion sweeps is judged by its points": "play_motion"}

@@ -15,6 +15,8 @@ from robots.bridge.fields import FLOATS, INTEGERS, NOW, STAMPS
 from robots.wire import Field
 
 HEADER = "std_msgs/Header"
+MOST_STEPS = 200_000  # through one message: some tenths of a second
+LARGEST_WRITTEN = 4 * 1024 * 1024  # bytes
 _LENGTH = struct.Struct("<I")
 _CODES = {
     "bool": "?",
@@ -39,6 +41,10 @@ class Broken(ValueError):
     """The bytes are not a message of this definition."""
 
 
+class TooLarge(ValueError):
+    """A message that would take too long to be read, or too much room when it is written."""
+
+
 class Limits(NamedTuple):
     """How much is read: of arrays longer than `whole` the `first` elements, of texts so many characters."""
 
@@ -55,9 +61,13 @@ class Reading:
         self.at = 0
         self.limits = limits
         self.shortened: list[str] = []
+        self._steps_left = MOST_STEPS
 
     def step(self, size: int) -> int:
         """Go `size` bytes on; returns where they begin."""
+        self._steps_left -= 1
+        if self._steps_left < 0:
+            raise TooLarge("The message has too many parts to be shown.")
         begin = self.at
         self.at += size
         if self.at > len(self.data):
@@ -157,8 +167,8 @@ class _Array:
         length = reading.length() if self._length < 0 else self._length
         self._check_room(reading, length)
         shown = length
-        if length > reading.limits.whole:
-            shown = reading.limits.first
+        if length > (reading.limits.whole if self._element.size != 0 else 1):
+            shown = reading.limits.first if self._element.size != 0 else 1
             reading.shortened.append(f"{path} ({length})")
         values = [self._element.read(reading, f"{path}[{number}]") for number in range(shown)]
         self._skip(reading, length - shown)
@@ -173,8 +183,12 @@ class _Array:
         values = [None] * max(self._length, 0) if value is None else value
         if self._length < 0:
             out += _LENGTH.pack(len(values))
+        if self._element.size == 0:
+            return
         for element in values:
             self._element.write(element, out, now)
+            if len(out) > LARGEST_WRITTEN:
+                raise TooLarge(f"The message would have more than {LARGEST_WRITTEN} bytes.")
 
     def _skip(self, reading: Reading, count: int) -> None:
         if self._element.size is not None:
@@ -196,6 +210,7 @@ class _Message:
         self.size = None if None in sizes else sum(size or 0 for size in sizes)
 
     def read(self, reading: Reading, path: str) -> dict[str, Any]:
+        reading.step(0)  # a message of no fields counts, too
         before = f"{path}." if path else ""
         return {name: kind.read(reading, before + name) for name, kind in self._fields}
 
@@ -232,7 +247,7 @@ class Layout:
         self._message = _Message(definition, header=False)
 
     def read(self, data: bytes, limits: Limits) -> tuple[dict[str, Any], list[str]]:
-        """The fields, and which arrays were shortened, as ``ranges (666)``. Raises `Broken`."""
+        """The fields, and which arrays were shortened, as ``ranges (666)``. Raises `Broken` or `TooLarge`."""
         reading = Reading(data, limits)
         fields = self._message.read(reading, "")
         if reading.at != len(data):
@@ -240,7 +255,10 @@ class Layout:
         return fields, reading.shortened
 
     def write(self, values: dict[str, Any], now: Time) -> bytes:
-        """The bytes of what `fields.fitted` returned: what is left out is zero or empty, a header's stamp now."""
+        """The bytes of what `fields.fitted` returned: what is left out is zero or empty, a header's stamp now.
+
+        Raises `TooLarge`.
+        """
         out = bytearray()
         self._message.write(values, out, now)
         return bytes(out)

@@ -32,6 +32,12 @@ class Publisher(Protocol):
     def publish_stop(self, topic: str) -> None:
         """Send no more there."""
 
+    def halt(self) -> None:
+        """Send nothing of what was given until now: neither at a rate nor what still waits for its listeners."""
+
+    def keep_alive(self) -> None:
+        """What is sent at a rate may go on: to be said all the time, for it pauses where nobody says so."""
+
 
 @dataclass
 class _Publishing:
@@ -75,6 +81,8 @@ class Publishings:
                 self._publisher.publish(publishing.order)
                 if publishing.order.rate_hz:
                     self._running[publishing.order.topic] = publishing
+        if self._running:
+            self._publisher.keep_alive()
 
     def stop(self, topic: str, now_s: float) -> Refusal | None:
         """Its holder ends what is published there."""
@@ -84,7 +92,8 @@ class Publishings:
         return None
 
     def halt(self, why: str, now_s: float) -> None:
-        """All of it ends, also what waits for its record."""
+        """All of it ends, also what waits for its record, or for its listeners."""
+        self._publisher.halt()
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.answer(HALTED)

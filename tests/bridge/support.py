@@ -232,6 +232,8 @@ class MemoryPublisher:
         self.fault: Refusal | None = None
         self.published: list[wire.Publish] = []
         self.stopped: list[str] = []
+        self.halts = 0
+        self.kept_alive = 0
         self.waiting: list[Callable[[], None]] | None = None  # a list: answers wait there
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
@@ -245,6 +247,12 @@ class MemoryPublisher:
 
     def publish_stop(self, topic: str) -> None:
         self.stopped.append(topic)
+
+    def halt(self) -> None:
+        self.halts += 1
+
+    def keep_alive(self) -> None:
+        self.kept_alive += 1
 
 
 class Bench:

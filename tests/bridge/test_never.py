@@ -19,12 +19,14 @@ OVERRIDING = words("""
     /arm_controller/state /gripper/commands /arm/trajectory /mux/select /camera/reconfigure_server
     /camera/parameter_updates /lab/joy /joysticks /the_joypads /gamepads /teleoperation /tab_7 /base/lock /doorlocks
     /unlocked /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
+    /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers
 """)
 CHAIN = words("""
-    /wheel_vel /wheelvelocity /velocities /cmdvel /twisted /top_speed /planner/goal /planner/cancel_all /frontScan
+    /nav_vel /basevelocity /velocities /cmdvel /twisted /top_speed /planner/goal /planner/cancel_all /frontScan
     /allscans /laser_front /lidars /hokuyo /sick /sonars /ranges /ultrasound /bumpers /cliff_left /depthmap /points
     /cloud /disparity /xtion2 /realsense /odom_combined /visualodometry /joint_angles /tf2 /clock /sim_time
     /robot_description /power_state /battery1 /batteries /charging /charges /docked
+    /arm/cmd /leftwheel/amount /enable_motors /servos/1 /shutdown /reboots
 """)
 SENT = words("""
     geometry_msgs/Twist geometry_msgs/TwistWithCovarianceStamped geometry_msgs/AccelStamped geometry_msgs/Wrench

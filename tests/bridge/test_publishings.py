@@ -267,7 +267,7 @@ def test_a_field_that_is_no_velocity_of_a_base_is_named(fields, path):
 def test_a_stamped_twist_is_read_below_its_header():
     fields = {"header": {"seq": 1}, "twist": {"linear": {"x": 0.2}, "angular": {"z": -1}}}
     assert velocity_from(fields, "geometry_msgs/TwistStamped") == Velocity(0.2, 0.0, -1.0)
-    assert velocity_from({"linear.x": 0.2}, "geometry_msgs/TwistStamped").figures == {"path": "linear.x"}
+    assert velocity_from({"linear.x": 0.2}, "geometry_msgs/TwistStamped").figures == {"path": "linear"}
 
 
 @pytest.mark.parametrize("steering", ["turn", "car"])
@@ -296,3 +296,16 @@ def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench
     refusal = bench.order(twist(bench, 0.3, "/key_vel"))
     assert refusal.code == "around_the_gate"
     assert refusal.figures["topic"] == "/phone_vel"
+
+
+@pytest.mark.parametrize(
+    ("fields", "path"),
+    [
+        ({"linear.x": 0.1, "linear": {"x": 0.2}}, "linear.x"),
+        ({"twist.linear.x": 0.1, "header.bogus": 1}, "header.bogus"),
+        ({"twist.linear.z": 0.1}, "twist.linear.z"),
+    ],
+)
+def test_what_is_given_twice_or_unknown_or_out_of_the_plane_is_no_velocity(fields, path):
+    type_name = "geometry_msgs/Twist" if "linear" in fields else "geometry_msgs/TwistStamped"
+    assert velocity_from(fields, type_name).figures == {"path": path}

@@ -21,6 +21,7 @@ from tests.ros.support import until
 TTS, PLAY = "pal_interaction_msgs/TtsAction", "play_motion_msgs/PlayMotionAction"
 ALLOWED = (
     Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive"),
+    Allowed("choose", "/my_vel", "geometry_msgs/Twist", "drive"),  # the robot has no such input itself
     Allowed("choose", "/second_tts", TTS, "speech"),
     Allowed("choose", "/second_play", PLAY, "motions"),
 )
@@ -110,6 +111,19 @@ def test_velocities_go_to_the_chosen_input_and_back(ros, talk):
         drives(hand, usual)
         assert stood(other)
         hand.let_go()
+
+
+def test_a_chosen_topic_that_vanishes_is_told_and_on_record_also_while_somebody_looks_at_it(ros, talk):
+    hand, records = talk
+    with ros.listen("/my_vel", Twist):
+        choose(hand, "drive", "/my_vel")
+        hand.send(wire.LookAt({"/my_vel": 5.0}))
+        hand.until(lambda report: isinstance(report, wire.Seen) and report.topic == "/my_vel", "/my_vel seen")
+    ended = hand.state_until(lambda state: "drive" in state.choice_ended, "its end").choice_ended["drive"]
+    assert (ended.topic, ended.to) == ("/my_vel", "/key_vel")
+    hand.state_until(lambda state: state.chosen == {} and state.phase == "online", "the default again")
+    until(lambda: any("topic.choose gone" in record for record in records()), "a record of it")
+    hand.send(wire.LookAt({}))
 
 
 def test_what_the_robot_does_not_have_is_refused(hand):

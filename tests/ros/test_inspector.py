@@ -7,7 +7,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import genpy.dynamic
@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.bridge.inspection import COMMAND, Check, Done, Ready, Silence
+from robots.bridge.inspection import COMMAND, Alive, Check, Done, Question, Ready, Silence
 from robots.bridge.inspection import Report as InspectorReport
 from robots.bridge.ros.inspector import graph
 from robots.bridge.ros.inspector.__main__ import MOST_QUESTIONS, Inspector
@@ -65,9 +65,9 @@ _shown = msgspec.json.Decoder(wire.Shown)
 
 
 class InspectorProcess:
-    """One inspector, spoken to as its bridge does."""
+    """One inspector, spoken to as its bridge does, who lives unless `silent`."""
 
-    def __init__(self, config: Any, master: Master) -> None:
+    def __init__(self, config: Any, master: Master, silent: bool = False) -> None:
         self.process = subprocess.Popen(
             COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
@@ -77,11 +77,15 @@ class InspectorProcess:
         self._write(msgspec.json.encode(config))
         threading.Thread(target=self._read, daemon=True).start()
         assert isinstance(self._said.get(timeout=PATIENCE_S), Ready)
+        self._writing = threading.Lock()
+        self._ended = threading.Event()
+        if not silent:
+            threading.Thread(target=self._live, daemon=True).start()
 
-    def ask(self, question: Any) -> Any:
-        """Its answer."""
+    def ask(self, question: Any, until_s: float | None = None) -> Any:
+        """Its answer. `until_s`: when its asker is told that there is none."""
         self._number += 1
-        self.send(wire.Inspect(self._number, question))
+        self.send(Question(self._number, question, until_s))
         return _answer.decode(
             self._reply(lambda r: isinstance(r, wire.Inspected) and r.seq == self._number).answer
         )
@@ -111,11 +115,20 @@ class InspectorProcess:
         raise AssertionError(f"no such message of {topic}; the last was {last}")
 
     def send(self, request: Any) -> None:
-        self._write(wire.encode(request))
+        with self._writing:
+            self._write(wire.encode(request))
+
+    def _live(self) -> None:
+        """Signs of life."""
+        while not self._ended.wait(0.1):
+            with suppress(ValueError, OSError):  # it ends, or did
+                self.send(Alive())
 
     def stop(self) -> int:
         assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.close()
+        self._ended.set()
+        with self._writing:
+            self.process.stdin.close()
         try:
             return self.process.wait(PATIENCE_S)
         finally:

@@ -15,6 +15,7 @@ from typing import Any
 import rospy
 
 from robots.bridge.gate.echo import Echo
+from robots.bridge.ros.publishing import heard_by
 
 
 class Echoes:
@@ -29,7 +30,7 @@ class Echoes:
 
     def wrote(self, publisher: rospy.Publisher, now_s: float) -> None:
         """A message has just been published."""
-        connections = list(publisher.impl.connections)
+        connections = heard_by(publisher)
         of_robot = [connection for connection in connections if _peer(connection) == self._address]
         self._echoes = {
             connection: self._echoes.get(connection) or Echo() for connection in of_robot or connections

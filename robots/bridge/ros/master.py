@@ -10,6 +10,13 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 TIMEOUT_S = 1.0
+BRIDGE = "/fleet_bridge"  # the same from every console: the second one is refused
+INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
+
+
+def is_own(node: str) -> bool:
+    """Whether a node is a console's bridge or inspector: they are no part of the robot, and no listeners."""
+    return node.startswith((BRIDGE, INSPECTOR))
 
 
 class MasterError(Exception):
@@ -105,7 +112,7 @@ class DeathWatch:
 def node_alive(uri: str) -> bool:
     """Whether a node answers at this XML-RPC address."""
     try:
-        Master(uri, "/fleet_bridge").alive()
+        Master(uri, BRIDGE).alive()
     except MasterError:
         return False
     return True

@@ -12,10 +12,8 @@ import asyncio
 import logging
 import os
 import socket
-import struct
 import threading
 import time
-import warnings
 from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import suppress
@@ -41,10 +39,10 @@ from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands
-from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.ros.master import BRIDGE, DeathWatch, Master, MasterError, SystemState, is_own, node_alive
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
-from robots.bridge.ros.publishing import publish
+from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.types import message_class
 from robots.bridge.speech import Utterance
@@ -52,15 +50,13 @@ from robots.wire import MotionOffer
 
 log = logging.getLogger(__name__)
 
-NODE = "/fleet_bridge"  # the same from every console: the second one is refused
 RETRY_S = 0.5
 SURVEY_S = 2.0
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
-SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
-SEND_PATIENCE = struct.pack("@ll", 0, 20_000)  # 20 ms, as a timeval: by then a buffer is not full by chance
+SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
 
 
 class Namesake(Exception):
@@ -76,7 +72,7 @@ class RosBase:
 
     def __init__(self, config: BridgeConfig) -> None:
         self._config = config
-        self._master = Master(config.master_uri, NODE)
+        self._master = Master(config.master_uri, BRIDGE)
         self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # the default, and one chosen instead
         self._echoes: Echoes | None = None
@@ -195,8 +191,8 @@ class RosBase:
 
     @property
     def listeners(self) -> int:
-        """How many nodes listen to the drive topic."""
-        return self._drive.get_num_connections() if self._drive is not None else 0
+        """How many nodes of the robot listen to the drive topic."""
+        return len(heard_by(self._drive)) if self._drive is not None else 0
 
     def look(self, wanted: bool) -> None:
         """Whether anybody drives: what is costly to the robot is asked of it only then."""
@@ -257,7 +253,7 @@ class RosBase:
         self._require_name()
         self._master.alive()
         own_uri = rospy.get_node_uri()
-        other_uri = self._master.node_uri(NODE)
+        other_uri = self._master.node_uri(BRIDGE)
         if other_uri and other_uri != own_uri and node_alive(other_uri):
             host = urlsplit(other_uri).hostname
             raise Namesake(f"Another console's bridge on {host} drives this robot; stop that one first.")
@@ -290,7 +286,7 @@ class RosBase:
     def _begin(self) -> None:
         topics = self._config.topics
         rospy.init_node(
-            NODE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
+            BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )
         self._subscribe(topics.odometry, self._on_odometry)
         for scan in topics.scans:
@@ -324,16 +320,7 @@ class RosBase:
             self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", SyntaxWarning
-            )  # rospy takes no queue for an oversight; see _AtOnce
-            return rospy.Publisher(
-                name,
-                TwistStamped if self._stamped else Twist,
-                subscriber_listener=_AtOnce(),
-                queue_size=None,
-            )
+        return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
 
     def _attend(self, use: str, topics: frozenset[str]) -> None:
         """On the thread for it."""
@@ -353,7 +340,7 @@ class RosBase:
     def _await_listener(self, publisher: rospy.Publisher) -> None:
         """A moment, so that a robot whose velocities go elsewhere now does not seem to be away."""
         deadline_s = time.monotonic() + LISTENER_PATIENCE_S
-        while not publisher.get_num_connections() and time.monotonic() < deadline_s:
+        while not heard_by(publisher) and time.monotonic() < deadline_s:
             self._ending.wait(FLUSH_S / 10)
 
     def _register_again(self, own_uri: str) -> None:
@@ -377,7 +364,7 @@ class RosBase:
     def _survey(self, system: SystemState) -> RosStatus:
         topics = self._config.topics
         drive = Topic(self._drive_topic, topics.drive.type)
-        foreign = sorted(set(system.publishers.get(drive.name, [])) - {NODE})
+        foreign = sorted(set(system.publishers.get(drive.name, [])) - {BRIDGE})
         wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = [_wrong_type(topic, system.types) for topic in wanted]
@@ -491,21 +478,6 @@ class RosBase:
             self._loop.call_soon_threadsafe(call)
 
 
-class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
-    """A twist goes out at once, without a queue and its thread; whoever does not read is cut off, not waited for.
-
-    rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
-    listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the
-    connection, which the listener's own side makes anew when it wakes.
-    """
-
-    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        for connection in topic_publish.__self__.connections:
-            connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, SEND_PATIENCE)
-
-
 def _twist(velocity: Velocity) -> Twist:
     twist = Twist()
     twist.linear.x, twist.linear.y, twist.angular.z = velocity
@@ -523,7 +495,7 @@ def _listened(system: SystemState) -> dict[str, str]:
     return {
         topic: system.types[topic]
         for topic, nodes in system.subscribers.items()
-        if topic in system.types and not all(node.startswith(NODE) for node in nodes)
+        if topic in system.types and not all(map(is_own, nodes))
     }
 
 

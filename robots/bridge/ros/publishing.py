@@ -4,15 +4,51 @@ from __future__ import annotations
 
 from robots.bridge.ros import path  # noqa: F401 isort: skip
 
+import socket
+import struct
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import rospy
 from rospy.core import is_shutdown_requested
 
+from robots.bridge.ros.master import is_own
+
 PATIENCE_S = 1.0  # a message waits so long for somebody who listens: connections take some milliseconds
+SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
+
+
+def heard_by(publisher: rospy.Publisher) -> list[Any]:
+    """rospy's connections to who listens. The console's inspector does not count: it shows, and obeys nothing."""
+    return [connection for connection in publisher.impl.connections if not is_own(connection.endpoint_id)]
+
+
+def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy.Publisher:
+    """What is published goes out in the calling thread: nothing waits in a queue of rospy's."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)  # rospy takes no queue for an oversight
+        return rospy.Publisher(topic, kind, subscriber_listener=_AtOnce(patience_s), queue_size=None)
+
+
+class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
+    """A message goes out at once, without a queue and its thread; whoever does not read is cut off, not waited for.
+
+    rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
+    listener whose buffers are full has been silent for seconds: after `patience_s` the write gives up and rospy closes
+    the connection, which the listener's own side makes anew when it wakes.
+    """
+
+    def __init__(self, patience_s: float) -> None:
+        self._patience = struct.pack("@ll", *divmod(round(patience_s * 1e6), 1_000_000))  # a timeval
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        for connection in topic_publish.__self__.connections:
+            connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, self._patience)
 
 
 def publish(publisher: rospy.Publisher, message: Any) -> None:
@@ -35,7 +71,7 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
     def send(self, message: Any) -> None:
         """To who listens now, else to who begins to within `PATIENCE_S`."""
         with self._lock:
-            heard = self.publisher.get_num_connections() > 0
+            heard = bool(heard_by(self.publisher))
             self._waiting = None if heard else (message, time.monotonic() + PATIENCE_S)
         if heard:
             publish(self.publisher, message)

@@ -25,13 +25,24 @@ import msgspec
 from robots import wire
 from robots.bridge.config import BridgeConfig
 from robots.bridge.fields import BadField, fitted
-from robots.bridge.inspection import Check, Done, Ready, Report, Request, Silence
+from robots.bridge.inspection import (
+    Alive,
+    Check,
+    Done,
+    Question,
+    Ready,
+    Report,
+    Request,
+    Silence,
+    TooLate,
+)
 from robots.bridge.never import admissible
-from robots.bridge.packing import Broken
+from robots.bridge.packing import Broken, TooLarge
 from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
-from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.inspector.publishing import Leave
+from robots.bridge.ros.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.tcpros import Header, connect_to_publisher, read_header
 from robots.ending import leave_within
 
@@ -43,6 +54,7 @@ log = logging.getLogger("robots.bridge.ros.inspector")
 NICE = 5  # commands to the robot go first
 MOST_QUESTIONS = 16  # at once
 END_S = 1.5  # from the end of stdin
+LARGEST_ANSWER = 1024 * 1024  # bytes; a line of the bridge's may have more
 
 _request = msgspec.json.Decoder(Request)
 
@@ -53,27 +65,33 @@ class Inspector:
     def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
         self._config = config
         self._allowed = admissible(config.allowed, config.topics)
-        self._master = Master(config.master_uri, graph.OWN)
+        self._master = Master(config.master_uri, INSPECTOR)
         self._definitions = Definitions(Path(config.state_dir) / "definitions")
         self._say = say
         self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._node: Node | None = None
+        self._leave = Leave()  # to publish, until the next halt
         self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
 
     def hear(self, line: bytes) -> None:
-        """One request. Never waits, so that the end of stdin is always heard."""
+        """One request. Never waits for long, so that a halt and the end of stdin are always heard."""
+        self._leave.heard()
         match _request.decode(line):
-            case wire.Inspect(seq=number, ask=ask):
-                self._aside(partial(self._answer, number, ask))
+            case Question() as question:
+                self._aside(partial(self._answer, question))
             case Check(number=number, order=order):
                 self._aside(partial(self._check, number, order))
             case wire.LookAt(topics=topics):
                 self._work.put(partial(self._look_at, topics))
             case wire.Publish() as order:
-                self._work.put(partial(self._publish, order))
-            case Silence(number=number, topic=topic):
+                self._work.put(partial(self._publish, order, self._leave))
+            case Silence(number=number, topic=None):
+                self._halt(number)
+            case Silence(number=number, topic=str(topic)):
                 self._work.put(partial(self._silence, number, topic))
+            case Alive():
+                pass  # that it came says it all
 
     def run(self) -> None:
         """Do what concerns the rospy node, one after the other."""
@@ -108,12 +126,18 @@ class Inspector:
                 self._seen(topic, wire.encode(shown))
             raise
 
-    def _publish(self, order: wire.Publish) -> None:
+    def _publish(self, order: wire.Publish, leave: Leave) -> None:
         definition = self._checked.get((order.topic, order.type)) or self._definition(order.type, order.topic)
         values = fitted(definition.fields, order.fields)
         self._made_node().publishings.publish(
-            order.topic, definition, lambda: definition.layout.write(values, _now()), order.rate_hz
+            order.topic, definition, lambda: definition.layout.write(values, _now()), leave, order.rate_hz
         )
+
+    def _halt(self, number: int) -> None:
+        """What was to be published until now is not sent any more, wherever it waits."""
+        ended, self._leave = self._leave, Leave()
+        ended.end()
+        self._report(Done(number))
 
     def _silence(self, number: int, topic: str) -> None:
         if self._node is not None:
@@ -144,16 +168,20 @@ class Inspector:
         else:
             log.warning("more than %s questions at once: one is not answered", MOST_QUESTIONS)
 
-    def _answer(self, number: int, ask: wire.Question) -> None:
-        answer: wire.Answer
+    def _answer(self, question: Question) -> None:
+        ask = question.ask
         try:
-            answer = self._answered(ask)
+            answer = wire.encode(self._answered(question))
+            if len(answer) > LARGEST_ANSWER:
+                text = f"The answer has {len(answer)} bytes: too many to be shown."
+                raise Declined("too_large", text, bytes=len(answer), limit_bytes=LARGEST_ANSWER)
         except Exception as error:  # noqa: BLE001  (a question's end: every one gets its answer)
-            answer = wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq)
-        self._report(wire.Inspected(number, msgspec.Raw(wire.encode(answer))))
+            answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
+        self._report(wire.Inspected(question.seq, msgspec.Raw(answer)))
 
-    def _answered(self, ask: wire.Question) -> wire.Answer:
-        match ask:
+    def _answered(self, question: Question) -> wire.Answer:
+        question.require_time()
+        match question.ask:
             case wire.ListTopics(seq=seq):
                 return graph.graph(self._master, seq)
             case wire.Describe(type=type_name, topic=topic, seq=seq):
@@ -166,11 +194,12 @@ class Inspector:
                 return graph.parameter(self._master, name, seq)
             case wire.SetParameter(name=name, value=value, seq=seq):
                 self._require("set", name)
+                question.require_time()
                 return graph.set_parameter(self._master, name, value, seq)
             case wire.CallService(service=name, fields=fields, seq=seq):
                 service = services.find(self._master, name)
                 self._require("call", name, service.type)
-                called, shortened = services.call(service, fields)
+                called, shortened = services.call(service, fields, question.require_time)
                 return wire.Called(name, called, seq, shortened)
 
     def _require(self, what: str, name: str, type_name: str = "") -> None:
@@ -191,10 +220,10 @@ class Inspector:
     def _told(self, topic: str) -> Header:
         """What the first publisher that can be reached says of itself; nothing if there is none."""
         for node in self._master.system_state().publishers.get(topic, []):
-            uri = None if node.startswith(graph.OWN) else self._master.node_uri(node)
+            uri = None if node.startswith(INSPECTOR) else self._master.node_uri(node)
             try:
                 if uri:
-                    with connect_to_publisher(topic, uri, graph.OWN) as connection:
+                    with connect_to_publisher(topic, uri, INSPECTOR) as connection:
                         return read_header(connection)
             except (OSError, MasterError, ValueError) as error:
                 log.info("%s says nothing of %s: %s", node, topic, error)
@@ -204,7 +233,7 @@ class Inspector:
         try:
             self._require("publish", order.topic, order.type)
             definition = self._definition(order.type, order.topic)
-            fitted(definition.fields, order.fields)
+            definition.layout.write(fitted(definition.fields, order.fields), _now())
             self._checked[order.topic, order.type] = definition
             refusal = None
         except Exception as error:  # noqa: BLE001  (as above)
@@ -217,6 +246,10 @@ def _refusal(error: Exception) -> wire.Refusal:
     match error:
         case BadField() | Declined():
             return error.refusal
+        case TooLate():
+            return wire.Refusal("too_old", "Nobody waits for the answer any more: nothing was done.", "robot")
+        case TooLarge():
+            return wire.Refusal("too_large", str(error), "robot")
         case MasterError() | OSError():
             return wire.Refusal("robot_offline", str(error), "robot")
         case Broken():

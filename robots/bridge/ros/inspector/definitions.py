@@ -29,8 +29,10 @@ from robots.wire import Field
 EMBEDDED = re.compile(r"^={80}\nMSG: (\S+)\n", re.MULTILINE)  # before each type that a text embeds
 LARGEST_TEXT = 256 * 1024  # characters of a definition
 MOST_FIELDS = 3000  # of a definition, nested ones counted wherever they stand
+MOST_WORDS = 512 * 1024  # characters of their names, types and constants, counted likewise
 DEEPEST = 20
-LONGEST_ARRAY = 100_000  # elements, of those that a definition fixes
+LONGEST_ARRAY = 100_000  # elements, of those that a definition fixes: of an array and those around it
+LONGEST_WORDS = 300  # of a publisher's, within a sentence of ours
 MOST_KEPT = 1000  # definitions on disk
 
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*")
@@ -70,26 +72,38 @@ def parsed(type_name: str, text: str, known: bool = False) -> Definition:
 
 
 class _Tree:
-    """A definition's fields, counted, so that a few lines cannot mean millions of them."""
+    """A definition's fields, counted, so that a few lines cannot mean millions of them, nor of bytes or elements."""
 
     def __init__(self, context: genmsg.MsgContext) -> None:
         self._context = context
-        self._left = MOST_FIELDS
+        self._fields_left = MOST_FIELDS
+        self._words_left = MOST_WORDS
 
-    def fields(self, spec: genmsg.MsgSpec, deeper: int) -> Iterator[Field]:
+    def fields(self, spec: genmsg.MsgSpec, deeper: int, within: int = 1) -> Iterator[Field]:
+        """`within`: how many elements the fixed arrays mean that this message stands in."""
+        self._count_words(*(f"{constant.name}={constant.val}" for constant in spec.constants))
         for type_name, name in zip(spec.types, spec.names, strict=True):
-            self._left -= 1
-            if not deeper or self._left < 0:
+            self._fields_left -= 1
+            if not deeper or self._fields_left < 0:
                 raise ValueError("it nests too deeply, or has too many fields")
             bare, is_array, length = parse_type(type_name)
             bare = HEADER if bare == "Header" else bare
-            nested = (
-                [] if is_builtin(bare) else list(self.fields(self._context.get_registered(bare), deeper - 1))
-            )
+            elements = within * (length or 1)
+            if elements > LONGEST_ARRAY:
+                raise ValueError(f"{name} has {elements} elements in all")
+            nested = [] if is_builtin(bare) else list(self._nested(bare, deeper - 1, elements))
             array = None if not is_array else -1 if length is None else length
-            if array is not None and array > LONGEST_ARRAY:
-                raise ValueError(f"{name} has {array} elements")
-            yield Field(name, bare, array, _constants(spec, bare), nested)
+            constants = _constants(spec, bare)
+            self._count_words(name, bare, *(f"{constant}={value}" for constant, value in constants.items()))
+            yield Field(name, bare, array, constants, nested)
+
+    def _nested(self, type_name: str, deeper: int, within: int) -> Iterator[Field]:
+        return self.fields(self._context.get_registered(type_name), deeper, within)
+
+    def _count_words(self, *words: str) -> None:
+        self._words_left -= sum(map(len, words))
+        if self._words_left < 0:
+            raise ValueError("its names and constants are too long")
 
 
 def _constants(spec: genmsg.MsgSpec, type_name: str) -> dict[str, float | int | str | bool]:
@@ -206,4 +220,6 @@ def _unknown(type_name: str, md5: str = "") -> Declined:
 
 
 def _bad(type_name: str, why: str) -> Declined:
-    return Declined("bad_definition", f"The definition of {type_name} cannot be read: {why}.", type=type_name)
+    name = type_name[:LONGEST_WORDS]
+    text = f"The definition of {name} cannot be read: {why[:LONGEST_WORDS]}."
+    return Declined("bad_definition", text, type=name)

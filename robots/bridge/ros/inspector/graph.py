@@ -11,12 +11,11 @@ import msgspec
 from robots import wire
 from robots.bridge.fields import BadField
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.master import Master
+from robots.bridge.ros.master import INSPECTOR, Master
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON
 LONGEST_TEXT = 16 * 1024  # characters of one text in it
-OWN = "/fleet_inspector"  # what this console's inspectors are called: they are no part of the robot
 
 
 def graph(master: Master, seq: int) -> wire.Graph:
@@ -33,7 +32,7 @@ def graph(master: Master, seq: int) -> wire.Graph:
 
 
 def _of_the_robot(rows: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
-    found = {name: sorted(node for node in nodes if not node.startswith(OWN)) for name, nodes in rows}
+    found = {name: sorted(node for node in nodes if not node.startswith(INSPECTOR)) for name, nodes in rows}
     return {name: nodes for name, nodes in found.items() if nodes}
 
 

@@ -20,7 +20,7 @@ import rospy
 from msgspec.structs import replace
 
 from robots import wire
-from robots.bridge.packing import Broken, Limits
+from robots.bridge.packing import Broken, Limits, TooLarge
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 
@@ -31,6 +31,8 @@ LEVELS = (Limits(32, 16, 500), Limits(8, 4, 100), Limits(2, 1, 40))  # of detail
 AGAIN_S = (
     1.0  # what is known is said this often without a message, too: for its figures, and for who looks later
 )
+LONGEST_NAME = 200  # characters of what a publisher says of itself
+MOST_NAMED = 20  # publishers of a topic
 RATE_WINDOW_S = 10.0
 RATE_SAMPLES = 2000
 
@@ -76,17 +78,33 @@ class Look:
         self.shown_s, self._shown_number = now_s, number
         publishers, rate_hz = self._subscriber.get_num_connections(), self._rate_hz(now_s)
         silence = _silence(self.topic, number, publishers)
-        shown = wire.Shown(self.topic, "*", number, rate_hz, 0, None, publishers, {}, refusal=silence)
+        shown = wire.Shown(
+            self.topic,
+            "*",
+            number,
+            rate_hz,
+            0,
+            None,
+            publishers,
+            {},
+            refusal=silence,
+            publisher_names=self._publisher_names(),
+        )
         if message is None:
             return _encode(shown)
         header, data = message._connection_header, message._buff
-        shown = replace(shown, type=header.get("type", "*"), bytes=len(data))
+        shown = replace(shown, type=header.get("type", "*")[:LONGEST_NAME], bytes=len(data))
         try:
             return _filled(shown, definitions.of_connection(header), data, wall_s)
         except Declined as error:
             return _encode(replace(shown, refusal=error.refusal))
         except Broken as error:
             return _encode(replace(shown, refusal=wire.Refusal("broken", str(error), "robot")))
+
+    def _publisher_names(self) -> list[str]:
+        """As they call themselves to their listeners."""
+        names = {connection.callerid_pub[:LONGEST_NAME] for connection in self._subscriber.impl.connections}
+        return sorted(names)[:MOST_NAMED]
 
     def _rate_hz(self, now_s: float) -> float | None:
         """Of the last seconds; None for fewer than two messages."""
@@ -99,7 +117,10 @@ class Look:
 def _filled(shown: wire.Shown, definition: Definition, data: bytes, wall_s: float) -> bytes:
     """With as much detail as fits."""
     for limits in LEVELS:
-        fields, shortened = definition.layout.read(data, limits)
+        try:
+            fields, shortened = definition.layout.read(data, limits)
+        except TooLarge:
+            continue
         encoded = _encode(replace(shown, fields=fields, shortened=shortened, age_s=_age_s(fields, wall_s)))
         if len(encoded) <= LARGEST_SHOWN:
             return encoded

@@ -14,10 +14,9 @@ import rospy
 
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.inspector.graph import OWN
 from robots.bridge.ros.inspector.looks import Looks
 from robots.bridge.ros.inspector.publishing import Publishings
-from robots.bridge.ros.master import DeathWatch, Master
+from robots.bridge.ros.master import INSPECTOR, DeathWatch, Master
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +39,7 @@ class Node:
         watch = DeathWatch(config.master_uri)
         # A name of its own: other consoles have inspectors, too.
         rospy.init_node(
-            OWN.strip("/"),
+            INSPECTOR.strip("/"),
             argv=[],
             anonymous=True,
             disable_signals=True,

@@ -1,6 +1,7 @@
 """Messages of any type to the robot: once, or at a rate until told otherwise.
 
-Whether it may be published was decided before (`robots.bridge.orders`); here its bytes are made and sent.
+Whether it may be published was decided before (`robots.bridge.orders`); here its bytes are made and sent, under the
+`Leave` that was in force when the bridge said so. After a halt there is another, and what waited goes nowhere.
 """
 
 from __future__ import annotations
@@ -11,18 +12,46 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 import rospy
 
 from robots.bridge.ros.inspector.definitions import Definition
 from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.publishing import publish
+from robots.bridge.ros.publishing import immediate_publisher, publish
 
 LISTENERS_S = 1.0  # a single message waits so long for those who listen to connect
 WAITING = 20  # messages on their way to one topic, at most
 LINGER_S = 10.0  # a topic stays advertised after its last message, so that the next need not wait
+LIFE_S = 0.5  # at a rate only while the bridge was heard within this
+SEND_PATIENCE_S = 0.3  # whoever does not read for so long is cut off, so that nothing waits for who stalls
 
 Bytes = Callable[[], bytes]
+
+
+class Leave:
+    """To send, until it is ended; at a rate only while the bridge lives, for it is the bridge that ends things."""
+
+    def __init__(self) -> None:
+        self._sending = threading.Lock()
+        self._heard_s = time.monotonic()
+        self.ended = False
+
+    def heard(self) -> None:
+        """The bridge lives."""
+        self._heard_s = time.monotonic()
+
+    def end(self) -> None:
+        """Nothing is sent under it any more once this returns."""
+        with self._sending:
+            self.ended = True
+
+    def send(self, send: Callable[[], None], repeated: bool) -> None:
+        """Do it, if that may be."""
+        with self._sending:
+            lives = not repeated or time.monotonic() - self._heard_s < LIFE_S
+            if lives and not self.ended:
+                send()
 
 
 class _Talk:
@@ -32,20 +61,20 @@ class _Talk:
         self.definition = definition
         self._topic = topic
         self._master = master
-        self._once: deque[Bytes] = deque(maxlen=WAITING)
-        self._repeated: tuple[Bytes, float] | None = None  # and its rate (Hz)
+        self._once: deque[tuple[Bytes, Leave]] = deque(maxlen=WAITING)
+        self._repeated: tuple[Bytes, Leave, float] | None = None  # and its rate (Hz)
         self._news = threading.Condition()
         self._closed = False
         self._thread = threading.Thread(target=self._run, name=f"publish {topic}", daemon=True)
         self._thread.start()
 
-    def say(self, data: Bytes, rate_hz: float) -> bool:
+    def say(self, data: Bytes, leave: Leave, rate_hz: float) -> bool:
         """Send this. False: the topic is being closed, nothing is sent there any more."""
         with self._news:
             if rate_hz:
-                self._repeated = (data, rate_hz)
+                self._repeated = (data, leave, rate_hz)
             else:
-                self._once.append(data)
+                self._once.append((data, leave))
             self._news.notify()
             return not self._closed
 
@@ -64,7 +93,7 @@ class _Talk:
         self._thread.join()
 
     def _run(self) -> None:
-        publisher = rospy.Publisher(self._topic, _message_class(self.definition), queue_size=WAITING)
+        publisher = immediate_publisher(self._topic, _message_class(self.definition), SEND_PATIENCE_S)
         try:
             self._await_listeners(publisher)
             self._talk(publisher)
@@ -85,17 +114,19 @@ class _Talk:
         with self._news:
             while not self._closed:
                 while self._once:
-                    _send(publisher, self._once.popleft()())
+                    data, leave = self._once.popleft()
+                    leave.send(partial(_send, publisher, data), repeated=False)
                 if self._repeated is not None:
-                    data, rate_hz = self._repeated
-                    _send(publisher, data())
+                    data, leave, rate_hz = self._repeated
+                    leave.send(partial(_send, publisher, data), repeated=True)
+                    self._repeated = None if leave.ended else self._repeated
                     self._news.wait(1.0 / rate_hz)
                 elif not self._news.wait(LINGER_S) and not self._once and self._repeated is None:
                     self._closed = True
 
 
-def _send(publisher: rospy.Publisher, data: bytes) -> None:
-    publish(publisher, publisher.data_class().deserialize(data))
+def _send(publisher: rospy.Publisher, data: Bytes) -> None:
+    publish(publisher, publisher.data_class().deserialize(data()))
 
 
 class Publishings:
@@ -105,15 +136,15 @@ class Publishings:
         self._master = master
         self._talks: dict[str, _Talk] = {}
 
-    def publish(self, topic: str, definition: Definition, data: Bytes, rate_hz: float) -> None:
-        """Send `data()` once (`rate_hz` 0), or at a rate until `stop`."""
+    def publish(self, topic: str, definition: Definition, data: Bytes, leave: Leave, rate_hz: float) -> None:
+        """Send `data()` once (`rate_hz` 0), or at a rate until `stop`, or until the leave to send ends."""
         talk = self._talks.get(topic)
-        if talk is not None and talk.definition.md5 == definition.md5 and talk.say(data, rate_hz):
+        if talk is not None and talk.definition.md5 == definition.md5 and talk.say(data, leave, rate_hz):
             return
         if talk is not None:
             talk.close()
         self._talks[topic] = _Talk(topic, definition, self._master)
-        self._talks[topic].say(data, rate_hz)
+        self._talks[topic].say(data, leave, rate_hz)
 
     def stop(self, topic: str) -> None:
         """Send no more there."""

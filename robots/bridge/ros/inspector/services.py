@@ -7,6 +7,7 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 import socket
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,11 +16,10 @@ from robots.bridge.fields import fitted
 from robots.bridge.packing import Limits
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
-from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.tcpros import connect, read, read_header, read_length
 from robots.bridge.ros.types import UnknownTypeError, service_class
 
-CALLER = "/fleet_inspector"
 CALL_S = 1.5  # until a service must have answered
 LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
 SHOWN = Limits(whole=64, first=32, text=2000)  # of an answer
@@ -64,8 +64,13 @@ def find(master: Master, name: str) -> Service:
     return Service(name, type_name, md5, address, parts[0], parts[1])
 
 
-def call(service: Service, given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Its answer, and which arrays of it were shortened. Raises BadField before anything is sent, Declined after."""
+def call(
+    service: Service, given: dict[str, Any], require_time: Callable[[], None]
+) -> tuple[dict[str, Any], list[str]]:
+    """Its answer, and which arrays of it were shortened. Raises BadField before anything is sent, Declined after.
+
+    `require_time` raises, just before the request is sent, if it is too late for it.
+    """
     now = divmod(time.time_ns(), 1_000_000_000)
     request = service.request.layout.write(fitted(service.request.fields, given), now)
     try:
@@ -73,6 +78,7 @@ def call(service: Service, given: dict[str, Any]) -> tuple[dict[str, Any], list[
             service.address, service.name, {"md5sum": service.md5, "type": service.type}
         ) as connection:
             read_header(connection)
+            require_time()
             connection.sendall(struct.pack("<I", len(request)) + request)
             succeeded, answer = read(connection, 1), _answer(connection)
     except TimeoutError:
@@ -105,6 +111,6 @@ def _ask(name: str, address: tuple[str, int], wanted: dict[str, str]) -> dict[st
 
 
 def _connected(address: tuple[str, int], name: str, wanted: dict[str, str]) -> socket.socket:
-    connection = connect(*address, {"callerid": CALLER, "service": name, **wanted}, CALL_S)
+    connection = connect(*address, {"callerid": INSPECTOR, "service": name, **wanted}, CALL_S)
     connection.settimeout(CALL_S)
     return connection

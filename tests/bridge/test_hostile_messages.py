@@ -1,0 +1,58 @@
+"""Definitions and bytes that would take for ever, or all memory, end soon and in words."""
+
+import time
+
+import pytest
+
+from robots.bridge.packing import LARGEST_WRITTEN, MOST_STEPS, Layout, Limits, TooLarge
+from robots.wire import Field
+
+LIMITS = Limits(whole=32, first=16, text=500)
+SOON_S = 5.0  # on a busy machine; without a bound it is minutes, or for ever
+
+
+def nested(array, depth):
+    """Arrays of messages of arrays, and at the bottom a message without fields."""
+    fields = []
+    for _ in range(depth):
+        fields = [Field("a", "e/T", array=array, fields=fields)]
+    return fields
+
+
+def test_elements_of_no_bytes_are_shown_once_however_many_there_are():
+    shown, shortened = Layout(nested(32, 5)).read(b"", LIMITS)
+    assert shown == {"a": [{"a": [{"a": [{"a": [{"a": [{}]}]}]}]}]}
+    assert shortened[0] == "a (32)"
+
+
+def test_a_message_of_too_many_parts_is_not_read_to_its_end():
+    empties = [Field(f"e{number}", "e/None") for number in range(1000)]
+    parts = Field("parts", "e/Part", array=-1, fields=[Field("text", "string"), *empties])
+    count = 1_000_000
+    data = count.to_bytes(4, "little") + bytes(4 * count)
+    began_s = time.monotonic()
+    with pytest.raises(TooLarge, match="too many parts"):
+        Layout([parts]).read(data, LIMITS)
+    assert time.monotonic() - began_s < SOON_S
+
+
+def test_a_large_message_of_few_parts_is_read():
+    texts = Field("texts", "string", array=-1)
+    count = MOST_STEPS // 3
+    shown, _ = Layout([texts]).read(count.to_bytes(4, "little") + bytes(4 * count), LIMITS)
+    assert shown == {"texts": [""] * LIMITS.first}
+
+
+def test_few_given_elements_that_mean_many_bytes_are_not_written():
+    row = Field("row", "e/Row", array=-1, fields=[Field("cells", "float64", array=100_000)])
+    began_s = time.monotonic()
+    with pytest.raises(TooLarge, match=f"more than {LARGEST_WRITTEN} bytes"):
+        Layout([row]).write({"row": [{}] * 5000}, (0, 0))
+    assert time.monotonic() - began_s < SOON_S
+
+
+def test_given_elements_of_no_bytes_take_no_time():
+    fields = [Field("row", "e/Row", array=-1, fields=nested(100_000, 1))]
+    began_s = time.monotonic()
+    assert Layout(fields).write({"row": [{}] * 5000}, (0, 0)) == (5000).to_bytes(4, "little")
+    assert time.monotonic() - began_s < SOON_S

@@ -1,0 +1,216 @@
+"""What the inspector was told ends when it should: halted, without its bridge, too late, or let go."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import textwrap
+import time
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge import inspection
+from robots.bridge.inspection import Question, TooLate
+from tests.bridge.test_inspection import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
+from tests.bridge.test_publishings import bench, note, settled
+
+__all__ = ["bench", "make"]  # fixtures
+
+# An inspector that shows every line it hears, and says what the names in it tell it to say.
+PROGRAM = textwrap.dedent("""
+    import json, sys, time
+
+    def say(**report):
+        print(json.dumps(report), flush=True)
+
+    config = json.loads(sys.stdin.readline())
+    {begin}
+    say(t="ready")
+    for line in sys.stdin:
+        request = json.loads(line)
+        say(t="seen", topic="/heard", shown=request)
+        if request["t"] == "silence" and {confirms}:
+            say(t="done", number=request["number"], refusal=None)
+        if request["t"] == "inspect" and "name" in request["ask"]:
+            answer = {{"t": "parameter_value", "name": request["ask"]["name"], "value": None}}
+            say(t="inspected", seq=request["seq"], answer=answer)
+    {end}
+""")
+
+
+class Ear(Viewer):
+    """Looks at what the inspector hears."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.heard: list[dict[str, object]] = []
+
+    def see(self, topic: str, seen: bytes) -> None:
+        super().see(topic, seen)
+        self.heard.append(self.seen[topic])
+
+    def kinds(self) -> list[object]:
+        return [line["t"] for line in self.heard]
+
+    async def hears(self, kind: str) -> dict[str, object]:
+        """The first of that kind."""
+        await self.until(lambda: kind in self.kinds())
+        return next(line for line in self.heard if line["t"] == kind)
+
+
+@pytest.fixture
+async def listen(make):
+    """A relay to an inspector, and an ear there; the program's lines for its beginning and end."""
+
+    async def started(begin="", end="", confirms=True, **changes):
+        program = PROGRAM.format(begin=begin, end=end, confirms=confirms)
+        relay, ear = make(command=(sys.executable, "-c", program), **changes), Ear()
+        relay.look_at(ear, {"/heard": 10.0})
+        return relay, ear
+
+    return started
+
+
+@pytest.fixture
+async def talk(listen):
+    """The same, once it is there."""
+    relay, ear = await listen()
+    await ear.hears("look_at")
+    return relay, ear
+
+
+CALL = wire.CallService("/lamp", {"data": True}, seq=9)
+
+
+# --- a halt -----------------------------------------------------------------------------------------------
+
+
+async def test_a_halt_reaches_the_inspector_also_after_a_single_message_and_only_once(talk):
+    relay, ear = talk
+    relay.halt()
+    relay.publish(ORDER)
+    relay.halt()
+    relay.halt()
+    relay.ask(ear, question(1))
+    await ear.answer(1)
+    assert ear.kinds() == ["look_at", "publish", "silence", "inspect"]
+    assert ear.heard[2]["topic"] is None
+
+
+async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monkeypatch):
+    monkeypatch.setattr(inspection, "SILENCE_S", 0.05)
+    relay, ear = await listen(confirms=False)
+    await ear.hears("look_at")
+    process = relay._process
+    relay.publish(ORDER)
+    relay.halt()
+    assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        lambda bench: bench.core.stop("Bob", "", bench.now_s),
+        lambda bench: bench.core.revoke(1, "over", bench.now_s),
+        lambda bench: bench.granted(2),
+        lambda bench: (bench.core.link_lost(1, bench.now_s), bench.pass_time(2.5)),
+    ],
+    ids=["stop", "end of control", "another holder", "lost link"],
+)
+def test_whatever_ends_publishing_also_ends_what_was_published_once(bench, end):
+    bench.order(note())
+    settled(bench)
+    assert bench.publisher.halts == 0
+    end(bench)
+    assert bench.publisher.halts > 0
+
+
+# --- a sign of life ---------------------------------------------------------------------------------------
+
+
+async def test_a_sign_of_life_is_for_what_is_published_at_a_rate(talk):
+    relay, ear = talk
+    relay.publish(ORDER)
+    relay.keep_alive()
+    relay.publish(AT_A_RATE)
+    relay.keep_alive()
+    relay.publish_stop(AT_A_RATE.topic)
+    relay.keep_alive()
+    relay.ask(ear, question(1))
+    await ear.answer(1)
+    assert ear.kinds() == ["look_at", "publish", "publish", "alive", "silence", "inspect"]
+
+
+def test_the_bridge_gives_it_in_every_tick_and_only_while_something_is_published_at_a_rate(bench):
+    bench.pass_time(0.2)
+    assert bench.publisher.kept_alive == 0
+    bench.order(note(5.0))
+    settled(bench)
+    before = bench.publisher.kept_alive
+    bench.pass_time(1.0)
+    assert bench.publisher.kept_alive - before == 20
+    bench.core.stop("Bob", "", bench.now_s)
+    before = bench.publisher.kept_alive
+    bench.pass_time(0.2)
+    assert bench.publisher.kept_alive == before
+
+
+# --- too late ---------------------------------------------------------------------------------------------
+
+
+async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_later(listen, monkeypatch):
+    monkeypatch.setattr(inspection, "START_S", 0.05)
+    monkeypatch.setattr(inspection, "RESTART_S", (0.2, 0.2))
+    relay, ear = await listen()
+    relay._command, command = ("/nowhere/inspector",), relay._command
+    relay.ask(ear, wire.Inspect(1, CALL))
+    refusal = (await ear.answer(1)).refusal
+    assert refusal.code == "inspector_silent"
+    assert refusal.text.endswith("ask again.")
+    monkeypatch.setattr(inspection, "START_S", PATIENCE_S)
+    relay._command = command
+    relay.ask(ear, question(2))
+    await ear.answer(2)
+    assert [line["ask"]["t"] for line in ear.heard if line["t"] == "inspect"] == ["parameter"]
+
+
+async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(talk, monkeypatch):
+    relay, ear = talk
+    monkeypatch.setattr(inspection, "ANSWER_S", 0.05)
+    for seq, ask in enumerate((CALL, wire.SetParameter("/silent", 1)), 1):
+        relay.ask(ear, wire.Inspect(seq, ask))
+    assert (await ear.answer(1)).refusal.text.endswith("whether it was carried out is not known.")
+
+
+async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_answer(talk, monkeypatch):
+    relay, ear = talk
+    monkeypatch.setattr(inspection, "ANSWER_S", 3.0)
+    before_s = time.monotonic()
+    relay.ask(ear, question(1))
+    await ear.answer(1)
+    asked = msgspec.convert(await ear.hears("inspect"), Question)
+    assert before_s + 3.0 <= asked.until_s <= time.monotonic() + 3.0
+    asked.require_time()
+    with pytest.raises(TooLate):
+        msgspec.structs.replace(asked, until_s=time.monotonic()).require_time()
+
+
+# --- let go -----------------------------------------------------------------------------------------------
+
+
+async def test_who_asks_an_inspector_that_is_being_let_go_is_answered_by_the_next_without_a_pause(
+    listen, monkeypatch
+):
+    monkeypatch.setattr(inspection, "RESTART_S", (600.0, 600.0))
+    monkeypatch.setattr(inspection, "ANSWER_S", 0.05)  # not enough for the process that ends
+    relay, ear = await listen(end="time.sleep(0.3)")
+    await ear.hears("look_at")
+    process = relay._process
+    relay.look_at(ear, {})
+    relay._end()
+    assert process.returncode is None
+    relay.ask(ear, question(1))
+    assert (await ear.answer(1)).name == "/a"
+    assert process.returncode == 0

@@ -1,0 +1,150 @@
+"""What the inspector was given to do is not done after a halt, without its bridge, or once nobody waits for it."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import pytest
+import rosgraph
+import rospy
+from std_msgs.msg import Empty, String
+from std_srvs.srv import SetBool, SetBoolResponse
+
+from robots import wire
+from robots.bridge.inspection import Alive, Check, Question, Silence
+from robots.bridge.ros.inspector import __main__ as program
+from tests.ros.bridge_support import tiago_config
+from tests.ros.support import PATIENCE_S, Inbox, until
+from tests.ros.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
+
+NOTES = "/notes"
+
+
+@pytest.fixture(scope="module")
+def inspector(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
+    """One whose bridge gives no sign of life but what a test sends."""
+    config = tiago_config(rosmaster, tmp_path_factory.mktemp("inspector"), allowed=ALLOWED)
+    inspector = InspectorProcess(config, rosmaster, silent=True)
+    yield inspector
+    assert inspector.stop() == 0
+
+
+@pytest.fixture
+def ghost(rosmaster):
+    """A listener to the notes on the master's books that nobody can reach: messages wait for it a while."""
+    master = rosgraph.Master("/ghost", rosmaster.uri)
+    address = "http://127.0.0.1:1/"
+    master.registerSubscriber(NOTES, "std_msgs/String", address)
+    yield
+    master.unregisterSubscriber(NOTES, address)
+
+
+def note(text: str, rate_hz: float = 0.0) -> wire.Publish:
+    return order(NOTES, "std_msgs/String", {"data": text}, rate_hz)
+
+
+def checked(inspector: InspectorProcess, told: wire.Publish) -> None:
+    assert inspector.done(lambda number: Check(number, told)) is None
+
+
+def heard(inspector: InspectorProcess, notes: Inbox) -> str:
+    """The next note, while the bridge lives."""
+
+    def attempt() -> Any:
+        inspector.send(Alive())
+        with suppress(AssertionError):
+            return notes.next(0.2).data
+
+    return str(until(attempt, "a note"))
+
+
+def test_a_message_that_waits_for_its_listeners_is_not_sent_after_a_halt(inspector, ros, ghost):
+    checked(inspector, note("before"))
+    with ros.listen(NOTES, String) as notes:
+        inspector.send(note("before"))
+        inspector.send(note("before, at a rate", 20.0))
+        assert inspector.done(lambda number: Silence(number)) is None
+        inspector.send(note("after"))
+        assert notes.next().data == "after"
+        assert notes.drain() == []
+
+
+def test_a_halt_ends_what_is_published_at_a_rate(inspector, ros):
+    checked(inspector, note("on and on", 50.0))
+    with ros.listen(NOTES, String) as notes:
+        inspector.send(note("on and on", 50.0))
+        heard(inspector, notes)
+        assert inspector.done(lambda number: Silence(number)) is None
+        notes.drain()
+        inspector.send(Alive())
+        with pytest.raises(AssertionError):
+            notes.next(0.3)
+
+
+def test_without_a_sign_of_life_nothing_is_published_at_a_rate(inspector, ros):
+    checked(inspector, note("I live", 50.0))
+    with ros.listen(NOTES, String) as notes:
+        inspector.send(note("I live", 50.0))
+        heard(inspector, notes)
+        until_s = time.monotonic() + PATIENCE_S
+        with pytest.raises(AssertionError, match="nothing on"):
+            while time.monotonic() < until_s:
+                notes.next(0.3)
+        assert heard(inspector, notes) == "I live"
+        assert inspector.done(lambda number: Silence(number)) is None
+
+
+def test_what_nobody_waits_for_any_more_is_not_carried_out(inspector):
+    calls = []
+    with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
+        late_s = time.monotonic()
+        assert inspector.ask(wire.CallService("/lamp", {"data": True}), late_s).refusal.code == "too_old"
+        assert inspector.ask(wire.SetParameter("/greeting", "late"), late_s).refusal.code == "too_old"
+        assert not rospy.has_param("/greeting") or rospy.get_param("/greeting") != "late"
+        assert calls == []
+        inspector.ask(wire.CallService("/lamp", {"data": True}), late_s + PATIENCE_S)
+        assert len(calls) == 1
+
+
+def test_a_call_for_which_it_gets_too_late_on_the_way_is_not_sent(rosmaster, ros, tmp_path, monkeypatch):
+    said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    inspector = program.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
+    find, calls = program.services.find, []
+
+    def find_late(master, name):
+        service = find(master, name)
+        late.set()
+        return service
+
+    late = threading.Event()
+    monkeypatch.setattr(program.services, "find", find_late)
+    monkeypatch.setattr(Question, "require_time", lambda _: late.is_set() and _too_late())
+    with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
+        inspector.hear(wire.encode(Question(1, wire.CallService("/lamp", {"data": True}), 0.0)))
+        assert b"too_old" in said.get(timeout=PATIENCE_S)
+    assert calls == []
+
+
+def _too_late() -> None:
+    raise program.TooLate
+
+
+def test_an_answer_that_is_longer_than_a_line_may_be_is_refused_in_words(rosmaster, tmp_path, monkeypatch):
+    said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    inspector = program.Inspector(tiago_config(rosmaster, tmp_path), said.put)
+    monkeypatch.setattr(program, "LARGEST_ANSWER", 100)
+    inspector.hear(wire.encode(Question(1, wire.Describe("std_msgs/String"))))
+    assert b"too_large" in said.get(timeout=PATIENCE_S)
+
+
+def test_who_publishes_is_told_with_the_message(inspector):
+    with talking("/look/who", Empty()):
+        inspector.look(**{"look/who": 10.0})
+        shown = inspector.shown("/look/who", lambda s: s.number)
+    inspector.look()
+    assert shown.publisher_names == [rospy.get_name()]
