@@ -1,40 +1,138 @@
-"""Who had control of what, in the admin: to read, never to change."""
+"""Who had control of what, in the admin: to read, never to change. In the look of the audit log's lists."""
 
 from __future__ import annotations
 
+import datetime
 from typing import Any
 
 from django.contrib import admin
+from django.db.models import Exists, OuterRef, Q, QuerySet
 from django.http import HttpRequest
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
-from teleop.models import ControlSession
+from fleet.accounts.models import User
+from fleet.audit.admin import Line, ListAdmin, beside, by_day, count_of, number, session_url_of
+from fleet.audit.forms import FilterForm
+from fleet.audit.listing import COUNTED, PAGE
+from robots.models import Robot
+from teleop.models import ControlSession, EndReason
+
+GOES_ON = "goes_on"  # in place of how it ended
+_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+_MICROSECOND = datetime.timedelta(microseconds=1)
+_DAY = datetime.timedelta(days=1)
+
+Sessions = QuerySet[ControlSession]
 
 
 @admin.register(ControlSession)
-class ControlSessionAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Every stretch of control, newest first."""
+class ControlSessionAdmin(ListAdmin):
+    """Every stretch of control, newest first. Pages are cut by the time at which a stretch began."""
 
-    list_display = ["robot", "user", "started_at", "ended_at", "end_reason", "end_note"]
-    list_filter = [
-        ("started_at", admin.DateFieldListFilter),
-        ("ended_at", admin.EmptyFieldListFilter),
-        "end_reason",
-        "robot",
-    ]
-    list_select_related = ["robot", "user"]
-    search_fields = ["robot__name", "robot__slug", "user__username", "user__full_name"]
-    date_hierarchy = "started_at"
-    show_full_result_count = False  # counting all rows is the slow part of a long list
-    actions = None
+    outcomes_are = gettext_lazy("Ended by")
 
-    def has_add_permission(self, request: HttpRequest) -> bool:
-        """Control begins on a robot's page."""
-        return False
+    def form_for(self, request: HttpRequest) -> FilterForm:
+        """By day, robot, person, and how it ended."""
+        form = FilterForm(
+            request.GET, kinds=[], without=["q", "kind", "session"], outcomes_are=self.outcomes_are
+        )
+        form.offer("robot", [(str(robot.pk), str(robot)) for robot in Robot.objects.order_by("name")])
+        held = Exists(ControlSession.objects.filter(user=OuterRef("pk")))
+        form.offer("person", [(str(user.pk), str(user)) for user in User.objects.filter(held)])
+        form.offer("outcome", [(GOES_ON, _("goes on")), *EndReason.choices])
+        return form
 
-    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """To read only."""
-        return False
+    def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
+        """One page, and where to go from it."""
+        sessions = _of_the_filters(form)
+        of_the_days = sessions.filter(_days(form))
+        before, after = number(request, "before"), number(request, "after")
+        newest = of_the_days.order_by("-started_at")
+        if after is not None:
+            rows = list(of_the_days.filter(started_at__gt=_time(after)).order_by("started_at")[:PAGE])[::-1]
+        elif before is not None:
+            rows = list(newest.filter(started_at__lt=_time(before))[:PAGE])
+        else:
+            rows = list(newest[:PAGE])
+        return {
+            "days": by_day(request, [(row.started_at.date(), _line(row)) for row in rows]),
+            "count": count_of(of_the_days.order_by()[: COUNTED + 1].count())
+            if after is before is None
+            else "",
+            **beside(
+                request,
+                [_key(row.started_at) for row in rows],
+                newer=bool(rows) and of_the_days.filter(started_at__gt=rows[0].started_at).exists(),
+                older=bool(rows) and of_the_days.filter(started_at__lt=rows[-1].started_at).exists(),
+                day_before=_day_beside(sessions, form.cleaned_data["since"], later=False),
+                day_after=_day_beside(sessions, form.cleaned_data["until"], later=True),
+            ),
+        }
 
-    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Records speak of them."""
-        return False
+
+def _of_the_filters(form: FilterForm) -> Sessions:
+    wanted = form.wanted()
+    which = Q()
+    if wanted.robot:
+        which &= Q(robot=wanted.robot)
+    if wanted.outcome:
+        which &= Q(ended_at=None) if wanted.outcome == GOES_ON else Q(end_reason=wanted.outcome)
+    if wanted.person:
+        which &= Q(user=wanted.person)
+    return ControlSession.objects.select_related("robot", "user").filter(which)
+
+
+def _days(form: FilterForm) -> Q:
+    since, until = form.cleaned_data["since"], form.cleaned_data["until"]
+    which = Q()
+    if since:
+        which &= Q(started_at__gte=_midnight(since))
+    if until:
+        which &= Q(started_at__lt=_midnight(until) + _DAY)
+    return which
+
+
+def _day_beside(sessions: Sessions, edge: datetime.date | None, *, later: bool) -> datetime.date | None:
+    """The next day after, or before, `edge` on which a session began."""
+    if edge is None:
+        return None
+    if later:
+        session = sessions.filter(started_at__gte=_midnight(edge) + _DAY).order_by("started_at").first()
+    else:
+        session = sessions.filter(started_at__lt=_midnight(edge)).order_by("-started_at").first()
+    return session.started_at.date() if session else None
+
+
+def _line(session: ControlSession) -> Line:
+    return Line(
+        url=session_url_of(session.pk),
+        at=session.started_at,
+        robot=session.robot.name,
+        who=session.user.display_name,
+        what=_("had control for %s") % _lasted(session) if session.ended_at else _("has control"),
+        subject="",
+        expired=False,
+        outcome=session.get_end_reason_display(),
+        facts=[session.end_note] if session.end_note else [],
+        session_url="",
+    )
+
+
+def _lasted(session: ControlSession) -> str:
+    """Such as 1:02:03, hours, minutes and seconds."""
+    lasted = (session.ended_at or session.started_at) - session.started_at
+    return str(lasted - lasted % datetime.timedelta(seconds=1))
+
+
+def _midnight(day: datetime.date) -> datetime.datetime:
+    return datetime.datetime.combine(day, datetime.time(), datetime.timezone.utc)
+
+
+def _key(moment: datetime.datetime) -> int:
+    """Microseconds since 1970."""
+    return (moment - _EPOCH) // _MICROSECOND
+
+
+def _time(key: int) -> datetime.datetime:
+    return _EPOCH + min(key, _key(datetime.datetime.max.replace(tzinfo=datetime.timezone.utc))) * _MICROSECOND

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 from urllib.parse import urlencode
+from uuid import UUID
 
 from django.contrib import admin
 from django.core.exceptions import BadRequest, PermissionDenied
@@ -15,6 +16,7 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.template.response import TemplateResponse
 from django.urls import NoReverseMatch, URLPattern, path, reverse
 from django.utils.functional import Promise
+from django.utils.text import capfirst
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_POST, require_safe
@@ -23,7 +25,7 @@ from msgspec import Struct
 from fleet.audit import exports, wording
 from fleet.audit.forms import FilterForm
 from fleet.audit.kinds import Listing, kinds_listed
-from fleet.audit.listing import COUNTED, Page, Row, Selection, row_of
+from fleet.audit.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
 
 LISTS = {
@@ -75,54 +77,97 @@ class Link(Struct, frozen=True):
 
 
 class ListAdmin(ReadOnly):
-    """A list of the log in place of the admin's own, which counts and sorts what it shows."""
+    """A list in place of the admin's own, which counts and sorts what it shows."""
 
-    listing: Listing | None = None  # None: everything
-    without: Sequence[str] = ()  # filters of no use here
     outcomes_are: str | Promise = gettext_lazy("Outcome")
 
     def get_urls(self) -> list[URLPattern]:
-        """The list, its export, and each record."""
-        name = f"{self.opts.app_label}_{self.opts.model_name}"
-        wrap = self.admin_site.admin_view
-        return [
-            path("", wrap(require_safe(self.changelist_view)), name=f"{name}_changelist"),
-            path("export/", wrap(require_POST(self.export_view)), name=f"{name}_export"),
-            path("<int:object_id>/change/", wrap(require_safe(self.record_view)), name=f"{name}_change"),
-        ]
+        """The list alone."""
+        view = self.admin_site.admin_view(require_safe(self.changelist_view))
+        return [path("", view, name=f"{self._name}_changelist")]
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
         """One page of it."""
         self._look(request)
-        form = self._form(request)
+        form = self.form_for(request)
         context = {
             **self.admin_site.each_context(request),
             **(extra_context or {}),
-            "title": self.opts.verbose_name_plural,
+            "title": capfirst(self.opts.verbose_name_plural),
             "is_nav_sidebar_enabled": False,  # the lists have a row of their own
             "opts": self.opts,
-            "lists": lists(f"{self.opts.app_label}_{self.opts.model_name}"),
+            "lists": lists(self._name),
             "form": form,
             "outcomes_are": self.outcomes_are,
             "clear": request.path,
         }
         if form.is_valid():
-            selection = Selection(form.wanted(), self._kinds())
-            before, after = _number(request, "before"), _number(request, "after")
-            page = selection.page(before=before, after=after)
-            context |= self._links(request, selection, page)
-            context |= {
-                "days": _by_day(request, page.rows),
-                "count": _count(page.count),
-                "formats": exports.Format,
-                "export": f"export/?{_address(request)}",
-            }
+            context |= self.found(request, form)
         return TemplateResponse(request, "admin/audit/list.html", context)
+
+    def form_for(self, request: HttpRequest) -> FilterForm:
+        """What it can be filtered by."""
+        raise NotImplementedError
+
+    def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
+        """For the template: `days` with their `Line`s (`by_day`), `count`, what is beside the page (`beside`)."""
+        raise NotImplementedError
+
+    @property
+    def _name(self) -> str:
+        return f"{self.opts.app_label}_{self.opts.model_name}"
+
+    def _look(self, request: HttpRequest) -> None:
+        if not self.has_view_permission(request):
+            raise PermissionDenied
+
+
+class RecordsAdmin(ListAdmin):
+    """A list of records."""
+
+    listing: Listing | None = None  # None: everything
+    without: Sequence[str] = ()  # filters of no use here
+
+    def get_urls(self) -> list[URLPattern]:
+        """The list, its export, and each record."""
+        wrap = self.admin_site.admin_view
+        return [
+            *super().get_urls(),
+            path("export/", wrap(require_POST(self.export_view)), name=f"{self._name}_export"),
+            path(
+                "<int:object_id>/change/", wrap(require_safe(self.record_view)), name=f"{self._name}_change"
+            ),
+        ]
+
+    def form_for(self, request: HttpRequest) -> FilterForm:
+        """What is of use for its kinds."""
+        return FilterForm(
+            request.GET, kinds=self._kinds(), without=self.without, outcomes_are=self.outcomes_are
+        )
+
+    def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
+        """Each request with what came of it."""
+        selection = Selection(form.wanted(), self._kinds())
+        page = selection.page(before=number(request, "before"), after=number(request, "after"))
+        return {
+            "days": by_day(request, [(row.record.day, _line(row)) for row in page.rows]),
+            "count": count_of(page.count),
+            "formats": exports.Format,
+            "export": f"export/?{address(request)}",
+            **beside(
+                request,
+                [row.number for row in page.rows],
+                newer=page.newer,
+                older=page.older,
+                day_before=selection.day_beside(later=False),
+                day_after=selection.day_beside(later=True),
+            ),
+        }
 
     def export_view(self, request: HttpRequest) -> HttpResponseBase:
         """All that the filters of the address leave, as a file; on record."""
         self._look(request)
-        form = self._form(request)
+        form = self.form_for(request)
         if not form.is_valid():
             raise BadRequest("these filters are not valid")
         try:
@@ -158,40 +203,17 @@ class ListAdmin(ReadOnly):
             "private": list(wording.lines(record.content_kept.data)) if record.content_kept else [],
             "expired": wording.expired(record),
             "related": _related(record),
-            "session_url": _session_url(record),
+            "session_url": session_url_of(record.session_id),
             "of_session": urlencode({"session": record.session_id or ""}),
         }
         return TemplateResponse(request, "admin/audit/record.html", context)
 
-    def _look(self, request: HttpRequest) -> None:
-        if not self.has_view_permission(request):
-            raise PermissionDenied
-
     def _kinds(self) -> list[str] | None:
         return None if self.listing is None else kinds_listed(self.listing)
 
-    def _form(self, request: HttpRequest) -> FilterForm:
-        return FilterForm(
-            request.GET, kinds=self._kinds(), without=self.without, outcomes_are=self.outcomes_are
-        )
-
-    def _links(self, request: HttpRequest, selection: Selection, page: Page) -> dict[str, Any]:
-        """To the pages and days beside this one."""
-        links: dict[str, Any] = {}
-        if page.newer:
-            links["newer"] = f"?{_address(request, after=page.rows[0].number if page.rows else None)}"
-            links["newest"] = f"?{_address(request)}"
-        if page.older and page.rows:
-            links["older"] = f"?{_address(request, before=page.rows[-1].number)}"
-        for name, later in (("day_before", False), ("day_after", True)):
-            day = selection.day_beside(later=later)
-            if day:
-                links[name] = Link(day.isoformat(), f"?{_address(request, since=day, until=day)}")
-        return links
-
 
 @admin.register(SpeechRecord)
-class SpeechAdmin(ListAdmin):
+class SpeechAdmin(RecordsAdmin):
     """What robots were made to say."""
 
     listing = Listing.SPEECH
@@ -199,7 +221,7 @@ class SpeechAdmin(ListAdmin):
 
 
 @admin.register(MotionRecord)
-class MotionAdmin(ListAdmin):
+class MotionAdmin(RecordsAdmin):
     """Drives and motions."""
 
     listing = Listing.MOTION
@@ -207,7 +229,7 @@ class MotionAdmin(ListAdmin):
 
 
 @admin.register(RefusalRecord)
-class RefusalAdmin(ListAdmin):
+class RefusalAdmin(RecordsAdmin):
     """What was refused, and what the gate held back."""
 
     listing = Listing.REFUSALS
@@ -216,7 +238,7 @@ class RefusalAdmin(ListAdmin):
 
 
 @admin.register(Record)
-class EverythingAdmin(ListAdmin):
+class EverythingAdmin(RecordsAdmin):
     """All there is."""
 
 
@@ -226,14 +248,6 @@ def lists(current: str) -> list[Link]:
 
 
 # --- rows ----------------------------------------------------------------------------------------
-
-
-def _by_day(request: HttpRequest, rows: list[Row]) -> list[tuple[datetime.date, str, list[Line]]]:
-    """Each day with the address of its own list, and its rows."""
-    return [
-        (day, f"?{_address(request, since=day, until=day)}", [_line(row) for row in of_day])
-        for day, of_day in groupby(rows, key=lambda row: row.record.day)
-    ]
 
 
 def _line(row: Row) -> Line:
@@ -248,7 +262,7 @@ def _line(row: Row) -> Line:
         expired=wording.expired(record),
         outcome=row.outcome,
         facts=wording.facts([record, row.end] if row.end else [record]),
-        session_url=_session_url(record),
+        session_url=session_url_of(record.session_id),
     )
 
 
@@ -262,26 +276,58 @@ def _url(record: Record) -> str:
     return reverse("admin:audit_record_change", args=[record.pk])
 
 
-def _session_url(record: Record) -> str:
+# --- addresses: also for other apps' lists --------------------------------------------------------
+
+
+def session_url_of(session_id: UUID | None) -> str:
+    """The page of a control session; blank if it was in none."""
     try:
-        return reverse("control-session", args=[record.session_id]) if record.session_id else ""
+        return reverse("control-session", args=[session_id]) if session_id else ""
     except NoReverseMatch:
         return ""
 
 
-def _count(count: int | None) -> str:
-    match count:
-        case None:
-            return ""
-        case int() if count > COUNTED:
-            return _("more than %s") % f"{COUNTED:,}"
-    return f"{count:,}"
+def by_day(
+    request: HttpRequest, lines: list[tuple[datetime.date, Line]]
+) -> list[tuple[datetime.date, str, list[Line]]]:
+    """Each day with the address of its own list, and its lines."""
+    return [
+        (day, f"?{address(request, since=day, until=day)}", [line for _day, line in of_day])
+        for day, of_day in groupby(lines, key=lambda pair: pair[0])
+    ]
 
 
-# --- addresses -----------------------------------------------------------------------------------
+def beside(
+    request: HttpRequest,
+    numbers: list[int],
+    *,
+    newer: bool,
+    older: bool,
+    day_before: datetime.date | None,
+    day_after: datetime.date | None,
+) -> dict[str, Any]:
+    """The addresses of the pages and days beside a page with rows of these numbers."""
+    links: dict[str, Any] = {}
+    if newer:
+        links["newest"] = f"?{address(request)}"
+    if newer and numbers:
+        links["newer"] = f"?{address(request, after=numbers[0])}"
+    if older and numbers:
+        links["older"] = f"?{address(request, before=numbers[-1])}"
+    for name, day in (("day_before", day_before), ("day_after", day_after)):
+        if day:
+            links[name] = Link(day.isoformat(), f"?{address(request, since=day, until=day)}")
+    return links
 
 
-def _address(request: HttpRequest, **changed: Any) -> str:
+def count_of(count: int | None) -> str:
+    """In words; blank if nobody counted."""
+    if count is None:
+        return ""
+    return _("more than %s") % f"{COUNTED:,}" if count > COUNTED else f"{count:,}"
+
+
+def address(request: HttpRequest, **changed: Any) -> str:
     """The filters of this page, changed so, without its place among the pages."""
     asked = request.GET.copy()
     for name in ("before", "after"):
@@ -291,7 +337,8 @@ def _address(request: HttpRequest, **changed: Any) -> str:
     return urlencode([(name, value) for name, value in asked.items() if value])
 
 
-def _number(request: HttpRequest, name: str) -> int | None:
+def number(request: HttpRequest, name: str) -> int | None:
+    """Where a page begins, as its address says."""
     asked = request.GET.get(name)
     if asked is None:
         return None

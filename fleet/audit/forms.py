@@ -48,11 +48,11 @@ class FilterForm(forms.Form):
         for name in ("since", "until"):
             self.fields[name].widget = forms.DateInput(attrs={"type": "date"}, format="%Y-%m-%d")
         listed = list(KINDS if kinds is None else kinds)
-        self._offer("robot", _robots())
-        self._offer("person", [(CONSOLE, _("the console itself")), *_people()])
-        self._offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
+        self.offer("robot", _robots())
+        self.offer("person", [(CONSOLE, _("the console itself")), *_people()])
+        self.offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
         outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
-        self._offer("outcome", sorted((outcome, outcome) for outcome in outcomes))
+        self.offer("outcome", sorted((outcome, outcome) for outcome in outcomes))
         if outcomes_are is not None:
             self.fields["outcome"].label = outcomes_are
         for name in without:
@@ -77,7 +77,7 @@ class FilterForm(forms.Form):
             person=asked["person"],
             kind=asked.get("kind", ""),
             outcome=asked.get("outcome", ""),
-            session=asked["session"],
+            session=asked.get("session"),
         )
 
     @property
@@ -85,7 +85,8 @@ class FilterForm(forms.Form):
         """Whether it asks for less than everything."""
         return any(self.data.get(name) for name in self.fields)
 
-    def _offer(self, name: str, choices: Sequence[tuple[str, Any]]) -> None:
+    def offer(self, name: str, choices: Sequence[tuple[str, Any]]) -> None:
+        """Let one of these be chosen, or none."""
         cast(forms.ChoiceField, self.fields[name]).choices = [*ANY, *choices]
 
 

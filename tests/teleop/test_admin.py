@@ -1,6 +1,6 @@
 """Control sessions in the admin: who, what, from when to when, and why it ended. To read."""
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import pytest
 from django.urls import reverse
@@ -35,32 +35,71 @@ def running(other_robot, staff):
 
 
 def listed(client, **filters):
-    return list(client.get(LIST, filters).context["cl"].queryset)
+    """Whose sessions are listed, newest first."""
+    days = client.get(LIST, filters).context["days"]
+    return [line.who for _day, _address, lines in days for line in lines]
 
 
-def test_the_list_says_who_had_which_robot_and_why_it_ended(staff, signed_in, ended):
+def test_the_list_says_who_had_which_robot_how_long_and_why_it_ended(staff, signed_in, ended):
     page = signed_in(staff).get(LIST).content.decode()
-    for words in ("TIAGo 1", "Olga Operator", "taken over", "a visitor in the way"):
+    for words in ("TIAGo 1", "Olga Operator", "0:05:00", "taken over", "a visitor in the way"):
         assert words in page
 
 
-def test_sessions_are_found_by_robot_reason_and_whether_they_go_on(staff, signed_in, ended, running):
+def test_sessions_are_found_by_robot_person_reason_day_and_whether_they_go_on(
+    staff, signed_in, ended, running
+):
     client = signed_in(staff)
-    assert listed(client) == [running, ended]
-    assert listed(client, robot__id__exact=str(ended.robot_id)) == [ended]
-    assert listed(client, end_reason__exact="taken_over") == [ended]
-    assert listed(client, ended_at__isempty="1") == [running]
-    assert listed(client, q="Olga") == [ended]
+    assert listed(client) == ["Sam Staff", "Olga Operator"]
+    assert listed(client, robot=str(ended.robot_id)) == ["Olga Operator"]
+    assert listed(client, person=str(ended.user_id)) == ["Olga Operator"]
+    assert listed(client, outcome="taken_over") == ["Olga Operator"]
+    assert listed(client, outcome="goes_on") == ["Sam Staff"]
+    long_ago = ended.started_at.date() - timedelta(days=30)
+    assert listed(client, until=long_ago) == []
+    assert listed(client, since=long_ago) == ["Sam Staff", "Olga Operator"]
+
+
+def test_pages_have_every_session_once(staff, operator, robot, signed_in):
+    now = timezone.now()
+    for number in range(120):
+        ControlSession.objects.create(
+            robot=robot,
+            user=operator,
+            fence=number,
+            started_at=now - timedelta(minutes=number),
+            ended_at=now,
+            end_note=f"number {number}.",
+        )
+    client = signed_in(staff)
+    context, found = client.get(LIST).context, []
+    assert context["count"] == "120"
+    while True:
+        found += [line.facts[0] for _day, _address, lines in context["days"] for line in lines]
+        if "older" not in context:
+            break
+        context = client.get(LIST + context["older"]).context
+    assert found == [f"number {number}." for number in range(120)]
+    assert "newer" in context
+    assert len(client.get(LIST + context["newer"]).context["days"]) > 0
+
+
+def test_a_list_of_one_day_leads_to_the_days_beside_it(staff, operator, robot, signed_in):
+    noon = datetime(2026, 11, 3, 12, tzinfo=timezone.get_default_timezone())
+    for fence, days in enumerate((-4, 0, 2)):
+        ControlSession.objects.create(
+            robot=robot, user=operator, fence=fence, started_at=noon + timedelta(days=days), ended_at=noon
+        )
+    context = signed_in(staff).get(LIST, {"since": "2026-11-03", "until": "2026-11-03"}).context
+    assert context["day_before"].text == "2026-10-30"
+    assert context["day_after"].text == "2026-11-05"
 
 
 def test_nobody_edits_adds_or_deletes_one(staff, signed_in, ended):
     client = signed_in(staff)
-    change = reverse("admin:teleop_controlsession_change", args=[ended.pk])
-    assert client.get(change).status_code == 200
-    assert client.post(change, {"end_note": "nothing happened"}).status_code == 403
-    assert client.post(reverse("admin:teleop_controlsession_add")).status_code == 403
-    delete = reverse("admin:teleop_controlsession_delete", args=[ended.pk])
-    assert client.post(delete, {"post": "yes"}).status_code == 403
+    assert client.post(LIST, {"end_note": "nothing happened"}).status_code == 405
+    for page in ("add/", f"{ended.pk}/change/", f"{ended.pk}/delete/"):
+        assert client.post(f"{LIST}{page}", {"post": "yes"}).status_code == 404
     ended.refresh_from_db()
     assert ended.end_note == "Sue Pervisor took over: a visitor in the way."
 
