@@ -69,6 +69,6 @@ def test_an_answer_without_measure_is_not_read() -> None:
     with serving(service_class(TRIGGER)._md5sum, b"\x01" + struct.pack("<I", size)) as master:
         service = services.find(master, "/lamp")
         with pytest.raises(Declined) as caught:
-            services.call(service, {})
+            services.call(service, {}, lambda: None)
     assert caught.value.refusal.code == "service_lost"
     assert str(size) in caught.value.refusal.text
