@@ -199,6 +199,8 @@ class _NoRecords:
 
     def pulse(self) -> None: ...
 
+    def stopped(self, holder: Holder | None, number: int) -> None: ...
+
     def begin_drive(self, holder: Holder, start: Place) -> int:
         return 1
 

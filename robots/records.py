@@ -160,6 +160,18 @@ class AuditSink:
         }
         record("gate.end", of=intervention, private=figures, **self._by(holder))
 
+    @_or_record_error
+    def stopped(self, holder: Holder | None, number: int) -> None:
+        """Commit that a stop reached the robot."""
+        record(
+            "stop.latch",
+            robot_id=self._robot_id,
+            robot_name=self._robot_name,
+            session_id=UUID(holder.session) if holder else None,
+            fence=holder.fence if holder else None,
+            parameters={"number": number},
+        )
+
     def _without_end(self, after: int) -> list[Record]:
         """This robot's records that lack their end, the newest first: what began last ended first."""
         missing: list[Record] = []

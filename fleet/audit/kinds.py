@@ -75,6 +75,7 @@ KINDS: dict[str, Kind] = {
     "control.expire": _control(_("control ran out")),
     "control.end": _control(_("control ended")),
     "stop.press": _control(_("stop pressed")),
+    "stop.latch": _control(_("robot stopped")),
     "stop.clear": _control(_("stop cleared")),
     "fault": _control(_("fault")),
     "publish.start": Kind(_("message asked for"), Kept.DRIVING),

@@ -170,7 +170,8 @@ class Core:
     def stop(self, by: str, reason: str, now_s: float) -> None:
         """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is a stop of its own."""
         stop = self.stop_state
-        if stop.state == "clear":
+        is_first = stop.state == "clear"
+        if is_first:
             stop = StopState("stopping", number=stop.number)
             self._stop_pressed_s = now_s
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
@@ -178,6 +179,9 @@ class Core:
         self._base.cancel_all()
         self.orders.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
+        if is_first:
+            grant = self.grants.current
+            self._drives.stopped(holder_of(grant) if grant else None, self.stop_state.number, now_s)
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
         """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since."""

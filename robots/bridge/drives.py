@@ -159,6 +159,10 @@ class DriveLog:
         """Put on record what came of it."""
         self._writer.keep(lambda: self._sink.outcome(request, holder, kind, outcome, parameters), now_s)
 
+    def stopped(self, holder: Holder | None, number: int, now_s: float) -> None:
+        """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""
+        self._writer.keep(lambda: self._sink.stopped(holder, number), now_s)
+
     def end(self, outcome: str, ended_by: str, now_s: float) -> None:
         """End the drive under way, if any."""
         drive = self._drive

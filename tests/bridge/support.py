@@ -180,6 +180,7 @@ class MemorySink:
     def __init__(self) -> None:
         self.records: list[tuple[str, object]] = []
         self.pulses = 0
+        self.stops: list[tuple[Holder | None, int]] = []
         self.fails: str | None = None
         self.open = threading.Event()
         self.open.set()
@@ -200,6 +201,10 @@ class MemorySink:
     def pulse(self) -> None:
         self._wait()
         self.pulses += 1
+
+    def stopped(self, holder: Holder | None, number: int) -> None:
+        self._wait()
+        self.stops.append((holder, number))
 
     def begin_drive(self, holder: Holder, start: Place) -> int:
         return self._record("drive.start", start)

@@ -241,12 +241,31 @@ def test_what_happened_meanwhile_is_on_record_in_order_when_the_database_is_back
     assert drive_of(bench).ended_by == "what the robot did could not be recorded"
 
 
-def test_a_stop_waits_for_no_record(bench: Bench) -> None:
+def test_a_stop_waits_for_no_record_and_is_on_record_when_it_can_be(bench: Bench) -> None:
     bench.driving()
-    bench.sink.open.clear()
+    bench.sink.fails = "locked"
     bench.core.stop("Bob", "", bench.now_s)
     assert bench.last == STILL
     assert bench.core.stop_state.state == "stopping"
+    bench.odometry(STILL)
+    bench.pass_time(3.0)
+    assert bench.sink.stops == []
+    bench.sink.fails = None
+    bench.pass_time(1.0)
+    ((holder, number),) = bench.sink.stops
+    assert holder is not None
+    assert (holder.fence, number) == (1, bench.core.stop_state.number)
+
+
+def test_a_stop_that_is_pressed_again_is_on_record_once(bench: Bench) -> None:
+    for _ in range(3):
+        bench.core.stop("Bob", "", bench.now_s)
+    bench.recorded()
+    assert len(bench.sink.stops) == 1
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.recorded()
+    assert len(bench.sink.stops) == 2
 
 
 def test_what_an_earlier_bridge_left_open_is_settled_before_anything_else(bench: Bench) -> None:

@@ -138,6 +138,17 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     }
 
 
+def test_a_stop_that_reached_the_robot_is_on_record_in_its_control_session(
+    sink: AuditSink, holder: Holder, robot: Robot
+) -> None:
+    sink.stopped(holder, 7)
+    sink.stopped(None, 8)
+    held, free = records_of(robot)
+    assert (held.kind, held.parameters, held.actor) == ("stop.latch", {"number": 7}, None)
+    assert (str(held.session_id), held.fence) == (holder.session, 5)
+    assert (free.parameters, free.session_id, free.fence) == ({"number": 8}, None, None)
+
+
 # --- a bridge that was killed ------------------------------------------------------------------------
 
 

@@ -28,6 +28,8 @@ class FileSink:
 
     def pulse(self) -> None: ...
 
+    def stopped(self, holder: Holder | None, number: int) -> None: ...
+
     def begin_drive(self, holder: Holder, start: Place) -> int:
         return self._record("drive.start")
 
