@@ -21,17 +21,18 @@ TRIGGER = "std_srvs/Trigger"
 
 
 class OneService:
-    """A master that knows one service."""
+    """A master that knows one service; `heard` are the calls that have reached it."""
 
     def __init__(self, uri: str) -> None:
         self._uri = uri
+        self.heard: list[bytes] = []
 
     def call(self, _method: str, *_args: Any) -> str:
         return self._uri
 
 
 @contextmanager
-def serving(md5: str, answer: bytes = b"") -> Iterator[Master]:
+def serving(md5: str, answer: bytes = b"") -> Iterator[OneService]:
     """A service that says it has this md5 sum, and answers every call with these bytes; its master."""
     pairs = [f"{key}={value}".encode() for key, value in {"type": TRIGGER, "md5sum": md5}.items()]
     header = b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
@@ -47,19 +48,20 @@ def serving(md5: str, answer: bytes = b"") -> Iterator[Master]:
                 connection.sendall(struct.pack("<I", len(header)) + header)
                 if "probe" not in asked:
                     connection.sendall(answer)
-                    connection.recv(1024)
+                    master.heard.append(connection.recv(1024))
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
+        master = OneService(f"rosrpc://127.0.0.1:{listener.getsockname()[1]}")
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
-        yield cast(Master, OneService(f"rosrpc://127.0.0.1:{listener.getsockname()[1]}"))
+        yield master
         listener.shutdown(socket.SHUT_RDWR)
         thread.join()
 
 
 def test_a_service_of_another_version_is_not_called() -> None:
     with serving("0" * 32) as master, pytest.raises(Declined) as caught:
-        services.find(master, "/lamp")
+        services.find(cast(Master, master), "/lamp")
     assert caught.value.refusal.code == "definition_differs"
     assert caught.value.refusal.figures["robot_md5"] == "0" * 32
 
@@ -67,8 +69,20 @@ def test_a_service_of_another_version_is_not_called() -> None:
 def test_an_answer_without_measure_is_not_read() -> None:
     size = services.LARGEST_ANSWER + 1
     with serving(service_class(TRIGGER)._md5sum, b"\x01" + struct.pack("<I", size)) as master:
-        service = services.find(master, "/lamp")
+        service = services.find(cast(Master, master), "/lamp")
         with pytest.raises(Declined) as caught:
             services.call(service, {}, lambda: None)
     assert caught.value.refusal.code == "service_lost"
     assert str(size) in caught.value.refusal.text
+
+
+def test_a_call_that_is_late_by_then_is_not_sent() -> None:
+    def too_late() -> None:
+        raise Declined("too_old", "It is too late for it.")
+
+    with serving(service_class(TRIGGER)._md5sum) as master:
+        service = services.find(cast(Master, master), "/lamp")
+        with pytest.raises(Declined) as caught:
+            services.call(service, {}, too_late)
+    assert caught.value.refusal.code == "too_old"
+    assert master.heard == [b""]  # it was connected to, and nothing came
