@@ -8,7 +8,9 @@ import pytest
 from django.conf import settings
 from django.db import OperationalError, connection, transaction
 
-from fleet.audit import AuditUnavailable, record
+from fleet.audit import AuditUnavailable, SystemAccount, record
+from fleet.audit.command_line import here
+from fleet.audit.kinds import Kept, kinds_kept
 from fleet.audit.models import Record
 
 ROBOT = uuid.uuid4()
@@ -63,6 +65,87 @@ def test_an_outcome_belongs_to_the_request_and_robot_of_what_it_is_the_outcome_o
 def test_an_outcome_may_name_its_request_by_number():
     pressed = record("stop.press")
     assert record("stop.press", of=pressed.pk, outcome="stopped").of == pressed
+
+
+@pytest.mark.django_db
+def test_an_outcome_takes_over_what_it_is_not_told():
+    session, other = uuid.uuid4(), uuid.uuid4()
+    asked = record("motion.start", robot_id=ROBOT, robot_name="TIAGo 1", session_id=session, fence=7)
+    for of in (asked, asked.pk):
+        outcome = record("motion.end", of=of, outcome="done")
+        assert (outcome.robot_id, outcome.robot_name) == (ROBOT, "TIAGo 1")
+        assert (outcome.session_id, outcome.fence, outcome.request_id) == (session, 7, asked.request_id)
+    told = record("motion.end", of=asked, session_id=other, fence=0, request_id=other)
+    assert (told.session_id, told.fence, told.request_id) == (other, 0, other)
+
+
+@pytest.mark.django_db
+def test_an_outcome_of_nothing_is_an_error():
+    with pytest.raises(ValueError, match="no record 999999"):
+        record("motion.end", of=999_999)
+
+
+@pytest.mark.django_db
+def test_a_kind_that_nobody_has_described_is_an_error():
+    with pytest.raises(ValueError, match=r"'stop\.squeeze' is no kind of record"):
+        record("stop.squeeze")
+
+
+@pytest.mark.django_db
+def test_text_and_what_may_expire_are_kept_apart_and_read_together():
+    entry = record(
+        "speech.start",
+        parameters={"language": "en-GB"},
+        text="Hello.",
+        private={"address": "10.0.0.7"},
+    )
+    again = Record.objects.get(pk=entry.pk)
+    assert again.parameters == {"language": "en-GB"}
+    assert again.details == {"language": "en-GB", "text": "Hello.", "address": "10.0.0.7"}
+    assert (again.content.text, again.content.data) == ("Hello.", {"address": "10.0.0.7"})
+    again.content.delete()
+    assert Record.objects.get(pk=entry.pk).details == {"language": "en-GB"}
+
+
+@pytest.mark.django_db
+def test_a_record_without_text_and_details_has_no_content():
+    entry = record("stop.press", parameters={"figure": 1})
+    assert (entry.content_digest, entry.content_kept, entry.details) == ("", None, {"figure": 1})
+
+
+@pytest.mark.django_db
+def test_who_really_did_it_is_named_where_that_is_somebody_else(operator, staff):
+    entry = record("control.end", actor=operator, real_actor=staff)
+    assert (entry.actor.name, entry.real_actor.name) == ("Olga Operator", "Sam Staff")
+
+
+@pytest.mark.django_db
+def test_a_person_at_the_command_line_is_an_actor_too():
+    entry = record("stop.press", actor=SystemAccount("kim"))
+    assert (entry.actor_id, entry.actor_name) == ("system:kim", "kim")
+    assert here().name
+
+
+@pytest.mark.django_db
+def test_two_texts_that_are_equal_have_different_digests():
+    assert (
+        record("speech.start", text="No.").content_digest != record("speech.start", text="No.").content_digest
+    )
+
+
+@pytest.mark.django_db
+def test_times_and_numbers_of_a_chain_grow_with_its_places():
+    for _ in range(5):
+        record("stop.press", robot_id=ROBOT)
+    found = Record.objects.filter(robot_id=ROBOT).order_by("seq").values_list("id", "at")
+    assert list(found) == sorted(found)
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("kept", Kept)
+def test_every_class_of_retention_has_kinds_and_days(kept):
+    assert kinds_kept(kept)
+    assert settings.FLEET_AUDIT_KEEP_DAYS[kept.value] > 0
 
 
 @pytest.mark.django_db(transaction=True)

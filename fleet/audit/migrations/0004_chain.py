@@ -66,8 +66,8 @@ def chain_what_is_there(apps, schema_editor):
     for robot_id in Record.order_by().values_list("robot_id", flat=True).distinct():
         records = Record.filter(robot_id=robot_id)
         chain = robot_id or NO_ROBOT
-        name = records.order_by("-id").values_list("robot_name", flat=True).first()
-        Chain.create(id=chain, name=name)
+        named = records.exclude(robot_name="").order_by("-id")
+        Chain.create(id=chain, name=named.values_list("robot_name", flat=True).first() or "")
         _chain(records.order_by("id"), Record, Content, first_digest(chain))
 
 
