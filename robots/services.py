@@ -12,7 +12,7 @@ from django.db import models, transaction
 from django.utils import timezone
 from msgspec import convert, to_builtins
 
-from fleet.audit import record
+from fleet.audit import SystemAccount, record
 from robots import shipped
 from robots.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.phrases import Line
@@ -20,14 +20,17 @@ from robots.phrases import Line
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
+    Actor = User | SystemAccount | None  # None: the console itself
+
 log = logging.getLogger(__name__)
 # Columns that people do not fill in, or that a record has already.
 NOT_ENTERED = {"id", "fence", "updated_at", "shipped", "shipped_phrases", "robot"}
+WORDS = "text"  # of a phrase
 ORDER_STEP = 10  # between phrases of a file, so that others find room
 
 
 @transaction.atomic
-def robot_save(*, robot: Robot, actor: User | None) -> Robot:
+def robot_save(*, robot: Robot, actor: Actor) -> Robot:
     """Create `robot`, or save what was changed in it; `ValidationError` if it is not right."""
     robot.full_clean()
     if robot._state.adding:
@@ -39,7 +42,7 @@ def robot_save(*, robot: Robot, actor: User | None) -> Robot:
 
 
 @transaction.atomic
-def profile_save(*, profile: RobotProfile, actor: User | None) -> RobotProfile:
+def profile_save(*, profile: RobotProfile, actor: Actor) -> RobotProfile:
     """Create `profile`, or save what was changed in it; `ValidationError` if it is not right."""
     profile.full_clean()
     if profile._state.adding:
@@ -51,14 +54,14 @@ def profile_save(*, profile: RobotProfile, actor: User | None) -> RobotProfile:
 
 
 @transaction.atomic
-def profile_delete(*, profile: RobotProfile, actor: User | None) -> None:
+def profile_delete(*, profile: RobotProfile, actor: Actor) -> None:
     """Delete a profile that no robot has; `ProtectedError` if one does."""
     record("profile.delete", actor=actor, parameters=_entered(profile))
     profile.delete()
 
 
 @transaction.atomic
-def profile_take_shipped(*, profile: RobotProfile, actor: User | None) -> bool:
+def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
     """Give up what was edited here for what the console ships; False: nothing is shipped for this profile."""
     file = shipped.file_of(profile)
     if file is None:
@@ -95,14 +98,14 @@ def _load_phrases(profile: RobotProfile, lines: list[Line]) -> None:
         log.warning("Phrases of profile %s were edited here; the shipped ones were not taken.", profile.slug)
 
 
-def _take_phrases(profile: RobotProfile, lines: list[Line], actor: User | None) -> None:
+def _take_phrases(profile: RobotProfile, lines: list[Line], actor: Actor) -> None:
     """Make a stored profile's phrases those of the file."""
     phrases_import(owner=profile, lines=lines, actor=actor, replace=True)
     profile.shipped_phrases = to_builtins(lines)
     profile.save(update_fields=["shipped_phrases"])
 
 
-def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: User | None) -> None:
+def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: Actor) -> None:
     """Make a stored profile what `file` says."""
     shipped.fill(profile, file)
     profile_save(profile=profile, actor=actor)
@@ -138,22 +141,45 @@ def _entered(entry: models.Model) -> dict[str, Any]:
 
 
 @transaction.atomic
-def entry_save(*, entry: Phrase | Allowance, actor: User | None) -> None:
+def entry_save(*, entry: Phrase | Allowance, actor: Actor) -> None:
     """Create an entry of a profile or robot, or save what was changed in it; `ValidationError` if it is not right."""
     entry.full_clean()
-    kind = entry._meta.model_name
     if entry._state.adding:
         entry.save(force_insert=True)
-        record(f"{kind}.create", actor=actor, **_of(entry.owner, _entered(entry)))
+        _record_entry("create", entry, _entered(entry), actor)
     elif changes := _save_changes(entry, type(entry)._default_manager.select_for_update().get(pk=entry.pk)):
-        record(f"{kind}.change", actor=actor, **_of(entry.owner, {"entry": str(entry), "changes": changes}))
+        _record_entry_change(entry, changes, actor)
 
 
 @transaction.atomic
-def entry_delete(*, entry: Phrase | Allowance, actor: User | None) -> None:
+def entry_delete(*, entry: Phrase | Allowance, actor: Actor) -> None:
     """Delete an entry of a profile or robot."""
-    record(f"{entry._meta.model_name}.delete", actor=actor, **_of(entry.owner, _entered(entry)))
+    _record_entry("delete", entry, _entered(entry), actor)
     entry.delete()
+
+
+def _record_entry(verb: str, entry: Phrase | Allowance, told: dict[str, Any], actor: Actor) -> None:
+    """Record an entry that comes or goes; a phrase's words may expire, like those that a robot said."""
+    facts = {name: value for name, value in told.items() if name != WORDS}
+    record(
+        f"{entry._meta.model_name}.{verb}", actor=actor, text=told.get(WORDS, ""), **_of(entry.owner, facts)
+    )
+
+
+def _record_entry_change(entry: Phrase | Allowance, changes: list[dict[str, Any]], actor: Actor) -> None:
+    """Record what was changed; of a phrase's words for ever only that they were."""
+    if isinstance(entry, Allowance):
+        facts = {"entry": str(entry), "changes": changes}
+        record("allowance.change", actor=actor, **_of(entry.owner, facts))
+        return
+    kept = [{"field": WORDS} if change["field"] == WORDS else change for change in changes]
+    record(
+        "phrase.change",
+        actor=actor,
+        text=entry.text,
+        private={"changes": changes},
+        **_of(entry.owner, {"language": entry.language, "changes": kept}),
+    )
 
 
 @transaction.atomic
@@ -161,14 +187,10 @@ def phrases_import(
     *,
     owner: RobotProfile | Robot,
     lines: list[Line],
-    actor: User | None,
+    actor: Actor,
     replace: bool = False,
-    system_account: str = "",
 ) -> int:
-    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new.
-
-    `system_account` is who it was where no `actor` did it: a person at the command line.
-    """
+    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new."""
     type(owner)._default_manager.select_for_update().get(slug=owner.slug)  # one import at a time
     held = [phrase.line for phrase in owner.phrases.all()]
     if replace and held == lines:
@@ -182,9 +204,9 @@ def phrases_import(
     added = [line for line in wanted if line not in held]
     removed = [line for line in held if line not in wanted] if replace else []
     if wanted or removed:
-        told = {"replaced": replace, "added": to_builtins(added), "removed": to_builtins(removed)}
-        account = {"system_account": system_account} if system_account else {}
-        record("phrase.import", actor=actor, **_of(owner, told | account))
+        figures = {"replaced": replace, "added": len(added), "removed": len(removed)}
+        lists = {"added": to_builtins(added), "removed": to_builtins(removed)}
+        record("phrase.import", actor=actor, private=lists, **_of(owner, figures))
     return len(added)
 
 
@@ -214,7 +236,7 @@ def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
 
 
 @transaction.atomic
-def role_set(*, robot: Robot, user: User, role: Role | None, actor: User | None) -> None:
+def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> None:
     """Give `user` this role on `robot`, in place of any other; None takes it away."""
     held = RobotRole.objects.select_for_update().filter(robot=robot, user=user).first()
     before = held.role if held else None
@@ -229,7 +251,8 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: User | None)
         "role.change",
         actor=actor,
         **_named(robot),
-        parameters={"user": str(user.pk), "name": user.display_name, "from": before, "to": after},
+        parameters={"user": str(user.pk), "from": before, "to": after},
+        private={"name": user.display_name},
     )
 
 

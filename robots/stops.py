@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 from uuid import UUID
 
 from django.db import DatabaseError
 
 from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit import SystemAccount
 from fleet.audit.models import Record
 from robots.bridge.config import LinkAddress
 from robots.link import LinkRefused, stop_once
@@ -35,26 +35,44 @@ def press_all(addresses: Sequence[LinkAddress], by: str, reason: str = "") -> li
         return list(threads.map(lambda address: press(address, by, reason), addresses))
 
 
-def record_press(robot_id: UUID, *, actor: User | None, parameters: dict[str, Any]) -> Record | None:
-    """Record that a stop was pressed; None if that was not possible, which stops nothing."""
+def record_press(
+    robot_id: UUID,
+    *,
+    actor: User | SystemAccount,
+    through: str,
+    reason: str = "",
+    session_id: UUID | None = None,
+    fence: int | None = None,
+) -> Record | None:
+    """Record that a stop was pressed; None if that was not possible, which stops nothing.
+
+    `session_id` and `fence` are those of the control session that it interrupts.
+    """
     try:
         name = Robot.objects.filter(pk=robot_id).values_list("name", flat=True).first()
         return audit.record(
-            "stop.press", actor=actor, robot_id=robot_id, robot_name=name or "", parameters=parameters
+            "stop.press",
+            actor=actor,
+            robot_id=robot_id,
+            robot_name=name or "",
+            session_id=session_id,
+            fence=fence,
+            parameters={"through": through},
+            text=reason,
         )
     except (audit.AuditUnavailable, DatabaseError) as error:
-        by = actor.pk if actor else parameters
+        by = actor.name if isinstance(actor, SystemAccount) else actor.pk
         log.error("a stop of robot %s by %s was sent, but not recorded: %s", robot_id, by, error)
         return None
 
 
-def record_outcome(record: Record | None, *, actor: User | None, result: Stopped | Refusal) -> None:
+def record_outcome(record: Record | None, *, actor: User | SystemAccount, result: Stopped | Refusal) -> None:
     """Record what came of a stop or a clear."""
     if record is None:
         return
     outcome = result.code if isinstance(result, Refusal) else result.stop.state
-    parameters = {"text": result.text} if isinstance(result, Refusal) else {}
+    words = {"words": result.text} if isinstance(result, Refusal) else {}
     try:
-        audit.record(record.kind, actor=actor, of=record, outcome=outcome, parameters=parameters)
-    except audit.AuditUnavailable as error:
+        audit.record(record.kind, actor=actor, of=record, outcome=outcome, private=words)
+    except (audit.AuditUnavailable, DatabaseError) as error:
         log.error("the outcome %s of record %s was not recorded: %s", outcome, record.pk, error)

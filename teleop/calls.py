@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import Any
 
 import msgspec
 from django.db import DatabaseError
@@ -18,6 +19,7 @@ from robots.wire import CallService, Refusal, SetParameter
 from teleop.database import in_database
 from teleop.orders import role_for, why_role
 from teleop.rooms import Room
+from teleop.selectors import holding_of
 from teleop.services import DATABASE_UNAVAILABLE, ControlRefused
 from teleop.socket import beside
 from teleop.standing import Rights
@@ -25,6 +27,8 @@ from teleop.standing import Rights
 log = logging.getLogger(__name__)
 
 Call = CallService | SetParameter
+
+RECORDED_BYTES = 4096  # of a service's fields or a parameter's value
 
 _STAFF_ONLY = Refusal("role_too_low", "Only staff call services and set parameters.", "account")
 
@@ -53,17 +57,22 @@ def _why_not(call: Call, room: Room, rights: Rights) -> Refusal | None:
 
 
 def _record(call: Call, room: Room, user: User) -> Record:
-    if isinstance(call, CallService):
-        kind, parameters = "service.call", {"service": call.service, "fields": call.fields}
-    else:
-        kind, parameters = "parameter.set", {"name": call.name, "value": call.value}
     try:
+        if isinstance(call, CallService):
+            kind, facts, given = "service.call", {"service": call.service}, {"fields": _bounded(call.fields)}
+        else:
+            kind, facts, given = "parameter.set", {"name": call.name}, {"value": _bounded(call.value)}
+        held = holding_of(room.robot_id)  # staff may call while somebody else has control
+        own = held if held and held.user == user.pk else None
         return audit.record(
             kind,
             actor=user,
             robot_id=room.robot_id,
             robot_name=room.entry.facts.name,
-            parameters=parameters,
+            session_id=own.session if own else None,
+            fence=own.fence if own else None,
+            parameters=facts,
+            private=given,
         )
     except audit.AuditUnavailable as error:
         raise ControlRefused(Refusal(error.code, error.text, error.rule)) from error
@@ -72,11 +81,17 @@ def _record(call: Call, room: Room, user: User) -> Record:
 
 
 def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
-    outcome, parameters = (refusal.code, {"text": refusal.text}) if refusal else ("done", {})
+    outcome, words = (refusal.code, {"words": refusal.text}) if refusal else ("done", {})
     try:
-        audit.record(begun.kind, actor=user, of=begun, outcome=outcome, parameters=parameters)
+        audit.record(begun.kind, actor=user, of=begun, outcome=outcome, private=words)
     except (audit.AuditUnavailable, DatabaseError) as error:
         log.error("the outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)
+
+
+def _bounded(given: Any) -> Any:
+    """What was given, or if it is long the beginning of it, as text."""
+    text = msgspec.json.encode(given)
+    return given if len(text) <= RECORDED_BYTES else text[:RECORDED_BYTES].decode(errors="ignore")
 
 
 class _Answered(Struct):

@@ -6,6 +6,8 @@ import logging
 from collections.abc import Iterable
 from typing import Protocol
 
+from django.db import DatabaseError
+
 from fleet import audit
 from fleet.accounts.models import User
 from robots import wire
@@ -16,6 +18,7 @@ from robots.models import Role
 from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
 from teleop.database import in_database
 from teleop.rooms import Room
+from teleop.selectors import holding_of
 from teleop.socket import beside
 from teleop.standing import Rights
 
@@ -150,12 +153,15 @@ def why_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
 def _record_cancel(what: str, room: Room, user: User, answer: Accepted | Refused) -> None:
     """Afterwards, as for a stop: what makes the robot stand waits for nothing."""
     try:
+        held = holding_of(room.robot_id)  # whose motion or sentence it is, as a rule
         audit.record(
             f"{what}.cancel",
             actor=user,
             robot_id=room.robot_id,
             robot_name=room.entry.facts.name,
+            session_id=held.session if held else None,
+            fence=held.fence if held else None,
             outcome=answer.refusal.code if isinstance(answer, Refused) else "accepted",
         )
-    except audit.AuditUnavailable as error:
+    except (audit.AuditUnavailable, DatabaseError) as error:
         log.error("that %s cancelled a %s was not recorded: %s", user.pk, what, error)

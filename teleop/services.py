@@ -58,7 +58,8 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
         _require(rules.may_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
             lapsed = rules.lapse(before, now)
-            _end_session(before, EndReason(lapsed) if lapsed else EndReason.MOVED, "", now)
+            reason = EndReason(lapsed) if lapsed else EndReason.MOVED
+            _end_session(before, reason, robot, None if lapsed else user, now)
         taken = _give(robot, user, tab, permit, before, highest_fence, now)
         _record("control.take", taken, robot, user)
     return taken
@@ -74,9 +75,18 @@ def lease_take_over(
         held = holding_of(robot_id)
         supervises = supervises_robot(user=user, robot=robot)
         before = _allowed(held, rules.may_take_over(held, user=user_id, supervises=supervises, now=now))
-        _end_session(before, EndReason.TAKEN_OVER, f"{user.display_name} took over: {reason}", now)
+        note = f"{user.display_name} took over: {reason}"
+        _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
         taken = _give(robot, user, tab, permit, before, highest_fence, now)
-        _record("control.take_over", taken, robot, user, reason=reason, holder=before.name)
+        _record(
+            "control.take_over",
+            taken,
+            robot,
+            user,
+            parameters={"holder": str(before.user)},
+            text=reason,
+            private={"holder_name": before.name},
+        )
     return taken
 
 
@@ -91,9 +101,17 @@ def lease_hand_over(
         ask = _ask(robot_id, request_id, now)
         receiver = _user(ask.user)
         permit = _permit(user=receiver, robot=robot, now=now)
-        _end_session(before, EndReason.HANDED_OVER, f"You handed over to {receiver.display_name}.", now)
+        note = f"You handed over to {receiver.display_name}."
+        _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
         given = _give(robot, receiver, ask.tab, permit, before, highest_fence, now)
-        _record("control.hand_over", given, robot, user, to=str(receiver.id), to_name=receiver.display_name)
+        _record(
+            "control.hand_over",
+            given,
+            robot,
+            user,
+            parameters={"to": str(receiver.id)},
+            private={"to_name": receiver.display_name},
+        )
     return given
 
 
@@ -104,8 +122,7 @@ def lease_release(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> 
         held = holding_of(robot_id)
         before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
         _free(robot_id, before, now)
-        _end_session(before, EndReason.RELEASED, "", now)
-        _record("control.release", before, robot, user)
+        _end_session(before, EndReason.RELEASED, robot, user, now)
     return before
 
 
@@ -121,7 +138,7 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> da
         before = _allowed(held, rules.may_renew(held, tab=tab, asks=asks_of(robot_id), now=now))
         ends = _term_end(permit, now)
         _change_lease(robot_id, before, term_ends_at=ends)
-        _record("control.renew", before, robot, user)
+        _record("control.renew", before, robot, user, parameters={"term_s": (ends - now).total_seconds()})
     return ends
 
 
@@ -162,8 +179,7 @@ def lease_expire(*, robot_id: UUID, now: datetime) -> Holding | None:
         if not Lease.objects.filter(robot_id=robot_id, seen_at=held.seen_at).exists():
             return None  # it came back just now
         _free(robot_id, held, now)
-        _end_session(held, EndReason(why), "", now)
-        _record("control.expire", held, _robot(robot_id), None, why=why, holder=held.name)
+        _end_session(held, EndReason(why), _robot(robot_id), None, now)
     return held
 
 
@@ -176,10 +192,7 @@ def lease_end(
         if held is None or held.session != session:
             return None
         _free(robot_id, held, now)
-        _end_session(held, reason, refusal.text, now)
-        _record(
-            "control.end", held, _robot(robot_id), None, why=refusal.code, text=refusal.text, holder=held.name
-        )
+        _end_session(held, reason, _robot(robot_id), None, now, note=refusal.text, why=refusal.code)
     return held
 
 
@@ -202,7 +215,7 @@ def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> in
             defaults=seat,
             create_defaults={**seat, "asked_at": now},
         )
-        _record("control.ask", held, robot, user, request=request.pk)
+        _record("control.ask", held, robot, user, parameters={"request": request.pk})
     return int(request.pk)
 
 
@@ -356,19 +369,36 @@ def _unchanged(robot_id: UUID, before: Holding | None) -> QuerySet[Lease]:
     )
 
 
-def _end_session(held: Holding, reason: EndReason, note: str, now: datetime) -> None:
-    ControlSession.objects.filter(pk=held.session, ended_at=None).update(
-        ended_at=now, end_reason=reason, end_note=note[:300]
-    )
+def _end_session(
+    held: Holding,
+    reason: EndReason,
+    robot: Robot,
+    by: User | None,
+    now: datetime,
+    *,
+    note: str = "",
+    why: str = "",
+) -> None:
+    """End a control session, once, and put on record how: whoever ended it, or the console itself by its rules.
+
+    `note` says it in words to who held it, `why` in a word to programs.
+    """
+    open_ones = ControlSession.objects.filter(pk=held.session, ended_at=None)
+    if not open_ones.update(ended_at=now, end_reason=reason, end_note=note[:300]):
+        return
+    parameters = {"holder": str(held.user), "why": why} if why else {"holder": str(held.user)}
+    names = {"holder_name": held.name, "words": note} if note else {"holder_name": held.name}
+    _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=names)
 
 
-def _record(kind: str, held: Holding | None, robot: Robot, actor: User | None, **parameters: Any) -> Record:
+def _record(kind: str, of: Holding | None, robot: Robot, actor: User | None, **told: Any) -> Record:
+    """Put on record what happens to the control session `of`."""
     return audit.record(
         kind,
         actor=actor,
         robot_id=robot.id,
         robot_name=robot.name,
-        session_id=held.session if held else None,
-        fence=held.fence if held else None,
-        parameters=parameters,
+        session_id=of.session if of else None,
+        fence=of.fence if of else None,
+        **told,
     )

@@ -6,9 +6,11 @@ import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from uuid import UUID
 
+from django.db import DatabaseError
 from django.utils import timezone
 
 from fleet.accounts.models import User
+from fleet.audit.models import Record
 from robots.link import BridgeLink, LinkRefused
 from robots.models import Robot
 from robots.selectors import link_address
@@ -16,6 +18,7 @@ from robots.stops import press, press_all, record_outcome, record_press
 from robots.wire import LinkClear, LinkStop, Refusal, Stopped
 from teleop.database import in_database, in_database_beside
 from teleop.rules import Tab
+from teleop.selectors import holding_of
 from teleop.services import clear_begin
 from teleop.socket import beside
 
@@ -66,8 +69,18 @@ async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
 async def _record(
     robot_id: UUID, user: User, through: str, answer: asyncio.Future[Stopped | Refusal]
 ) -> None:
-    pressed = await in_database(record_press, robot_id, actor=user, parameters={"through": through})
+    pressed = await in_database(_record_press, robot_id, user, through)
     await in_database(record_outcome, pressed, actor=user, result=await answer)
+
+
+def _record_press(robot_id: UUID, user: User, through: str) -> Record | None:
+    """Record a stop, with the control session that it interrupts, as far as the database knows it."""
+    try:
+        held = holding_of(robot_id)
+    except DatabaseError:
+        held = None
+    session, fence = (held.session, held.fence) if held else (None, None)
+    return record_press(robot_id, actor=user, through=through, session_id=session, fence=fence)
 
 
 async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
@@ -95,5 +108,5 @@ def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Sto
 
 
 def _record_both(robot_id: UUID, user: User, through: str, result: Stopped | Refusal) -> None:
-    pressed = record_press(robot_id, actor=user, parameters={"through": through})
+    pressed = _record_press(robot_id, user, through)
     record_outcome(pressed, actor=user, result=result)

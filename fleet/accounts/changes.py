@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import pwd
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from fleet.audit import actor_renamed, record
+from fleet.audit.command_line import here
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
 SHOWN = ("username", "full_name", "email", "is_active", "is_staff", "is_superuser")
 RECORDED = (*SHOWN, "password")  # of a password only that it changed
+RIGHTS = ("is_active", "is_staff", "is_superuser")  # on record for ever; all else says who somebody is
 
 
 def between(before: User, person: User, fields: Collection[str]) -> list[dict[str, Any]]:
@@ -30,21 +30,21 @@ def between(before: User, person: User, fields: Collection[str]) -> list[dict[st
 
 def made(person: User, changes: list[dict[str, Any]]) -> None:
     """Record a new account, by what differs from a blank one."""
-    _record("account.create", person, changes=changes)
+    _record("account.create", person, changes)
 
 
 def changed(person: User, changes: list[dict[str, Any]]) -> None:
     """Record a change, if it is one."""
     if not changes:
         return
-    _record("account.change", person, changes=changes)
+    _record("account.change", person, changes)
     if {"username", "full_name"} & {change["field"] for change in changes}:
         actor_renamed(person)
 
 
 def deleted(person: User) -> None:
     """Record an account that goes. The admin deletes none; a program may."""
-    _record("account.delete", person)
+    _record("account.delete", person, [])
 
 
 def _password_changed(before: User, person: User) -> bool:
@@ -55,16 +55,14 @@ def _password_changed(before: User, person: User) -> bool:
     return typed or not person.has_usable_password() or not before.has_usable_password()
 
 
-def _record(kind: str, person: User, **what: Any) -> None:
-    parameters = {"user": str(person.pk), "name": person.display_name, **what}
-    if person.changed_by is None:
-        parameters["system_account"] = system_account()
-    record(kind, actor=person.changed_by, parameters=parameters)
-
-
-def system_account() -> str:
-    """Who runs this process on this computer; a person at the command line has no other name."""
-    try:
-        return pwd.getpwuid(os.getuid()).pw_name
-    except KeyError:  # a container's number without a name
-        return str(os.getuid())
+def _record(kind: str, person: User, changes: list[dict[str, Any]]) -> None:
+    """Which fields, and of rights the values, are kept for ever; names and addresses are not."""
+    kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
+    told: dict[str, Any] = {"changes": kept} if changes else {}
+    whole: dict[str, Any] = {"changes": changes} if kept != changes else {}
+    record(
+        kind,
+        actor=person.changed_by or here(),
+        parameters={"user": str(person.pk), **told},
+        private={"name": person.display_name, **whole},
+    )

@@ -77,7 +77,7 @@ def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> in
             "account.sign_out",
             actor=user,
             outcome=why,
-            parameters={"address": sign_in.address, "browser": sign_in.user_agent},
+            private={"address": sign_in.address, "browser": sign_in.user_agent},
         )
     return len(ending)
 

@@ -20,14 +20,14 @@ def _signed_in(*, request: HttpRequest, user: User, **_: Any) -> None:
     record(
         "account.sign_in",
         actor=user,
-        parameters={"address": sign_in.address, "browser": sign_in.user_agent},
+        private={"address": sign_in.address, "browser": sign_in.user_agent},
     )
 
 
 @receiver(user_logged_out)
 def _signed_out(*, request: HttpRequest, user: User | None, **_: Any) -> None:
     if user is not None:
-        record("account.sign_out", actor=user, parameters={"address": services.address_of(request)})
+        record("account.sign_out", actor=user, private={"address": services.address_of(request)})
 
 
 @receiver(user_login_failed)

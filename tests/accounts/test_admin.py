@@ -49,9 +49,9 @@ def test_an_account_made_here_goes_on_record_without_its_password(admin, staff):
         "password2": PASSWORD,
     }
     assert admin.post(f"{PEOPLE}add/", form).status_code == 302
-    entry = Record.objects.get(kind="account.create", parameters__name="Nia New")
+    entry = Record.objects.get(kind="account.create", content__data__name="Nia New")
     assert entry.actor_id == str(staff.pk)
-    assert PASSWORD not in str(entry.parameters)
+    assert PASSWORD not in str(entry.details)
 
 
 def test_making_somebody_staff_goes_on_record(admin, operator):
@@ -64,14 +64,14 @@ def test_making_somebody_staff_goes_on_record(admin, operator):
     }
     assert admin.post(f"{PEOPLE}{operator.pk}/change/", form).status_code == 302
     assert User.objects.get(pk=operator.pk).is_staff
-    changes = Record.objects.get(kind="account.change").parameters["changes"]
+    changes = Record.objects.get(kind="account.change").details["changes"]
     assert changes == [{"field": "is_staff", "from": False, "to": True}]
 
 
 def test_a_new_password_goes_on_record_but_not_what_it_is(admin, operator):
     form = {"usable_password": "true", "password1": "another long walk", "password2": "another long walk"}
     assert admin.post(f"{PEOPLE}{operator.pk}/password/", form).status_code == 302
-    changes = Record.objects.get(kind="account.change").parameters["changes"]
+    changes = Record.objects.get(kind="account.change").details["changes"]
     assert changes == [{"field": "password"}]
 
 

@@ -26,26 +26,23 @@ pytestmark = pytest.mark.django_db
 def changes_of(person: User) -> list[list[dict[str, Any]]]:
     """What the records say was changed in an account, oldest first."""
     records = Record.objects.filter(kind="account.change", parameters__user=str(person.pk)).order_by("id")
-    return [entry.parameters["changes"] for entry in records]
+    return [entry.details["changes"] for entry in records]
 
 
 def test_the_first_staff_account_is_on_record(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DJANGO_SUPERUSER_PASSWORD", PASSWORD)
     call_command("createsuperuser", "--no-input", username="first", email="first@lab.example", verbosity=0)
     entry = Record.objects.get(kind="account.create")
-    assert (entry.actor_id, entry.parameters["name"], entry.parameters["system_account"]) == (
-        None,
-        "first",
-        HERE,
-    )
-    given = {change["field"]: change["to"] for change in entry.parameters["changes"]}
+    assert (entry.actor_id, entry.actor_name) == (f"system:{HERE}", HERE)
+    assert entry.details["name"] == "first"
+    given = {change["field"]: change["to"] for change in entry.details["changes"]}
     assert given == {
         "username": "first",
         "email": "first@lab.example",
         "is_staff": True,
         "is_superuser": True,
     }
-    assert PASSWORD not in str(entry.parameters)
+    assert PASSWORD not in str(entry.details)
 
 
 def test_an_account_that_cannot_be_recorded_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,7 +59,7 @@ def test_a_password_changed_on_the_command_line_is_on_record(stranger: User) -> 
     with mock.patch("getpass.getpass", return_value=NEW):
         call_command("changepassword", stranger.username)
     assert changes_of(stranger) == [[{"field": "password"}]]
-    assert NEW not in str(Record.objects.latest("id").parameters)
+    assert NEW not in str(Record.objects.latest("id").details)
 
 
 @pytest.mark.parametrize("right", ["is_active", "is_staff", "is_superuser"])
@@ -81,7 +78,7 @@ def test_an_account_that_is_deleted_is_on_record(stranger: User) -> None:
     gone = str(stranger.pk)
     User.objects.filter(pk=stranger.pk).delete()
     entry = Record.objects.get(kind="account.delete")
-    assert (entry.parameters["user"], entry.parameters["name"]) == (gone, "Stig Stranger")
+    assert (entry.details["user"], entry.details["name"]) == (gone, "Stig Stranger")
 
 
 def test_a_password_taken_away_is_on_record(stranger: User) -> None:
@@ -96,6 +93,15 @@ def test_what_was_not_saved_is_not_on_record(stranger: User) -> None:
     stranger.save(update_fields=["full_name"])
     [[change]] = changes_of(stranger)
     assert change["field"] == "full_name"
+
+
+def test_names_and_addresses_may_expire_and_rights_may_not(stranger: User) -> None:
+    stranger.email, stranger.is_staff = "stig@lab.example", True
+    stranger.save()
+    kept = Record.objects.latest("id").parameters
+    assert kept["user"] == str(stranger.pk)
+    assert kept["changes"] == [{"field": "email"}, {"field": "is_staff", "from": False, "to": True}]
+    assert "Stig" not in str(kept)
 
 
 def test_a_newer_hash_of_the_same_password_is_no_change(stranger: User, settings: Any) -> None:

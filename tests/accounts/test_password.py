@@ -28,7 +28,7 @@ def test_everybody_can_change_their_own_and_it_goes_on_record(stranger, signed_i
     assert _has(stranger, NEW)
     entry = Record.objects.get(kind="account.change")
     assert (entry.actor_id, entry.parameters["changes"]) == (str(stranger.pk), [{"field": "password"}])
-    assert NEW not in str(entry.parameters)
+    assert NEW not in str(entry.details)
 
 
 @pytest.mark.django_db

@@ -132,7 +132,7 @@ def test_roles_change_hands_and_go_through_the_robots_page(
     assert list(RobotRole.objects.values_list("user__username", "role")) == [("stranger", "operator")]
     assert admin.post(url, filled(admin, url, **{"roles-0-DELETE": "on"})).status_code == 302
     assert not RobotRole.objects.exists()
-    changes = Record.objects.filter(kind="role.change").order_by("id").values_list("parameters", flat=True)
+    changes = [record.details for record in Record.objects.filter(kind="role.change").order_by("id")]
     assert [(change["name"], change["to"]) for change in changes] == [
         ("Olga Operator", None),
         ("Stig Stranger", "operator"),

@@ -106,7 +106,7 @@ def test_new_phrases_come_with_an_update_once_and_are_on_record(
     assert tiago.phrases.count() == 25
     record = Record.objects.filter(kind="phrase.import").latest("id")
     assert record.parameters["profile"] == "tiago"
-    assert record.parameters["added"] == [{"text": "Buongiorno!", "language": "it-IT", "tags": []}]
+    assert record.details["added"] == [{"text": "Buongiorno!", "language": "it-IT", "tags": []}]
     assert Record.objects.filter(kind="phrase.import").count() == 2
 
 

@@ -74,7 +74,7 @@ def test_all_robots_are_stopped_with_who_and_why(
         "",
         "stopping",
     ] * 2  # as from a page: press, then outcome
-    assert {record.parameters.get("reason") for record in records} == {"smoke in the lab", None}
+    assert {record.details.get("text") for record in records} == {"smoke in the lab", None}
 
 
 def test_a_robot_that_is_not_reached_is_named_and_the_others_stop(
@@ -86,7 +86,7 @@ def test_a_robot_that_is_not_reached_is_named_and_the_others_stop(
     assert len(reached.stops) == 1
     press, outcome = Record.objects.filter(robot_id=robot.id).order_by("id")
     assert (press.outcome, outcome.of_id) == ("", press.pk)
-    assert outcome.outcome.startswith("bridge_") and outcome.parameters["text"]
+    assert outcome.outcome.startswith("bridge_") and outcome.details["words"]
 
 
 def test_a_named_robot_alone_is_stopped(

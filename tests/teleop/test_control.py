@@ -242,7 +242,7 @@ async def test_control_ends_with_its_term(open_page, bridge):
     assert (await bridge.hears(wire.Revoke)).fence == fence
     await page.hears("notice", code="term")
     await page.hears("control", state="free")
-    assert await count("control.expire") == 1
+    assert await count("control.end") == 1
 
 
 async def test_control_ends_with_its_term_even_if_that_cannot_be_recorded(open_page, bridge, monkeypatch):

@@ -249,7 +249,7 @@ def test_a_supervisor_takes_over_with_a_reason_that_is_kept(robot, operator, sup
     )
     ended = ControlSession.objects.get(pk=before.session)
     assert (ended.end_reason, ended.end_note) == (EndReason.TAKEN_OVER, "Sue Pervisor took over: fire drill")
-    assert Record.objects.get(kind="control.take_over").parameters["reason"] == "fire drill"
+    assert Record.objects.get(kind="control.take_over").details["text"] == "fire drill"
 
 
 def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
@@ -259,7 +259,57 @@ def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
     over = NOW + timedelta(seconds=60)
     assert services.lease_expire(robot_id=robot.id, now=over).session == held.session
     assert services.lease_expire(robot_id=robot.id, now=over) is None
-    assert kinds() == ["control.take", "control.expire"]
+    assert kinds() == ["control.take", "control.end"]
+
+
+def test_however_control_ends_its_session_says_so_once(robot, operator, second_operator, supervisor):
+    def step(function, who, **more):
+        return function(robot_id=robot.id, user_id=who.id, tab=tab(who.username), now=NOW, **more)
+
+    refusal = Refusal("role_too_low", "You may not.", "account")
+    held = [take(robot, operator)]
+    step(services.lease_release, operator)
+    held += [take(robot, operator), take(robot, operator, name="operator-elsewhere")]
+    step(services.lease_take_over, supervisor, reason="fire drill", highest_fence=0)
+    held.append(holding_of(robot.id))
+    asked = step(services.control_ask, operator)
+    held.append(step(services.lease_hand_over, supervisor, request_id=asked, highest_fence=0))
+    services.lease_end(
+        robot_id=robot.id, session=held[-1].session, reason=EndReason.RIGHT, refusal=refusal, now=NOW
+    )
+    held.append(take(robot, operator))
+    services.lease_end(
+        robot_id=robot.id, session=held[-1].session, reason=EndReason.BRIDGE, refusal=refusal, now=NOW
+    )
+    held.append(take(robot, operator))
+    held.append(take(robot, second_operator, now=NOW + timedelta(seconds=11)))  # the page was gone
+    held.append(take(robot, operator, now=NOW + timedelta(days=1)))
+    ends = Record.objects.filter(kind="control.end").order_by("id")
+    told = [(end.outcome, end.session_id, end.fence, end.parameters["holder"]) for end in ends]
+    reasons = [*"released moved taken_over handed_over right bridge away term".split()]
+    assert told == [
+        (reason, had.session, had.fence, str(had.user))
+        for reason, had in zip(reasons, held[:-1], strict=True)
+    ]
+    assert {reason.value for reason in EndReason} == set(reasons)
+    by = [end.actor_id for end in ends]
+    people = [operator, operator, supervisor, supervisor]
+    assert by == [*(str(person.pk) for person in people), None, None, None, None]
+
+
+def test_names_and_reasons_in_records_of_control_may_expire(robot, operator, supervisor):
+    take(robot, operator)
+    services.lease_take_over(
+        robot_id=robot.id,
+        user_id=supervisor.id,
+        tab=tab("supervisor"),
+        reason="fire drill",
+        highest_fence=0,
+        now=NOW,
+    )
+    kept = str([record.parameters for record in Record.objects.filter(kind__startswith="control.")])
+    assert str(operator.pk) in kept
+    assert not [words for words in ("Olga", "Pervisor", "fire drill") if words in kept]
 
 
 def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, second_operator):

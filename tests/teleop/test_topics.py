@@ -238,15 +238,16 @@ async def test_a_call_is_on_record_before_it_is_sent_and_its_outcome_after(
     page = await open_topics("staff")
     await page.say(**question, seq=1)
     asked = await bridge.hears(wire.Inspect)
-    begun = await in_database(lambda: Record.objects.get(kind=kind))
-    assert (begun.kind, begun.parameters, begun.outcome) == (kind, parameters, "")
+    begun = await in_database(lambda: Record.objects.select_related("content").get(kind=kind))
+    assert (begun.kind, begun.details, begun.outcome) == (kind, parameters, "")
     assert (begun.actor_id, begun.robot_id) == (str(staff.pk), robot.id)
     refusal = wire.Refusal("service_failed", "It said no.", "robot")
     answer = wire.encode(wire.Refused(question["t"], refusal, 1))
     bridge.say(wire.Inspected(asked.seq, msgspec.Raw(answer)))
     await page.hears("refused", of=question["t"], seq=1)
     outcome = await eventually(lambda: Record.objects.filter(of=begun).first())
-    assert (outcome.outcome, outcome.parameters) == ("service_failed", {"text": "It said no."})
+    details = await in_database(lambda: outcome.details)
+    assert (outcome.outcome, details) == ("service_failed", {"words": "It said no."})
 
 
 async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_then(open_topics, bridge):

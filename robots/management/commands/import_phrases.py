@@ -7,7 +7,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from fleet.accounts.changes import system_account
+from fleet.audit.command_line import here
 from robots import phrases
 from robots.described import Problems
 from robots.management.owner import add_owner_arguments, owner_in
@@ -42,11 +42,5 @@ class Command(BaseCommand):
             raise CommandError(f"{options['file']} cannot be read: {error.strerror}.") from error
         except Problems as problems:
             raise CommandError("\n".join(["Nothing was imported.", *problems.lines])) from problems
-        new = phrases_import(
-            owner=owner,
-            lines=lines,
-            actor=None,
-            replace=options["replace"],
-            system_account=system_account(),
-        )
+        new = phrases_import(owner=owner, lines=lines, actor=here(), replace=options["replace"])
         self.stdout.write(f"{owner}: {new} new phrases.")

@@ -17,6 +17,7 @@ from msgspec import Struct, structs
 from msgspec.json import decode
 
 from fleet.accounts.models import User
+from fleet.audit.command_line import here
 from robots.bridge.config import Allowed
 from robots.models import Allowance, Robot, RobotProfile, Role
 from robots.selectors import link_address
@@ -81,7 +82,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
     robot = Robot.objects.filter(slug=planned.slug).first()
     if robot is not None:
         robot.master_uri = planned.master_uri
-        return robot_save(robot=robot, actor=None)
+        return robot_save(robot=robot, actor=here())
     robot = Robot(
         slug=planned.slug,
         name=planned.name,
@@ -91,9 +92,9 @@ def seed_robot(planned: PracticeRobot) -> Robot:
         advertised_address=planned.advertised_address,
         stick=planned.stick,
     )
-    robot_save(robot=robot, actor=None)
+    robot_save(robot=robot, actor=here())
     for allowed in ALLOWED:
-        entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=None)
+        entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=here())
     return robot
 
 
@@ -111,4 +112,4 @@ def seed_account(planned: Account, robots: list[Robot]) -> None:
     )
     if not is_staff:
         for robot in robots:
-            role_set(robot=robot, user=user, role=Role(planned.role), actor=None)
+            role_set(robot=robot, user=user, role=Role(planned.role), actor=here())

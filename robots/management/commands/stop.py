@@ -13,6 +13,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError
 
+from fleet.audit.command_line import here
 from robots.bridge.config import LinkAddress
 from robots.models import Robot
 from robots.selectors import link_address
@@ -47,7 +48,7 @@ class Command(BaseCommand):
             return
         results = press_all([link_address(robot) for robot in robots], by, reason)
         for robot, result in zip(robots, results, strict=True):
-            self._record(robot, by, reason, result)
+            self._record(robot, reason, result)
             self.stdout.write(f"{robot.slug}: {_told(result)}")
         unreached = [
             robot.slug for robot, result in zip(robots, results, strict=True) if isinstance(result, Refusal)
@@ -75,10 +76,9 @@ class Command(BaseCommand):
             "were not reached. Use the red button on the other robots."
         )
 
-    def _record(self, robot: Robot, by: str, reason: str, result: Stopped | Refusal) -> None:
-        parameters = {"through": "command line", "by": by, "reason": reason}
-        pressed = record_press(robot.id, actor=None, parameters=parameters)
-        record_outcome(pressed, actor=None, result=result)
+    def _record(self, robot: Robot, reason: str, result: Stopped | Refusal) -> None:
+        pressed = record_press(robot.id, actor=here(), through="command line", reason=reason)
+        record_outcome(pressed, actor=here(), result=result)
         if pressed is None:
             self.stderr.write(f"{robot.slug}: not recorded, see the log")
 
