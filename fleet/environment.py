@@ -24,7 +24,15 @@ SQLITE_OPTIONS = {
     # FULL: what the audit log has committed survives a power cut. secure_delete: what was erased is not left behind.
     "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA secure_delete=ON",
 }
-POSTGRESQL_OPTIONS = {"connect_timeout": "3", "options": "-c lock_timeout=5s"}
+POSTGRESQL_OPTIONS = {
+    "connect_timeout": "3",
+    "options": "-c lock_timeout=5s",
+    # A server whose network is gone says nothing: without these a writer would wait for hours, and robots stand.
+    "tcp_user_timeout": "10000",  # ms
+    "keepalives_idle": "5",
+    "keepalives_interval": "2",
+    "keepalives_count": "3",
+}
 
 
 class Environment:
