@@ -36,6 +36,16 @@ def test_a_message_of_too_many_parts_is_not_read_to_its_end():
     assert time.monotonic() - began_s < SOON_S
 
 
+def test_parts_of_no_bytes_count_where_they_are_shown():
+    empties = [Field(f"e{number}", "e/None") for number in range(1000)]
+    inner = Field("inner", "e/Inner", array=-1, fields=[Field("text", "string"), *empties])
+    outer = Field("outer", "e/Outer", array=-1, fields=[inner])
+    count = (32).to_bytes(4, "little")
+    data = count + 32 * (count + bytes(4 * 32))
+    with pytest.raises(TooLarge, match="too many parts"):
+        Layout([outer]).read(data, LIMITS)
+
+
 def test_a_large_message_of_few_parts_is_read():
     texts = Field("texts", "string", array=-1)
     count = MOST_STEPS // 3

@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 from robots import wire
 from robots.bridge.inspection import Alive, Check, Question, Silence
 from robots.bridge.ros.inspector import __main__ as program
+from robots.bridge.ros.publishing import heard_by
 from tests.ros.bridge_support import tiago_config
 from tests.ros.support import PATIENCE_S, Inbox, until
 from tests.ros.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
@@ -148,3 +149,15 @@ def test_who_publishes_is_told_with_the_message(inspector):
         shown = inspector.shown("/look/who", lambda s: s.number)
     inspector.look()
     assert shown.publisher_names == [rospy.get_name()]
+
+
+def test_who_only_looks_is_no_listener(inspector, ros):
+    with talking("/look/heard", String("hello")) as publisher:
+        inspector.look(**{"look/heard": 10.0})
+        inspector.shown("/look/heard", lambda s: s.number)
+        assert publisher.get_num_connections() == 1
+        assert heard_by(publisher) == []
+        with ros.listen("/look/heard", String) as inbox:
+            inbox.next()
+            assert len(heard_by(publisher)) == 1
+    inspector.look()

@@ -194,7 +194,6 @@ class Inspector:
                 return graph.parameter(self._master, name, seq)
             case wire.SetParameter(name=name, value=value, seq=seq):
                 self._require("set", name)
-                question.require_time()
                 return graph.set_parameter(self._master, name, value, seq)
             case wire.CallService(service=name, fields=fields, seq=seq):
                 service = services.find(self._master, name)
