@@ -63,9 +63,7 @@ class Choices:
     def __init__(self, config: BridgeConfig, switch: Switch, log: DriveLog, rules: Rules) -> None:
         topics = config.topics
         offered = {"drive": topics.drive, "speech": topics.speech, "motions": topics.motions}
-        self.gone: dict[
-            str, wire.ChoiceEnd
-        ] = {}  # by use: the choice that ended by itself, if that was the last
+        self.gone: dict[str, wire.ChoiceEnd] = {}  # by use: what ended by itself, until the next choice
         self._made: dict[str, _Choice] = {}  # other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
         self._switch = switch
@@ -178,6 +176,11 @@ class Choices:
             else:
                 self._go_back(use, "control_ended", reason, now_s)
 
+    def close(self, now_s: float) -> None:
+        """The bridge ends, and the next one begins with the defaults."""
+        for use in list(self._made):
+            self._end(use, "bridge_ended", now_s)
+
     # --- inside -----------------------------------------------------------------------------------------
 
     def _part(self, since_s: float, now_s: float) -> None:
@@ -219,10 +222,12 @@ class Choices:
 
     def _go_back(self, use: str, outcome: str, why: str, now_s: float) -> None:
         """Input goes to the default again, though nobody asked for that."""
-        default = self._defaults[use].name
-        self._send_to(use, default, why, now_s)
+        self._send_to(use, self._defaults[use].name, why, now_s)
+        self._end(use, outcome, now_s)
+
+    def _end(self, use: str, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
-        parameters = {"use": use, "from": made.topic, "to": default}
+        parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
         self._log.outcome(made.number.result(), made.holder, "topic.choose", outcome, parameters, now_s)
 
     def _send_to(self, use: str, name: str, why: str, now_s: float) -> None:

@@ -199,6 +199,7 @@ class Orders:
         self.publishings.halt("bridge ended", now_s)
         self.motions.close(now_s)
         self.speaking.close(now_s)
+        self.choices.close(now_s)
 
     # --- head -----------------------------------------------------------------------------------------
 

@@ -87,3 +87,10 @@ def test_what_its_holder_takes_back_is_one_record_and_no_warning(bench):
 
 def test_pages_are_told_from_which_role_on_a_topic_is_published(bench):
     assert bench.core.orders.catalogue.now().publishable_from == {"/notes": "operator"}
+
+
+def test_with_the_bridge_a_choice_ends_on_record(bench):
+    choose(bench, "speech", "/second_tts")
+    bench.core.close(bench.now_s)
+    expected = {"outcome": "bridge_ended", "use": "speech", "from": "/second_tts", "to": "/tts"}
+    assert last_record(bench) == ("topic.choose", expected)
