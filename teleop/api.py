@@ -22,9 +22,10 @@ from robots.link import LinkRefused, hello_once
 from robots.models import Robot
 from robots.selectors import link_address, phrases_of, robot_facts, robots_visible_to, role_on
 from robots.wire import Refusal
-from teleop import rules, stopping
+from teleop import refusals, rules, stopping
 from teleop.history import speech_history
 from teleop.policy import out_of_service
+from teleop.refusals import Denied
 from teleop.selectors import holding_of
 
 LONGEST_PAGE = 200  # entries of history at once
@@ -49,8 +50,18 @@ def explained(error: Exception, context: dict[str, Any]) -> Response | None:
         str(cast(APIException, error).detail) if known else "There is no such robot, or you may not see it."
     )
     rule = "account" if response.status_code in (401, 403) else "wire"
-    response.data = msgspec.to_builtins(Refusal(code, text, rule))
+    refusal = Refusal(code, text, rule)
+    response.data = msgspec.to_builtins(refusal)
+    _note(refusal, context["request"])
     return response
+
+
+def _note(refusal: Refusal, request: Request) -> None:
+    """Put on record what was refused to somebody who is signed in."""
+    if isinstance(request.user, User):
+        match = request.resolver_match
+        asked = f"{request.method} {match.route if match else ''}".strip()
+        refusals.note(Denied(request.user, "rest", asked, refusal))
 
 
 class FleetApi(APIView):

@@ -38,6 +38,8 @@ class RobotConsumer(RobotSocket):
     change the lease. So taking, being handed control and losing it by whatever door are one path.
     """
 
+    through = "robot page"
+
     def __init__(self) -> None:
         super().__init__()
         self.tab: Tab | None = None

@@ -21,6 +21,7 @@ from robots.selectors import link_address, robots_visible_to
 from robots.wire import Ended, FleetCard, Offers, Refusal, Refused, State, fleet_message
 from teleop.database import in_database
 from teleop.policy import out_of_service
+from teleop.refusals import Denied
 from teleop.selectors import SignIn
 from teleop.socket import CloseCode, MessageSocket, beside
 from teleop.stopping import StopButton
@@ -100,6 +101,10 @@ class FleetConsumer(MessageSocket):
             button = self._buttons[slug] = StopButton(self.user, "fleet page", partial(self.refuse, "stop"))
         if not button.pressed or await self.within_budget("stop"):
             button.press(self._links[slug])
+
+    def denied(self, of: str, refusal: Refusal) -> Denied:
+        """By this person; which robot it was about, the record of a stop tells."""
+        return Denied(self.user, "fleet page", of, refusal)
 
     # --- what the page is shown --------------------------------------------------------------------
 

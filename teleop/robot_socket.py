@@ -11,6 +11,7 @@ from robots.selectors import robots_visible_to
 from robots.wire import BridgeGone, Ended, Notice, Offers, Refusal, Refused
 from teleop import rooms
 from teleop.database import in_database
+from teleop.refusals import Denied
 from teleop.selectors import SignIn, registered, rights_of
 from teleop.socket import CloseCode, MessageSocket, beside
 from teleop.standing import Registered, Rights, Standing
@@ -19,6 +20,7 @@ from teleop.standing import Registered, Rights, Standing
 class RobotSocket(MessageSocket):
     """Base of what is opened about one robot: one member of its room (`rooms.Member`), which hears nothing yet."""
 
+    through: str  # what this door is called on record
     room: rooms.Room
     person: SignIn
     user: User
@@ -47,6 +49,21 @@ class RobotSocket(MessageSocket):
         """Whether the robot was found, and its room entered."""
         return hasattr(self, "room")
 
+    def denied(self, of: str, refusal: Refusal) -> Denied | None:
+        """By this person at this robot, in the control session that they have here."""
+        if not self.entered:
+            return None
+        return Denied(
+            self.user,
+            self.through,
+            of,
+            refusal,
+            robot_id=self.robot_id,
+            robot_name=self.room.entry.facts.name,
+            session_id=self.held_session,
+            fence=self.fence,
+        )
+
     async def cut_off(self, refusal: Refusal) -> None:
         """This person may not even look any more."""
         await self.tell(Notice("error", refusal.code, refusal.text))
@@ -58,6 +75,11 @@ class RobotSocket(MessageSocket):
     @property
     def held_session(self) -> UUID | None:
         """None: this has no control."""
+        return None
+
+    @property
+    def fence(self) -> int | None:
+        """The fencing number of its control."""
         return None
 
     @property

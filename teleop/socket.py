@@ -18,6 +18,8 @@ from msgspec import Struct
 
 from robots.bridge.flood import Budget
 from robots.wire import Accepted, Refusal, Refused, WireError, encode, heading
+from teleop import refusals
+from teleop.refusals import Denied
 
 log = logging.getLogger(__name__)
 
@@ -97,15 +99,25 @@ class MessageSocket(AsyncConsumer):
         self, of: str, refusal: Refusal, seq: int | None = None, fence: int | None = None
     ) -> None:
         """Count a message that is not carried out, and say why, though not more often than anybody can read."""
-        self.refused[refusal.code] += 1
+        self._denied(of, refusal)
         if self._replies.spend(time.monotonic()):
             await self.tell(Refused(of, refusal, seq, fence))
 
     async def answer(self, answer: Accepted | Refused) -> None:
         """Give an order its one answer."""
         if isinstance(answer, Refused):
-            self.refused[answer.refusal.code] += 1
+            self._denied(answer.of, answer.refusal)
         await self.tell(answer)
+
+    def _denied(self, of: str, refusal: Refusal) -> None:
+        self.refused[refusal.code] += 1
+        denied = self.denied(of, refusal)
+        if denied is not None:
+            refusals.note(denied)
+
+    def denied(self, of: str, refusal: Refusal) -> Denied | None:
+        """What goes on record of a refusal; None: nobody is there to whom it happened."""
+        raise NotImplementedError
 
     async def within_budget(self, of: str) -> bool:
         """Whether this connection may say one thing more. Refuses if not, and closes when it goes on and on."""

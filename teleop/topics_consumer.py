@@ -24,6 +24,7 @@ QUESTIONS_BURST = 30.0
 class TopicsConsumer(RobotSocket):
     """One connection that looks at one robot's topics: its questions, its live views."""
 
+    through = "topics"
     closely = True  # what it sees are the robot's messages themselves
 
     def __init__(self) -> None:

@@ -13,8 +13,8 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.models import User
-from robots.models import Robot
-from robots.selectors import robots_visible_to
+from robots.models import Robot, Role
+from robots.selectors import robots_visible_to, role_on
 from robots.wire import Refusal
 from teleop import stopping
 
@@ -28,7 +28,10 @@ def fleet(request: HttpRequest) -> HttpResponse:
 @require_safe
 def control(request: HttpRequest, slug: str) -> HttpResponse:
     """One robot: drive it, or watch who does."""
-    return render(request, "teleop/control.html", {"robot": _visible(request, slug)})
+    robot = _visible(request, slug)
+    role = role_on(_person(request), robot)
+    supervises = role is not None and role >= Role.SUPERVISOR
+    return render(request, "teleop/control.html", {"robot": robot, "supervises": supervises})
 
 
 @require_POST

@@ -23,6 +23,7 @@ from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
 from robots.models import Robot, RobotProfile, RobotRole, Role
+from teleop.refusals import RefusalLog
 from tests.disk import Disk
 from tests.pristine import pristine_copy
 
@@ -65,6 +66,15 @@ def disk(transactional_db: None) -> Iterator[Disk]:
     disk = Disk()
     yield disk
     disk.free()
+
+
+@pytest.fixture(autouse=True)
+def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RefusalLog]:
+    """What is refused in a test is written in it or not at all."""
+    own = RefusalLog()
+    monkeypatch.setattr("teleop.refusals.log", own)
+    yield own
+    own.end()
 
 
 # --- robots -----------------------------------------------------------------------------------

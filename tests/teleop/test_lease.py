@@ -286,7 +286,7 @@ def test_however_control_ends_its_session_says_so_once(robot, operator, second_o
     held.append(take(robot, operator, now=NOW + timedelta(days=1)))
     ends = Record.objects.filter(kind="control.end").order_by("id")
     told = [(end.outcome, end.session_id, end.fence, end.parameters["holder"]) for end in ends]
-    reasons = [*"released moved taken_over handed_over right bridge away term".split()]
+    reasons = ["released", "moved", "taken_over", "handed_over", "right", "bridge", "away", "term"]
     assert told == [
         (reason, had.session, had.fence, str(had.user))
         for reason, had in zip(reasons, held[:-1], strict=True)

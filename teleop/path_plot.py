@@ -1,0 +1,129 @@
+"""The paths of drives as a picture: lines in colours of speed on a grid of metres, x to the right and y up.
+
+Pure: poses in, numbers for an SVG out. Poses are [x, y, yaw] in metres and radians, samples [t_s, x, y, yaw, speed].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import groupby, pairwise
+
+from msgspec import Struct
+
+WIDTH, HEIGHT = 800, 600  # of the picture, in units of its own
+MARGIN = 40  # units around what is drawn
+SMALLEST_M = 2.0  # wide: a robot that hardly moved is not shown as under a microscope
+MOST_LINES = 14  # of the grid, across
+STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+SPEEDS_MPS = (0.1, 0.2, 0.4, 0.7)  # where one colour ends and the next begins
+
+Numbers = Sequence[float]
+
+
+class Leg(Struct, frozen=True):
+    """One drive. `frame` is where its odometry frame lies in the map's, if that is known."""
+
+    begins_s: float  # on the clock of the picture
+    samples: Sequence[Numbers]
+    frame: Numbers | None = None
+
+
+class Line(Struct, frozen=True):
+    """A stretch of one colour; `points` as an SVG takes them."""
+
+    pace: int  # 0: the slowest of `len(SPEEDS_MPS) + 1`
+    points: str
+
+
+class Plot(Struct, frozen=True):
+    """What is drawn, in units of the picture."""
+
+    lines: list[Line]
+    marks: list[tuple[float, float]]  # where the gate held back
+    across: list[float]  # lines of the grid: y of each
+    upright: list[float]  # x of each
+    step_m: float  # between two of them
+    on_map: bool  # whether places are the map's
+    replay: list[list[list[float]]]  # of each drive its samples: s, x, y, degrees clockwise from the right
+
+
+class _Scale(Struct, frozen=True):
+    """From metres to units."""
+
+    left: float  # metres, of the picture's edges
+    top: float
+    per_m: float
+
+    def __call__(self, x: float, y: float) -> tuple[float, float]:
+        return round((x - self.left) * self.per_m, 1), round((self.top - y) * self.per_m, 1)
+
+
+def plotted(legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]]) -> Plot | None:
+    """The drives, and the poses where the gate held back, each with its frame; None if nothing is known of any path."""
+    legs = [leg for leg in legs if leg.samples]
+    if not legs:
+        return None
+    on_map = all(leg.frame for leg in legs)
+    paths = [[_placed(sample[1:4], leg.frame if on_map else None) for sample in leg.samples] for leg in legs]
+    held = [
+        _placed(pose, frame if on_map else None) for pose, frame in marks if frame is not None or not on_map
+    ]
+    scale = _fitting([pose for path in paths for pose in path] + held)
+    step_m = next((step for step in STEPS_M if WIDTH / scale.per_m / step <= MOST_LINES), STEPS_M[-1])
+    return Plot(
+        lines=[line for leg, path in zip(legs, paths, strict=True) for line in _lines(leg, path, scale)],
+        marks=[scale(x, y) for x, y, _yaw in held],
+        across=[scale(0.0, y)[1] for y in _multiples(scale.top - HEIGHT / scale.per_m, scale.top, step_m)],
+        upright=[scale(x, 0.0)[0] for x in _multiples(scale.left, scale.left + WIDTH / scale.per_m, step_m)],
+        step_m=step_m,
+        on_map=on_map,
+        replay=[
+            [
+                [round(leg.begins_s + sample[0], 2), *scale(x, y), round(-math.degrees(yaw), 1)]
+                for sample, (x, y, yaw) in zip(leg.samples, path, strict=True)
+            ]
+            for leg, path in zip(legs, paths, strict=True)
+        ],
+    )
+
+
+def pace_of(speed_mps: float) -> int:
+    """Which colour a speed has."""
+    return sum(speed_mps > limit for limit in SPEEDS_MPS)
+
+
+def _placed(pose: Numbers, frame: Numbers | None) -> tuple[float, float, float]:
+    """A pose of a frame, in the frame that that one lies in."""
+    x, y, yaw = pose
+    if frame is None:
+        return x, y, yaw
+    left, up, turn = frame
+    c, s = math.cos(turn), math.sin(turn)
+    return left + c * x - s * y, up + s * x + c * y, yaw + turn
+
+
+def _fitting(poses: Sequence[Numbers]) -> _Scale:
+    """All of them in the picture, in its middle."""
+    xs, ys = [pose[0] for pose in poses], [pose[1] for pose in poses]
+    wide, high = max(max(xs) - min(xs), SMALLEST_M), max(max(ys) - min(ys), SMALLEST_M)
+    per_m = min((WIDTH - 2 * MARGIN) / wide, (HEIGHT - 2 * MARGIN) / high)
+    left = (min(xs) + max(xs)) / 2 - WIDTH / per_m / 2
+    top = (min(ys) + max(ys)) / 2 + HEIGHT / per_m / 2
+    return _Scale(left, top, per_m)
+
+
+def _lines(leg: Leg, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
+    """Neighbours of one colour are one line, so that it bends smoothly."""
+    steps = [
+        (pace_of(math.dist(here[:2], there[:2]) / max(later[0] - sooner[0], 1e-3)), here, there)
+        for (sooner, here), (later, there) in pairwise(zip(leg.samples, path, strict=True))
+    ]
+    for pace, of_pace in groupby(steps, key=lambda step: step[0]):
+        together = list(of_pace)
+        poses = [together[0][1], *(there for _pace, _here, there in together)]
+        yield Line(pace, " ".join("{},{}".format(*scale(x, y)) for x, y, _yaw in poses))
+
+
+def _multiples(low: float, high: float, step: float) -> list[float]:
+    return [number * step for number in range(math.ceil(low / step), math.floor(high / step) + 1)]

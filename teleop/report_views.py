@@ -1,0 +1,170 @@
+"""The pages that look back: a control session, a robot's use, and what the log has of oneself."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from itertools import pairwise
+from typing import Any, cast
+from uuid import UUID
+
+from django.conf import settings
+from django.core.exceptions import BadRequest
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import get_object_or_404, render
+from django.urls import reverse
+from django.utils.dateparse import parse_datetime
+from django.utils.dates import WEEKDAYS
+from django.utils.timezone import is_aware, now
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST, require_safe
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.audit import wording
+from fleet.audit.admin import number
+from fleet.audit.listing import Row
+from robots.models import Role
+from robots.selectors import robots_visible_to, role_on
+from teleop import own_data, path_plot, robot_report, session_report
+
+
+class Line(Struct, frozen=True):
+    """One's own record, as the page shows it."""
+
+    at: datetime
+    robot: str
+    what: str
+    subject: str
+    outcome: str
+    expired: bool
+    session_url: str
+
+
+@never_cache
+@require_safe
+def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
+    """What happened while somebody had control, for whom it concerns, supervisors of the robot, and staff."""
+    person = _person(request)
+    session = session_report.session_seen_by(person, session_id)
+    if session is None:
+        raise Http404("there is no such control session, or it is not yours to see")
+    report = session_report.report_of(session)
+    context = {
+        "report": report,
+        "session": session,
+        "supervises": session_report.supervises(person, session),
+        "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
+        "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT},
+        "paces": _paces(),
+        "replay": {
+            "lastsS": report.lasted.total_seconds(),
+            "beganAt": session.started_at.isoformat(),
+            "drives": report.plot.replay if report.plot else [],
+        },
+    }
+    return render(request, "teleop/session.html", context)
+
+
+@never_cache
+@require_safe
+def robot(request: HttpRequest, slug: str) -> HttpResponse:
+    """How a robot was used, for its supervisors and staff."""
+    person = _person(request)
+    asked = get_object_or_404(robots_visible_to(person), slug=slug)
+    role = role_on(person, asked)
+    if role is None or role < Role.SUPERVISOR:
+        raise Http404("this report is for supervisors of the robot")
+    days = _period(request)
+    report = robot_report.report_of(asked, days, now())
+    context = {
+        "robot": asked,
+        "report": report,
+        "days": days,
+        "periods": robot_report.PERIODS_DAYS,
+        "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
+        "days_driven": [day for day in reversed(report.use.days) if day.hours],
+        "busiest": _busiest(report.use),
+        "use": {
+            "days": [[robot_report.begins(day.day), round(day.hours, 3)] for day in report.use.days],
+            "hours": [round(hours, 3) for hours in report.use.hours],
+            "weekdays": [round(hours, 3) for hours in report.use.weekdays],
+        },
+    }
+    return render(request, "teleop/robot_report.html", context)
+
+
+@never_cache
+@require_safe
+def your_data(request: HttpRequest) -> HttpResponse:
+    """One's own control sessions and records, and nobody else's."""
+    person = _person(request)
+    page = own_data.own_records(person, before=number(request, "before"), after=number(request, "after"))
+    sessions = own_data.own_sessions(person, _moment(request, "began_before"))
+    context = {
+        "sessions": sessions,
+        "lines": [_line(row) for row in page.rows],
+        "page": page,
+        "oldest_session": sessions.shown[-1].started_at.isoformat() if sessions.shown else "",
+        "newest_number": page.rows[0].number if page.rows else None,
+        "oldest_number": page.rows[-1].number if page.rows else None,
+    }
+    return render(request, "teleop/your_data.html", context)
+
+
+@require_POST
+def your_data_export(request: HttpRequest) -> HttpResponseBase:
+    """One's own records as JSON Lines; on record."""
+    return own_data.export_of(_person(request))
+
+
+def _line(row: Row) -> Line:
+    record = row.record
+    return Line(
+        at=record.at,
+        robot=record.robot_name,
+        what=wording.label(record.kind),
+        subject=wording.subject(record),
+        outcome=row.outcome.replace("_", " "),
+        expired=wording.expired(record),
+        session_url=reverse("control-session", args=[record.session_id]) if record.session_id else "",
+    )
+
+
+def _paces() -> list[str]:
+    """What each colour of a path means, the slowest first."""
+    limits = [f"{limit:g}" for limit in path_plot.SPEEDS_MPS]
+    between = [f"{low}–{high}" for low, high in pairwise(limits)]  # noqa: RUF001
+    return [_("up to %s") % limits[0], *between, _("above %s m/s") % limits[-1]]
+
+
+def _busiest(use: robot_report.Use) -> dict[str, Any] | None:
+    """The hour and the day of the week with the most driving."""
+    if not any(use.hours):
+        return None
+    weekday = use.weekdays.index(max(use.weekdays))
+    return {"hour": use.hours.index(max(use.hours)), "weekday": WEEKDAYS[weekday]}
+
+
+def _period(request: HttpRequest) -> int:
+    asked = request.GET.get("days", "30")
+    if asked not in map(str, robot_report.PERIODS_DAYS):
+        raise BadRequest(f"days is one of {robot_report.PERIODS_DAYS}")
+    return int(asked)
+
+
+def _moment(request: HttpRequest, name: str) -> datetime | None:
+    asked = request.GET.get(name)
+    if asked is None:
+        return None
+    try:
+        moment = parse_datetime(asked)
+    except ValueError:
+        moment = None
+    if moment is None or not is_aware(moment):
+        raise BadRequest(f"{name} is not a moment with its time zone")
+    return moment
+
+
+def _person(request: HttpRequest) -> User:
+    return cast(User, request.user)  # every page needs a signed-in person

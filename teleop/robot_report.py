@@ -1,0 +1,156 @@
+"""How a robot was used over some days: hours, distance, when, and what went wrong. Read from the audit log.
+
+However much is in the log: each figure is one query of one kind of records of this robot, by the index for these.
+"""
+
+from __future__ import annotations
+
+from datetime import date, datetime, time, timedelta
+from datetime import timezone as zones
+from typing import Any
+
+from django.db.models import Count, F, FloatField, Max, Sum
+from django.db.models.fields.json import KT
+from django.db.models.functions import Cast, ExtractHour
+from msgspec import Struct
+
+from fleet.audit import wording
+from fleet.audit.listing import Selection, Wanted
+from fleet.audit.models import Record
+from robots.models import Robot
+
+PERIODS_DAYS = (7, 30, 90, 365)
+FAULTS = 10  # the newest
+REASONS = 10  # the most frequent
+
+
+class Reason(Struct, frozen=True):
+    """Why the gate held back."""
+
+    code: str
+    times: int
+    words: str  # of the last time; blank if they have expired
+    at: datetime  # the last time
+
+
+class Fault(Struct, frozen=True):
+    """Something that went wrong."""
+
+    at: datetime
+    subject: str
+    outcome: str
+
+
+class Day(Struct, frozen=True):
+    """One day's driving."""
+
+    day: date
+    hours: float
+    metres: float
+
+
+class Use(Struct, frozen=True):
+    """Hours driven, as the plots show them: on each day of the period, in each hour of the day, on each weekday.
+
+    Days are UTC; Monday comes first.
+    """
+
+    days: list[Day]
+    hours: list[float]
+    weekdays: list[float]
+
+
+class RobotReport(Struct, frozen=True):
+    """All that the page shows."""
+
+    since: date
+    drives: int
+    driven_h: float
+    distance_m: float
+    interventions: int
+    stops: int
+    use: Use
+    reasons: list[Reason]
+    faults: list[Fault]
+
+    @property
+    def interventions_per_hour(self) -> float | None:
+        """Of driving; None if nobody drove."""
+        return self.interventions / self.driven_h if self.driven_h else None
+
+
+def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
+    """The last `days`, today included."""
+    today = now.astimezone(zones.utc).date()
+    since = today - timedelta(days=days - 1)
+    driven = _driven(robot, since, today)
+    reasons = _held_back(robot, since)
+    use = _use(driven, since, days)
+    return RobotReport(
+        since=since,
+        drives=sum(row["drives"] for row in driven),
+        driven_h=sum(use.hours),
+        distance_m=sum(day.metres for day in use.days),
+        interventions=sum(row["times"] for row in reasons),
+        stops=Record.objects.filter(robot_id=robot.pk, kind="stop.press", of=None, day__gte=since).count(),
+        use=use,
+        reasons=_reasons(reasons[:REASONS]),
+        faults=_faults(robot, since),
+    )
+
+
+def _driven(robot: Robot, since: date, until: date) -> list[Any]:
+    """Of each hour in which a drive ended: how many did, seconds, metres."""
+    ended = Record.objects.filter(robot_id=robot.pk, kind="drive.end", day__range=(since, until))
+    return list(
+        ended.order_by()
+        .values("day", hour=ExtractHour("at"))
+        .annotate(drives=Count("pk"), seconds=Sum(_figure("duration_s")), metres=Sum(_figure("distance_m")))
+    )
+
+
+def _figure(name: str) -> Cast:
+    return Cast(KT(f"content__data__{name}"), FloatField())
+
+
+def _use(driven: list[Any], since: date, days: int) -> Use:
+    period = [since + timedelta(days=number) for number in range(days)]
+    on_day, metres = dict.fromkeys(period, 0.0), dict.fromkeys(period, 0.0)
+    hours, weekdays = [0.0] * 24, [0.0] * 7
+    for row in driven:
+        day, lasted_h = row["day"], (row["seconds"] or 0.0) / 3600.0
+        on_day[day] += lasted_h
+        metres[day] += row["metres"] or 0.0
+        hours[row["hour"]] += lasted_h
+        weekdays[day.weekday()] += lasted_h
+    return Use([Day(day, on_day[day], metres[day]) for day in period], hours, weekdays)
+
+
+def _held_back(robot: Robot, since: date) -> list[Any]:
+    """Each reason of the gate, the most frequent first: code, times, number of the newest record."""
+    begun = Record.objects.filter(robot_id=robot.pk, kind="gate.begin", day__gte=since)
+    return list(
+        begun.order_by()
+        .values(code=F("outcome"))
+        .annotate(times=Count("pk"), newest=Max("pk"))
+        .order_by("-times")
+    )
+
+
+def _reasons(rows: list[Any]) -> list[Reason]:
+    newest = Record.objects.select_related("content").in_bulk([row["newest"] for row in rows])
+    return [
+        Reason(row["code"], row["times"], record.details.get("words", ""), record.at)
+        for row in rows
+        if (record := newest.get(row["newest"]))
+    ]
+
+
+def _faults(robot: Robot, since: date) -> list[Fault]:
+    page = Selection(Wanted(robot=robot.pk, since=since), ["fault"]).page(size=FAULTS)
+    return [Fault(row.record.at, wording.subject(row.record), row.outcome) for row in page.rows]
+
+
+def begins(day: date) -> int:
+    """The midnight at which a day begins, in seconds since 1970."""
+    return int(datetime.combine(day, time(), zones.utc).timestamp())

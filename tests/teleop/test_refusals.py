@@ -1,0 +1,201 @@
+"""Refusals on record: each door's, folded, and never in anybody's way."""
+
+import json
+import queue
+import threading
+import time
+from uuid import uuid4
+
+import pytest
+
+from fleet.accounts.models import User
+from fleet.audit import AuditUnavailable
+from fleet.audit.models import Record
+from robots import wire
+from robots.wire import Refusal
+from teleop import refusals
+from teleop.database import in_database
+from teleop.refusals import Denied, RefusalLog, put_on_record
+from tests.teleop.support import TIMEOUT_S, Page
+from tests.teleop.test_control import take
+from tests.teleop.test_topics import eventually
+
+FORBIDDEN = Refusal("stopped", "The robot is stopped.", "stop", {"number": 3, "by": "Olga Operator"})
+SOON_S = 0.1
+
+
+@pytest.fixture
+def written(monkeypatch):
+    """What a log with short gaps writes: (code, times)."""
+    monkeypatch.setattr(refusals, "GAP_S", SOON_S)
+    told = queue.Queue()
+    log = RefusalLog(lambda denied, times: told.put((denied.refusal.code, times)))
+    log.told = lambda: told.get(timeout=TIMEOUT_S)
+    yield log
+    log.end()
+
+
+def denied(person=None, code="stopped", robot=None, session=None):
+    refusal = Refusal(code, "Not done.", "stop")
+    return Denied(person or User(username="p"), "robot page", "drive", refusal, robot, session_id=session)
+
+
+# --- folding ------------------------------------------------------------------------------------------
+
+
+def test_the_first_is_written_at_once_and_what_follows_in_one_record_with_its_number(written, monkeypatch):
+    monkeypatch.setattr(refusals, "GAP_S", 3 * SOON_S)
+    person = User(username="p")
+    written.note(denied(person))
+    assert written.told() == ("stopped", 1)
+    for _ in range(37):
+        written.note(denied(person))
+    assert written.told() == ("stopped", 37)
+
+
+def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written):
+    person, robot = User(username="p"), uuid4()
+    for other in (
+        denied(person),
+        denied(),
+        denied(person, robot=robot),
+        denied(person, robot=robot, session=uuid4()),
+        denied(person, "too_old"),
+    ):
+        written.note(other)
+    assert [written.told()[1] for _ in range(5)] == [1] * 5
+
+
+def test_after_a_calm_while_the_next_is_written_at_once_again(written):
+    person = User(username="p")
+    written.note(denied(person))
+    written.told()
+    written._thread.join(TIMEOUT_S)  # it ends when nothing is left to fold
+    written.note(denied(person))
+    assert written.told() == ("stopped", 1)
+
+
+def test_a_flood_of_late_commands_is_one_record_for_a_long_while(written):
+    late = denied(code="too_old")
+    written.note(late)
+    written.told()
+    written.note(late)
+    written.note(denied())
+    assert written.told() == ("stopped", 1)
+    assert written._folds[late.key].due_s - time.monotonic() > 100 * SOON_S
+
+
+def test_whoever_is_refused_does_not_wait_for_the_database():
+    begun, go_on = threading.Event(), threading.Event()
+
+    def hang(_denied, _times):
+        begun.set()
+        assert go_on.wait(TIMEOUT_S)
+
+    log = RefusalLog(hang)
+    log.note(denied())
+    assert begun.wait(TIMEOUT_S)
+    for _ in range(refusals.MOST + 10):  # returns, however long the database takes
+        log.note(denied())
+    assert len(log._folds) == refusals.MOST
+    go_on.set()
+    log.end()
+
+
+# --- the record ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_record_has_code_rule_and_figures_and_who_is_named_may_expire(operator, robot):
+    session = uuid4()
+    told = Denied(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
+    put_on_record(told, 12)
+    record = Record.objects.get(kind="refusal")
+    assert (record.outcome, record.actor_id, record.robot_id) == ("stopped", str(operator.pk), robot.id)
+    assert (record.session_id, record.fence) == (session, 7)
+    facts = {"rule": "stop", "of": "drive", "through": "robot page", "figures": {"number": 3}, "times": 12}
+    assert record.parameters == facts
+    assert record.details == {**facts, "words": FORBIDDEN.text, "figures": FORBIDDEN.figures}
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_refusal_that_is_lost_is_logged_and_no_error(operator, monkeypatch, caplog):
+    full = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+    def fail(*_args, **_kwargs):
+        raise full
+
+    monkeypatch.setattr("fleet.audit.record", fail)
+    put_on_record(denied(operator), 3)
+    assert "3 refusals (stopped)" in caplog.text
+
+
+# --- doors --------------------------------------------------------------------------------------------
+
+
+async def on_record(code):
+    record = await eventually(lambda: Record.objects.filter(kind="refusal", outcome=code).first())
+    return record.actor_id, record.robot_name, record.parameters["through"], record.parameters["of"]
+
+
+@pytest.mark.django_db(transaction=True)
+@pytest.mark.parametrize(
+    ("message", "code"),
+    [
+        ({"t": "take"}, "role_too_low"),
+        ({"t": "clear", "number": 1}, "may_not_clear"),
+        ({"t": "drive", "fence": 1, "seq": 1, "sent_ms": 1.0, "x": 0.5, "w": 0.0, "share": 0.5}, "no_lease"),
+        ({"t": "say", "fence": 1, "seq": 1, "text": "Hello.", "language": "en-GB"}, "no_lease"),
+        ({"t": "dance"}, "unknown_kind"),
+    ],
+)
+async def test_what_the_robots_page_is_refused_is_on_record(message, code, open_page, observer):
+    page = await open_page("observer")
+    await page.say_raw(json.dumps(message))
+    refused = await page.hears("refused")
+    code = refused["refusal"]["code"] if message["t"] == "dance" else code
+    of = message["t"]
+    assert await on_record(code) == (str(observer.pk), "TIAGo 1", "robot page", of)
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_what_the_bridge_refuses_is_on_record_in_its_control_session(open_page, bridge):
+    page = await open_page("operator")
+    control = await take(page)
+    bridge.say(wire.Refused("drive", FORBIDDEN, 1, control["fence"]))
+    await page.refused("stopped")
+    record = await eventually(lambda: Record.objects.filter(kind="refusal").first())
+    assert (record.outcome, record.fence, str(record.session_id)) == (
+        "stopped",
+        control["fence"],
+        control["session"],
+    )
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_what_the_topics_page_is_refused_is_on_record(
+    robot, browsers, websocket_headers, bridge, supervisor
+):
+    page = await Page(websocket_headers(browsers["supervisor"]), f"/ws/robots/{robot.slug}/topics/").open()
+    await page.say("call", service="/clear_costmaps", fields={}, seq=1)
+    await page.refused("role_too_low")
+    assert await on_record("role_too_low") == (str(supervisor.pk), "TIAGo 1", "topics", "call")
+    await page.close()
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_what_the_fleet_page_is_refused_is_on_record(robot, browsers, websocket_headers, bridge, staff):
+    page = await Page(websocket_headers(browsers["staff"]), "/ws/fleet/").open()
+    await page.say("stop", slug="no-such-robot")
+    await page.refused("no_such_robot")
+    assert await on_record("no_such_robot") == (str(staff.pk), "", "fleet page", "stop")
+    await page.close()
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_what_rest_is_refused_is_on_record(browsers, robot, stranger):
+    asked = await in_database(browsers["stranger"].post, f"/api/robots/{robot.slug}/stop/")
+    assert asked.status_code == 404
+    who, _, through, of = await on_record("not_found")
+    assert (who, through) == (str(stranger.pk), "rest")
+    assert of.startswith("POST ") and robot.slug not in of
