@@ -16,11 +16,14 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from robots import wire
-from robots.bridge.inspection import Alive, Check, Question, Silence
+from robots.bridge.inspection import SILENCE_S, Alive, Check, Question, Silence
 from robots.bridge.ros.inspector import __main__ as program
+from robots.bridge.ros.master import Master
 from robots.bridge.ros.publishing import heard_by
+from robots.bridge.ros.tcpros import connect_to_publisher
 from tests.ros.bridge_support import tiago_config
 from tests.ros.support import PATIENCE_S, Inbox, until
+from tests.ros.test_bridge import serves_deaf
 from tests.ros.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
 
 NOTES = "/notes"
@@ -85,6 +88,25 @@ def test_a_halt_ends_what_is_published_at_a_rate(inspector, ros):
         inspector.send(Alive())
         with pytest.raises(AssertionError):
             notes.next(0.3)
+
+
+def test_who_reads_nothing_is_cut_off_and_holds_up_neither_the_others_nor_a_halt(inspector, rosmaster, ros):
+    large = note("x" * 100_000, 20.0)
+    checked(inspector, large)
+    with ros.listen(NOTES, String) as notes:
+        inspector.send(large)
+        heard(inspector, notes)
+        master = Master(rosmaster.uri, "/deaf")
+        (name,) = master.system_state().publishers[NOTES]
+        node = master.node_uri(name)
+        with connect_to_publisher(NOTES, node, "/deaf"):
+            until(lambda: serves_deaf(node), "the deaf listener among the connections")
+            until(lambda: inspector.send(Alive()) or not serves_deaf(node), "its end")
+        notes.drain()
+        heard(inspector, notes)
+        began_s = time.monotonic()
+        assert inspector.done(lambda number: Silence(number)) is None
+        assert time.monotonic() - began_s < SILENCE_S
 
 
 def test_without_a_sign_of_life_nothing_is_published_at_a_rate(inspector, ros):
