@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from robots import wire
 from robots.bridge.flood import Budget
@@ -15,6 +16,7 @@ from teleop.orders import BUSY
 from teleop.robot_socket import RobotSocket
 from teleop.services import ControlRefused
 from teleop.socket import beside
+from teleop.watching import Watching
 
 UNDER_WAY = 8  # questions of one connection
 QUESTIONS_PER_S = 5.0  # an answer may be large, and nobody knows whether the last was read
@@ -30,6 +32,7 @@ class TopicsConsumer(RobotSocket):
     def __init__(self) -> None:
         super().__init__()
         self.looker: Looker | None = None
+        self.watching: Watching | None = None
         self._under_way = 0
         self._questions = Budget(QUESTIONS_PER_S, QUESTIONS_BURST)
 
@@ -38,21 +41,32 @@ class TopicsConsumer(RobotSocket):
         entry = await self.find_robot()
         if entry is not None:
             self.room = rooms.enter(self.robot_id, entry, self)
-            self.looker = Looker(self.room.topics, self.asgi_send)
+            self.watching = Watching(self.user, self.robot_id, entry.facts.name)
+            self.looker = Looker(self.room.topics, self._show)
             await self.room.link_settles()
             self.tell_if_gone()
 
     async def closed(self) -> None:
         """Look no more; a call that is under way goes on record all the same."""
-        if self.looker:
-            self.looker.leave()
+        self._look_away()
+        if self.entered:
             await self.room.remove(self)
 
     async def cut_off(self, refusal: Refusal) -> None:
         """This person may not look any more."""
+        self._look_away()
+        await super().cut_off(refusal)
+
+    def _look_away(self) -> None:
         if self.looker:
             self.looker.leave()
-        await super().cut_off(refusal)
+        if self.watching:
+            self.watching.end_all()
+
+    async def _show(self, event: dict[str, Any]) -> None:
+        if self.watching:
+            self.watching.shown(event["text"])
+        await self.asgi_send(event)
 
     # --- what is asked -----------------------------------------------------------------------------
 
@@ -68,6 +82,8 @@ class TopicsConsumer(RobotSocket):
                     await self.refuse("look", refusal)
             case wire.Unlook(topic=topic):
                 self.looker.look_away(topic)
+                if self.watching:
+                    self.watching.end(topic)
             case wire.Ack():
                 self.looker.drawn()
             case wire.Ping(sent_ms=sent_ms):

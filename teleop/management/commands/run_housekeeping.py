@@ -20,7 +20,7 @@ from django.utils import timezone
 
 from fleet.audit import AuditUnavailable, retention
 from robots.ending import told_to_end
-from teleop import rules, services
+from teleop import rules, services, watching
 from teleop.selectors import held_robots
 
 log = logging.getLogger(__name__)
@@ -88,6 +88,7 @@ def chores() -> Iterator[None]:
     """What is due once a day, step by step."""
     call_command("clearsessions")
     yield
+    yield from watching.end_what_was_left(timezone.now())
     yield from retention.keep_house(timezone.now())
 
 

@@ -1,0 +1,118 @@
+"""Who watched a camera is on record, from the first picture to the last."""
+
+from datetime import timedelta
+
+import msgspec
+import pytest
+from django.core.management import call_command
+from django.utils import timezone
+
+from fleet.audit import record
+from fleet.audit.models import Record
+from robots import wire
+from robots.models import RobotRole
+from teleop import watching
+from teleop.database import in_database
+from tests.teleop.support import Page
+from tests.teleop.test_topics import eventually
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+CAMERA = "/xtion/rgb/image_raw/compressed"
+
+
+@pytest.fixture
+async def page(robot, browsers, websocket_headers, bridge):
+    """The observer's connection to the topics of `robot`."""
+    opened = await Page(websocket_headers(browsers["observer"]), f"/ws/robots/{robot.slug}/topics/").open()
+    yield opened
+    await opened.close()
+
+
+async def picture(bridge, page, number=1, **fields):
+    """The robot shows one, and the page draws it."""
+    shown = wire.Shown(CAMERA, "sensor_msgs/CompressedImage", number, 5.0, 4, None, 1, {"data": [1]})
+    encoded = wire.encode(msgspec.structs.replace(shown, **fields))
+    bridge.say(wire.Seen(CAMERA, msgspec.Raw(encoded)))
+    await page.hears("shown", number=number)
+    await page.say("ack")
+
+
+async def look(bridge, page):
+    await page.say("look", topic=CAMERA, rate_hz=10.0)
+    await bridge.hears(wire.LookAt, lambda looks: CAMERA in looks.topics)
+
+
+def found(kind):
+    return eventually(lambda: Record.objects.filter(kind=kind).order_by("id").first())
+
+
+def count(kind):
+    return in_database(Record.objects.filter(kind=kind).count)
+
+
+async def test_a_watch_begins_with_its_first_picture_and_ends_when_it_is_closed(
+    page, bridge, robot, observer
+):
+    await look(bridge, page)
+    await picture(bridge, page, 1)
+    start = await found("camera.start")
+    assert (start.actor_id, start.robot_id, start.parameters) == (
+        str(observer.pk),
+        robot.id,
+        {"camera": CAMERA},
+    )
+    await picture(bridge, page, 2)
+    await page.say("unlook", topic=CAMERA)
+    end = await found("camera.end")  # shorter than a second, and it counts
+    assert (end.of_id, end.actor_id, end.outcome) == (start.pk, str(observer.pk), "closed")
+    assert 0.0 <= end.parameters["duration_s"] < 5.0
+    assert await count("camera.start") == 1
+
+
+async def test_a_page_that_is_closed_watches_no_more(page, bridge):
+    await look(bridge, page)
+    await picture(bridge, page)
+    await page.close()
+    assert (await found("camera.end")).outcome == "closed"
+
+
+async def test_whoever_may_not_look_any_more_watches_no_more(page, bridge, observer):
+    await look(bridge, page)
+    await picture(bridge, page)
+    await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
+    assert (await found("camera.end")).of_id == (await found("camera.start")).pk
+
+
+async def test_what_is_no_picture_or_was_not_shown_is_not_watched(page, bridge):
+    await look(bridge, page)
+    await picture(bridge, page, 1, type="nav_msgs/Odometry")
+    await picture(bridge, page, 2, refusal=wire.Refusal("too_large", "Too large.", "robot"))
+    await picture(bridge, page, 3)
+    await found("camera.start")
+    assert await count("camera.start") == 1
+
+
+async def test_a_long_watch_is_told_in_parts(page, bridge, monkeypatch):
+    monkeypatch.setattr(watching, "PART_S", 0.0)
+    await look(bridge, page)
+    await picture(bridge, page, 1)
+    await picture(bridge, page, 2)
+    assert (await found("camera.end")).outcome == "goes_on"
+    await eventually(lambda: Record.objects.filter(kind="camera.start").count() == 2)
+
+
+def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer, monkeypatch):
+    def watched():
+        return record("camera.start", actor=observer, robot_id=robot.id, parameters={"camera": CAMERA})
+
+    ended, left = watched(), watched()
+    record("camera.end", of=ended, outcome="closed")
+    later = timezone.now() + watching.LEFT + timedelta(seconds=1)
+    call_command("run_housekeeping", "--once")
+    assert not Record.objects.filter(of=left).exists()  # somebody may be watching still
+    for _ in range(2):
+        list(watching.end_what_was_left(later))
+    end = Record.objects.get(of=left)
+    assert (end.kind, end.outcome, end.actor_id) == ("camera.end", "unknown", None)
+    assert Record.objects.filter(of=ended).count() == 1
