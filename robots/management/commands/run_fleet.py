@@ -19,9 +19,11 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError, connection
 
+from fleet.audit import AuditUnavailable
 from robots.described import Problems
 from robots.ending import leave_within
 from robots.environment import NoWrapper, ros_environment
+from robots.faults import bridge_is
 from robots.models import BridgeStatus, Robot
 from robots.selectors import bridge_config, require_link_settings
 from robots.services import bridge_status_set
@@ -192,7 +194,7 @@ class Fleet:
     def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:
         return Program([sys.executable, str(self._manage), *command], environment, digest)
 
-    def _database_failed(self, error: DatabaseError) -> None:
+    def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
         """The fleet stays as it is; said once until it is well again."""
         if self._database_well:
             log.warning("The database does not answer, the fleet stays as it is: %s", error)
@@ -210,7 +212,8 @@ class Fleet:
         for robot_id, (state, detail, pid) in list(self._unsaved.items()):
             try:
                 bridge_status_set(robot_id=robot_id, state=state, detail=detail, pid=pid)
-            except DatabaseError as error:
+                bridge_is(robot_id, state, detail)
+            except (DatabaseError, AuditUnavailable) as error:
                 self._database_failed(error)
                 return
             del self._unsaved[robot_id]

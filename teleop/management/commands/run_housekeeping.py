@@ -20,6 +20,7 @@ from django.utils import timezone
 
 from fleet.audit import AuditUnavailable, retention
 from robots.ending import told_to_end
+from robots.faults import RobotWatch
 from teleop import rules, services, watching
 from teleop.selectors import held_robots
 
@@ -36,8 +37,8 @@ class Command(BaseCommand):
     """The housekeeper."""
 
     help = (
-        "Ends leases and questions whose time is over; once a day forgets old sign-in sessions and what the audit log "
-        "keeps no longer."
+        "Ends leases and questions whose time is over, and records when a robot goes and comes back; once a day forgets "
+        "old sign-in sessions and what the audit log keeps no longer."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
@@ -52,14 +53,16 @@ class Command(BaseCommand):
                 pass
             return
         over = told_to_end(sys.stdin.fileno(), END_S)
-        daily = Daily()
+        daily, robots = Daily(), RobotWatch()
         while not over.wait(EVERY_S):
             try:
                 go_round()
+                robots.step(time.monotonic())
                 daily.a_little()
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("housekeeping failed, and is tried again: %s", error)
             close_old_connections()
+        robots.close()
 
 
 class Daily:

@@ -1,0 +1,96 @@
+"""Faults of bridges and robots are on record: when one began, and when it was over."""
+
+from __future__ import annotations
+
+import pytest
+
+from fleet.audit.models import Record
+from robots import faults
+from robots.faults import BRIDGE, ROBOT, SURE_AFTER, Condition, RobotWatch, bridge_is, condition_of, part_is
+from robots.link import LinkRefused
+from robots.models import BridgeStatus, Robot
+from robots.selectors import link_address
+from robots.wire import BridgeHello, Refusal
+from tests.robots.support import until
+
+State = BridgeStatus.State
+OFFLINE = Condition("robot_offline", "The master does not answer.")
+WELL = Condition()
+
+pytestmark = pytest.mark.django_db
+
+
+def told(robot: Robot) -> list[tuple[str, str]]:
+    """Parts and outcomes of what is on record, oldest first."""
+    records = Record.objects.filter(robot_id=robot.id, kind="fault").order_by("id")
+    return [(record.parameters["part"], record.outcome) for record in records]
+
+
+def test_a_fault_and_its_end_are_told_once(robot: Robot) -> None:
+    for condition in (WELL, OFFLINE, OFFLINE, Condition("bridge_down"), WELL, WELL):
+        part_is(robot.id, ROBOT, condition)
+    assert told(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
+    fault, over = Record.objects.filter(kind="fault").order_by("id")
+    assert fault.details["words"] == OFFLINE.words
+    assert over.of_id == fault.pk and over.parameters["duration_s"] >= 0.0
+
+
+def test_each_part_and_each_robot_has_its_own_faults(robot: Robot, other_robot: Robot) -> None:
+    part_is(robot.id, ROBOT, OFFLINE)
+    part_is(robot.id, BRIDGE, Condition("bridge_ended"))
+    part_is(other_robot.id, ROBOT, OFFLINE)
+    part_is(robot.id, ROBOT, WELL)
+    assert told(robot) == [(ROBOT, "robot_offline"), (BRIDGE, "bridge_ended"), (ROBOT, "over")]
+    assert told(other_robot) == [(ROBOT, "robot_offline")]
+
+
+def test_a_bridge_that_falls_again_and_again_is_one_fault(robot: Robot) -> None:
+    for _ in range(3):
+        bridge_is(robot.id, State.STARTING, "")
+        bridge_is(robot.id, State.BACKING_OFF, "ended by itself with code 7; next start in 0.5 s")
+    bridge_is(robot.id, State.STARTING, "")
+    bridge_is(robot.id, State.RUNNING, "")
+    assert told(robot) == [(BRIDGE, "bridge_ended"), (BRIDGE, "over")]
+
+
+def test_a_robot_that_is_gone_from_the_registry_has_no_faults(robot: Robot) -> None:
+    gone = robot.id
+    robot.delete()
+    part_is(gone, ROBOT, OFFLINE)
+    assert not Record.objects.filter(kind="fault").exists()
+
+
+@pytest.mark.parametrize(("phase", "fault"), [("online", ""), ("waiting", "robot_offline")])
+def test_a_robots_condition_is_what_its_bridge_says(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, phase: str, fault: str
+) -> None:
+    class State:
+        text = "So it is."
+
+    State.phase = phase  # type: ignore[attr-defined]
+    hello = BridgeHello(1, "robot", "slug", 0, State)  # type: ignore[arg-type]
+    monkeypatch.setattr(faults, "hello_once", lambda _address: hello)
+    assert condition_of(link_address(robot)).fault == fault
+
+
+def test_a_bridge_that_does_not_answer_is_a_fault_too(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_address: object) -> None:
+        raise LinkRefused(Refusal("bridge_down", "It is not running.", "robot"))
+
+    monkeypatch.setattr(faults, "hello_once", refuse)
+    assert condition_of(link_address(robot)) == Condition("bridge_down", "It is not running.")
+
+
+def test_only_a_robot_that_stays_away_is_at_fault_and_one_that_hangs_holds_nobody_up(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = [OFFLINE, WELL, *[OFFLINE] * SURE_AFTER, WELL]
+    monkeypatch.setattr(faults, "condition_of", lambda _address: answers.pop(0))
+    watch = RobotWatch()
+    for look in range(len(answers)):
+        assert told(robot) == ([] if look < 5 else [(ROBOT, "robot_offline")])
+        watch.step(look * faults.LOOK_S)
+        until(lambda: watch._asked[robot.id].done(), "an answer")
+        watch.step(look * faults.LOOK_S)
+    assert told(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
+    watch.close()
