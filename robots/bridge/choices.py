@@ -129,11 +129,11 @@ class Choices:
         if refusal is not None:
             answer(refusal)
             return
+        self._withdraw(use, Refusal("overtaken", "Another topic was chosen meanwhile.", "robot"), now_s)
         name = order.topic or self._defaults[use].name
         if name == self.topic(use):
             answer(None)
             return
-        self._withdraw(use, Refusal("overtaken", "Another topic was chosen meanwhile.", "robot"))
         parameters = {"use": use, "from": self.topic(use), "to": name}
         number = self._log.request(holder, "topic.choose", parameters, now_s)
         self._asked[use] = _Choice(name, holder, number, answer)
@@ -169,7 +169,7 @@ class Choices:
     def control_ended(self, reason: str, now_s: float) -> None:
         """The next holder begins with the defaults; a base that still rolls gets its zeros where it got its speed."""
         for use in list(self._asked):
-            self._withdraw(use, Refusal("no_lease", reason, "lease"))
+            self._withdraw(use, Refusal("no_lease", reason, "lease"), now_s)
         for use in list(self._made):
             if use == "drive":
                 self._parted_s = now_s
@@ -195,7 +195,7 @@ class Choices:
         if refusal is None:
             choice.begun = True
         else:
-            self._withdraw(use, refusal)
+            self._withdraw(use, refusal, now_s)
 
     def _settle(self, use: str, now_s: float) -> None:
         """Make the choice that waited for its topic to be connected."""
@@ -206,7 +206,7 @@ class Choices:
         refusal = self._why_not_now(use, now_s)
         if refusal is None:
             self._make(use, choice, f"input goes to {choice.topic} now", now_s)
-        choice.answer(refusal)
+        self._tell(use, choice, refusal, now_s)
 
     def _why_not_now(self, use: str, now_s: float) -> Refusal | None:
         closed = self._rules.why_closed(now_s)
@@ -228,7 +228,7 @@ class Choices:
     def _end(self, use: str, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
-        self._log.outcome(made.number.result(), made.holder, "topic.choose", outcome, parameters, now_s)
+        self._log.outcome(made.number, made.holder, "topic.choose", outcome, parameters, now_s)
 
     def _send_to(self, use: str, name: str, why: str, now_s: float) -> None:
         """A base gets its zero first, where it got its speed."""
@@ -253,9 +253,16 @@ class Choices:
             self._unanswered[use] += 1
             self._switch.attend(use, wanted)
 
-    def _withdraw(self, use: str, refusal: Refusal) -> None:
+    def _withdraw(self, use: str, refusal: Refusal, now_s: float) -> None:
         if asked := self._asked.pop(use, None):
-            asked.answer(refusal)
+            self._tell(use, asked, refusal, now_s)
+
+    def _tell(self, use: str, choice: _Choice, refusal: Refusal | None, now_s: float) -> None:
+        """Answer, and put on record what came of it."""
+        choice.answer(refusal)
+        outcome = refusal.code if refusal else "chosen"
+        parameters = {"use": use, "to": choice.topic}
+        self._log.outcome(choice.number, choice.holder, "topic.choose", outcome, parameters, now_s)
 
     def _why_unheard(self, topic: Topic) -> Refusal | None:
         """Nobody listens there, as far as the last survey of the robot's topics tells, or to another type."""

@@ -154,10 +154,18 @@ class DriveLog:
         return self._writer.ask(lambda: self._sink.request(holder, kind, parameters), now_s)
 
     def outcome(
-        self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters, now_s: float
+        self,
+        request: Future[int],
+        holder: Holder,
+        kind: str,
+        outcome: str,
+        parameters: Parameters,
+        now_s: float,
     ) -> None:
-        """Put on record what came of it."""
-        self._writer.keep(lambda: self._sink.outcome(request, holder, kind, outcome, parameters), now_s)
+        """Put on record what came of it; of what is not on record itself nothing came."""
+        self._writer.keep(
+            lambda: self._sink.outcome(request.result(), holder, kind, outcome, parameters), now_s, of=request
+        )
 
     def stopped(self, holder: Holder | None, number: int, now_s: float) -> None:
         """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""

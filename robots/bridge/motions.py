@@ -281,4 +281,4 @@ class Motions:
                 "duration_s": round(now_s - playing.since_s, 2),
                 "text": text,
             }
-            self._log.outcome(number, playing.holder, "motion.end", outcome, figures, now_s)
+            self._log.outcome(playing.number, playing.holder, "motion.end", outcome, figures, now_s)

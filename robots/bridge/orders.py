@@ -78,6 +78,7 @@ class _Look(NamedTuple):
     """A look ahead that was asked for, and is being put on record."""
 
     number: Future[int]
+    holder: Holder
     answer: Answer
 
 
@@ -180,14 +181,14 @@ class Orders:
 
     def stopped(self, by: str, now_s: float) -> None:
         """The emergency stop was pressed."""
-        self._forget_looks()
+        self._forget_looks(now_s)
         self.publishings.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""
-        self._forget_looks()
+        self._forget_looks(now_s)
         self.publishings.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
         if self.speaking.waiting:
@@ -209,14 +210,21 @@ class Orders:
         if refusal is not None:
             answer(refusal)
             return
-        number = self._log.request(holder_of(grant), "head.look_ahead", {}, now_s)
-        self._looks.append(_Look(number, answer))
+        holder = holder_of(grant)
+        number = self._log.request(holder, "head.look_ahead", {}, now_s)
+        self._looks.append(_Look(number, holder, answer))
 
-    def _forget_looks(self) -> None:
+    def _forget_looks(self, now_s: float) -> None:
         """What is not on record yet will not be done."""
         looks, self._looks = self._looks, []
         for look in looks:
-            look.answer(HALTED)
+            self._tell_look(look, HALTED, now_s)
+
+    def _tell_look(self, look: _Look, refusal: Refusal | None, now_s: float) -> None:
+        """Answer, and put on record what came of it."""
+        look.answer(refusal)
+        outcome = refusal.code if refusal else "sent"
+        self._log.outcome(look.number, look.holder, "head.look_ahead", outcome, {}, now_s)
 
     def _why_no_look(self, now_s: float) -> Refusal | None:
         if self._head is None:
@@ -249,7 +257,7 @@ class Orders:
             error = look.number.exception()
             refusal = not_recorded(error) if error else self._why_no_look(now_s)
             granted = granted or refusal is None
-            look.answer(refusal)
+            self._tell_look(look, refusal, now_s)
         return granted
 
     # --- publishing -----------------------------------------------------------------------------------

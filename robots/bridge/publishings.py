@@ -81,6 +81,8 @@ class Publishings:
                 self._publisher.publish(publishing.order)
                 if publishing.order.rate_hz:
                     self._running[publishing.order.topic] = publishing
+                else:
+                    self._tell_end(publishing, "sent", now_s)
         if self._running:
             self._publisher.keep_alive()
 
@@ -97,6 +99,7 @@ class Publishings:
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.answer(HALTED)
+            self._tell_end(publishing, why, now_s)
         for topic in list(self._running):
             self._end(topic, why, now_s)
 
@@ -110,10 +113,14 @@ class Publishings:
 
     def _end(self, topic: str, outcome: str, now_s: float) -> None:
         publishing = self._running.pop(topic, None)
-        if publishing is None:
-            return
-        self._publisher.publish_stop(topic)
-        figures: Parameters = {"topic": topic, "duration_s": round(now_s - publishing.since_s, 2)}
-        self._log.outcome(
-            publishing.number.result(), publishing.holder, "publish.end", outcome, figures, now_s
-        )
+        if publishing is not None:
+            self._publisher.publish_stop(topic)
+            self._tell_end(publishing, outcome, now_s)
+
+    def _tell_end(self, publishing: _Publishing, outcome: str, now_s: float) -> None:
+        """Put it on record."""
+        figures: Parameters = {
+            "topic": publishing.order.topic,
+            "duration_s": round(now_s - publishing.since_s, 2),
+        }
+        self._log.outcome(publishing.number, publishing.holder, "publish.end", outcome, figures, now_s)

@@ -257,7 +257,7 @@ class Speaking:
             number = saying.number.result()
             self._last = wire.SpeechEnd(number, outcome, text)
             figures: Parameters = {"text": text, "duration_s": round(now_s - saying.since_s, 2)}
-            self._log.outcome(number, saying.holder, "speech.end", outcome, figures, now_s)
+            self._log.outcome(saying.number, saying.holder, "speech.end", outcome, figures, now_s)
 
 
 def _short(text: str) -> str:

@@ -4,7 +4,8 @@ import pytest
 
 from robots import wire
 from robots.bridge.gate.values import STILL
-from tests.bridge.test_choices import LISTENED, bench, choose, chosen, connects, settled
+from tests.bridge.support import Outcome
+from tests.bridge.test_choices import LISTENED, ask, bench, choose, chosen, connects, settled
 
 __all__ = ["bench"]  # the fixture
 
@@ -35,11 +36,10 @@ def last_record(bench):
 )
 def test_a_chosen_topic_that_vanishes_is_told_and_on_record(bench, use, topic, heard, default):
     choose(bench, use, topic)
-    number = len(bench.sink.records)
     vanish(bench, heard)
     assert chosen(bench) == {}
     text = f"{topic} is gone: input goes to {default} again."
-    assert ended(bench) == {use: wire.ChoiceEnd(number, topic, default, text)}
+    assert ended(bench) == {use: wire.ChoiceEnd(1, topic, default, text)}
     expected = {"outcome": "gone", "use": use, "from": topic, "to": default}
     assert last_record(bench) == ("topic.choose", expected)
 
@@ -76,13 +76,30 @@ def test_the_way_back_at_the_end_of_control_is_on_record_and_no_warning(bench):
     assert ended(bench) == {}
 
 
-def test_what_its_holder_takes_back_is_one_record_and_no_warning(bench):
+def test_what_its_holder_takes_back_is_a_choice_like_any_and_no_warning(bench):
     choose(bench, "speech", "/second_tts")
     choose(bench, "speech", None)
-    bench.core.tick(bench.now_s)
-    settled(bench)
-    assert bench.sink.kinds == ["topic.choose", "topic.choose"]
+    assert last_record(bench) == ("topic.choose", {"outcome": "chosen", "use": "speech", "to": "/tts"})
+    assert bench.sink.kinds == ["topic.choose"] * 4
     assert ended(bench) == {}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "outcome"),
+    [
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+        (lambda bench: ask(bench, "speech", None), "overtaken"),
+    ],
+)
+def test_a_choice_that_is_not_made_after_all_says_why_on_record(bench, spoil, outcome):
+    bench.sink.open.clear()
+    ask(bench, "speech", "/second_tts")
+    spoil(bench)
+    bench.sink.open.set()
+    settled(bench)
+    ends = [what for _, what in bench.sink.records if isinstance(what, Outcome)]
+    assert [(end.outcome, end.to) for end in ends] == [(outcome, "/second_tts")]
 
 
 def test_pages_are_told_from_which_role_on_a_topic_is_published(bench):

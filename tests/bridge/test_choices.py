@@ -7,7 +7,7 @@ from robots import wire
 from robots.bridge.choices import PARTING_S
 from robots.bridge.config import Allowed, ArmSource
 from robots.bridge.gate.values import STILL, Velocity
-from tests.bridge.support import CONFIG, Bench
+from tests.bridge.support import CONFIG, Bench, Outcome
 
 TTS, PLAY, TWIST = (
     "pal_interaction_msgs/TtsAction",
@@ -50,6 +50,7 @@ def ask(bench, use, topic, fence=1):
 def settled(bench):
     bench.recorded()
     bench.core.tick(bench.now_s)
+    bench.recorded()
 
 
 def connects(bench):
@@ -81,8 +82,10 @@ def test_a_chosen_topic_is_on_record_then_connected_then_takes_the_input(bench):
     assert (answers, chosen(bench)) == ([], {})
     connects(bench)
     assert (answers, chosen(bench)) == ([None], {"speech": "/second_tts"})
+    bench.recorded()
     assert bench.sink.records == [
         ("topic.choose", {"use": "speech", "from": "/tts", "to": "/second_tts"}),
+        ("topic.choose", Outcome("chosen", use="speech", to="/second_tts")),
     ]
     bench.order(wire.Say(1, "hola", "es-ES"))
     settled(bench)

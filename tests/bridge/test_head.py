@@ -9,7 +9,7 @@ from robots import wire
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
 from robots.bridge.head import AHEAD_TAKES_S, FOLLOW_RAD, FOLLOW_RADPS, Head
-from tests.bridge.support import CONFIG, Bench
+from tests.bridge.support import CONFIG, Bench, Outcome
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
 FOLLOWS = msgspec.structs.replace(SOURCE, follows_turn=True)
@@ -37,6 +37,7 @@ def codes(answers):
 def settled(bench):
     bench.recorded()
     bench.core.tick(bench.now_s)
+    bench.recorded()
 
 
 def others_play(bench):
@@ -59,7 +60,7 @@ def test_the_head_moves_and_that_is_answered_once_the_request_is_on_record(bench
     [aim] = bench.base.aims
     assert (aim.pan, aim.tilt) == (0.0, -0.68)
     assert answers == [None]
-    assert bench.sink.kinds == ["head.look_ahead"]
+    assert bench.sink.records == [("head.look_ahead", {}), ("head.look_ahead", Outcome("sent"))]
 
 
 def test_each_request_is_on_record_and_answered(bench):
@@ -67,7 +68,7 @@ def test_each_request_is_on_record_and_answered(bench):
     settled(bench)
     bench.pass_time(0.1)
     assert answers == ([None], [None])
-    assert bench.sink.kinds == ["head.look_ahead"] * 2
+    assert bench.sink.kinds == ["head.look_ahead"] * 4
 
 
 def test_what_cannot_be_recorded_is_not_done_and_that_is_the_answer(bench):
@@ -96,6 +97,7 @@ def test_what_comes_in_between_request_and_record_keeps_the_head_where_it_is(ben
     settled(bench)
     assert bench.base.aims == []
     assert codes(answers) == [code]
+    assert bench.sink.records[-1] == ("head.look_ahead", Outcome(code))
 
 
 @pytest.mark.parametrize(

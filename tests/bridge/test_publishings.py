@@ -12,7 +12,7 @@ from robots.bridge.gate.values import STILL, Limits, Velocity
 from robots.bridge.publishings import RECORDED_CHARACTERS
 from robots.bridge.twists import velocity_from
 from robots.wire import Refusal
-from tests.bridge.support import CONFIG, Bench
+from tests.bridge.support import CONFIG, Bench, Outcome
 
 NOTES = Allowed("publish", "/notes", "std_msgs/String")
 SERVICE = Allowed("call", "/diary", "std_msgs/String")  # of a service: nothing that is published
@@ -33,6 +33,7 @@ def note(rate_hz=0.0, topic="/notes", type_name="std_msgs/String", fence=1):
 def settled(bench):
     bench.recorded()
     bench.core.tick(bench.now_s)
+    bench.recorded()
 
 
 def shown(bench):
@@ -47,7 +48,7 @@ def test_it_is_sent_and_answered_once_it_is_on_record(bench):
     bench.sink.open.set()
     settled(bench)
     assert (bench.publisher.published, answers) == ([note()], [None])
-    kind, parameters = bench.sink.records[-1]
+    kind, parameters = bench.sink.records[0]
     assert kind == "publish.start"
     assert parameters["fields"] == '{"data":"hello"}'
     assert shown(bench) == []
@@ -69,6 +70,14 @@ def test_what_is_halted_before_it_is_on_record_is_not_sent_and_that_is_the_answe
     settled(bench)
     assert bench.publisher.published == []
     assert [refusal.code for refusal in answers] == ["halted"]
+    assert bench.sink.records[-1] == ("publish.end", Outcome("stopped", topic="/notes", duration_s=0.0))
+
+
+def test_what_is_sent_once_is_on_record_with_that_as_its_end(bench):
+    bench.order(note())
+    settled(bench)
+    assert bench.sink.kinds == ["publish.start", "publish.end"]
+    assert bench.sink.records[-1][1].outcome == "sent"
 
 
 def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
@@ -91,15 +100,15 @@ def test_what_is_published_at_a_rate_gives_way_to_the_next_message_there(bench):
     bench.order(note())
     settled(bench)
     bench.recorded()
-    assert bench.sink.kinds == ["publish.start", "publish.start", "publish.end"]
-    assert bench.sink.records[-1][1].outcome == "replaced"
+    assert bench.sink.kinds == ["publish.start", "publish.start", "publish.end", "publish.end"]
+    assert [end.outcome for _, end in bench.sink.records[-2:]] == ["replaced", "sent"]
     assert shown(bench) == []
 
 
 def test_of_a_long_message_the_beginning_is_on_record(bench):
     bench.order(wire.Publish(1, "/notes", "std_msgs/String", {"data": "x" * 50_000}))
     settled(bench)
-    [(_, parameters)] = bench.sink.records
+    _, parameters = bench.sink.records[0]
     assert parameters["fields"] == '{"data":"' + "x" * (RECORDED_CHARACTERS - 9)
     assert len(bench.publisher.published[0].fields["data"]) == 50_000
 
