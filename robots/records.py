@@ -43,13 +43,15 @@ from robots.models import BridgePulse
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# What ends each kind of record, and how it ended if the bridge was killed in between.
+# What tells the outcome of each kind of record, and what it is if the bridge was killed in between.
 ENDS = {
     "gate.begin": ("gate.end", "bridge_killed"),
     "drive.start": ("drive.end", "bridge_killed"),
     "motion.start": ("motion.end", "unknown"),
     "speech.start": ("speech.end", "unknown"),
     "publish.start": ("publish.end", "unknown"),
+    "topic.choose": ("topic.choose", "unknown"),
+    "head.look_ahead": ("head.look_ahead", "unknown"),
 }
 _EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
 
@@ -178,6 +180,8 @@ class AuditSink:
         for kind, (end, _) in ENDS.items():
             ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
             starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
+            if kind == end:
+                starts = starts.filter(of=None)
             missing += starts.exclude(Exists(ends))
         return sorted(missing, key=lambda start: -start.pk)
 

@@ -161,10 +161,14 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
     gate = sink.begin_gate(drive, holder, GateStart(HELD, 1.0, None))
     speech = sink.request(holder, "speech.start", {"text": "Hello"})
     motion = sink.request(holder, "motion.start", {"motion": "wave"})
+    look = sink.request(holder, "head.look_ahead", {})
+    chosen = sink.request(holder, "topic.choose", {"use": "speech"})
+    sink.outcome(chosen, holder, "topic.choose", "chosen", {})
     before = len(records_of(robot))
     sink.settle()
     ends = records_of(robot)[before:]
     assert [(end.kind, end.of_id, end.outcome) for end in ends] == [
+        ("head.look_ahead", look, "unknown"),
         ("motion.end", motion, "unknown"),
         ("speech.end", speech, "unknown"),
         ("gate.end", gate, "bridge_killed"),
@@ -174,7 +178,7 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
         (holder.session, 5, robot.name)
     }
     sink.settle()
-    assert len(records_of(robot)) == before + 4
+    assert len(records_of(robot)) == before + 5
 
 
 def test_a_bridge_settles_its_own_robot_and_no_other(
