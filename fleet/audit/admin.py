@@ -14,7 +14,7 @@ from django.core.exceptions import BadRequest, PermissionDenied
 from django.db.models import Q
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.template.response import TemplateResponse
-from django.urls import NoReverseMatch, URLPattern, path, reverse
+from django.urls import URLPattern, path, reverse
 from django.utils.functional import Promise
 from django.utils.text import capfirst
 from django.utils.translation import gettext as _
@@ -281,10 +281,7 @@ def _url(record: Record) -> str:
 
 def session_url_of(session_id: UUID | None) -> str:
     """The page of a control session; blank if it was in none."""
-    try:
-        return reverse("control-session", args=[session_id]) if session_id else ""
-    except NoReverseMatch:
-        return ""
+    return reverse("control-session", args=[session_id]) if session_id else ""
 
 
 def by_day(

@@ -40,6 +40,7 @@ _SUBJECTS = (
     "profile",
     "file",
 )
+_ASIDE = {"t_s", "path_tolerance_m", "progress"}  # on the record's page only
 
 
 def label(kind: str) -> str:
@@ -71,7 +72,7 @@ def facts(records: list[Record]) -> list[str]:
     found: dict[str, str] = {}
     for record in records:
         for name, value in record.details.items():
-            if name not in _SUBJECTS and _is_short(value):
+            if name not in _SUBJECTS and name not in _ASIDE and _is_short(value):
                 found[name] = figure(name, value)
     return list(found.values())[:FACTS]
 
@@ -91,7 +92,7 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
         match value:
             case Mapping() if value:
                 yield from lines(value, within=f"{known_as} · ")
-            case list() if len(value) > LONG:
+            case list() if len(value) > LONG or any(isinstance(entry, list) for entry in value):
                 yield known_as, _("%d entries, all in the export") % len(value)
             case list() if value and all(isinstance(entry, Mapping) for entry in value):
                 for number, entry in enumerate(value, 1):

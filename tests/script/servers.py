@@ -31,7 +31,7 @@ def postgresql() -> Iterator[str]:
         tie += [f"--reuid={OWNER}", f"--regid={pwd.getpwnam(OWNER).pw_gid}", "--clear-groups"]
     try:
         make = [programs / "initdb", "-D", directory / "data", "-U", "fleet", "-A", "trust", "--no-sync"]
-        subprocess.run([*tie, *make], check=True, cwd="/", stdout=subprocess.DEVNULL)
+        subprocess.run([*tie, *map(str, make)], check=True, cwd="/", stdout=subprocess.DEVNULL)
         run = ["-D", directory / "data", "-k", directory, "-c", "listen_addresses=", "-c", "fsync=off"]
         server = Child(
             "postgresql",
@@ -40,7 +40,7 @@ def postgresql() -> Iterator[str]:
             log=directory / "log",
         )
         try:
-            ready = [programs / "pg_isready", "-q", "-h", directory]
+            ready = [str(programs / "pg_isready"), "-q", "-h", str(directory)]
             until(lambda: subprocess.run(ready).returncode == 0, "PostgreSQL answers", STARTED_S)
             yield f"postgresql://fleet@/postgres?host={directory}"
         finally:
