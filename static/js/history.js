@@ -16,6 +16,7 @@ export function outcomeText(outcome) {
     failed: gettext("failed"),
     stopped: gettext("stopped"),
     unheard: gettext("not heard of again"),
+    unknown: gettext("end not known"),
   };
   return texts[outcome] ?? outcome ?? gettext("not over yet");
 }
@@ -117,20 +118,18 @@ export class History {
       children: [time, ` · ${facts.join(" · ")}`],
     });
     if (why) note.title = why;
-    const words = make("span", {
-      className: "hit-words",
-      children: [inLanguage(make("span", { className: "hit-name", text }), language), note],
-    });
+    const said = text
+      ? inLanguage(make("span", { className: "hit-name", text }), language)
+      : make("span", { className: "hit-name quiet", text: gettext("text expired") });
+    const words = make("span", { className: "hit-words", children: [said, note] });
     const again = make("button", { className: "button", text: gettext("Repeat") });
     again.type = "button";
     again.addEventListener("click", () =>
       this.#send({ t: "say", text, language, topic: topic || null }),
     );
     const mine = make("span", { className: "badge", text: gettext("this topic") });
-    const row = make("div", {
-      className: "hit",
-      children: isHere ? [words, mine, again] : [words, again],
-    });
+    const children = [words, isHere && mine, text && again].filter(Boolean);
+    const row = make("div", { className: "hit", children });
     mark(row, "here", isHere);
     return row;
   }

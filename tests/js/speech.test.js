@@ -195,6 +195,16 @@ describe("the history", () => {
     expect(rows().map(({ dataset }) => dataset.here)).toEqual([undefined, "true", undefined]);
   });
 
+  it("says of a text that is kept no longer that it expired, and does not repeat it", async () => {
+    const expired = { ...entry(9, "/tts"), text: "" };
+    vi.stubGlobal("fetch", answering({ entries: [expired], more: false }));
+    const parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
+    await new History(parts, "/speech/", vi.fn()).load();
+    const row = parts["history-list"].querySelector(".hit");
+    expect(row.textContent).toContain("text expired");
+    expect(row.querySelector("button")).toBeNull();
+  });
+
   it("tells when and how in words", () => {
     const now = new Date("2026-11-21T12:00:00Z");
     expect(whenText("2026-11-21T10:00:00Z", now)).not.toContain("2026");

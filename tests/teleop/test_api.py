@@ -3,6 +3,7 @@
 import pytest
 
 from fleet.audit import record
+from fleet.audit.models import Content
 from robots import wire
 from robots.models import Phrase
 from teleop.database import in_database
@@ -103,6 +104,18 @@ async def test_phrases_are_those_of_the_kind_and_then_the_robots_own(browsers, r
 async def test_phrases_of_a_robot_that_one_may_not_see_are_not_told(browsers, robot):
     assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/phrases/")).status_code == 404
     assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/speech/")).status_code == 404
+
+
+async def test_a_text_that_is_kept_no_longer_leaves_its_entry_in_the_history(browsers, robot, operator):
+    number = await in_database(said, robot, operator, "Hola", "done")
+    await in_database(lambda: Content.objects.all().delete())
+    (entry,) = (await spoken(browsers["operator"], robot))["entries"]
+    assert (entry["number"], entry["text"], entry["language"], entry["outcome"]) == (
+        number,
+        "",
+        "en-GB",
+        "done",
+    )
 
 
 async def test_history_is_newest_first_with_what_came_of_each_text(browsers, robot, operator):

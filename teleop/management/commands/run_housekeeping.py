@@ -37,8 +37,8 @@ class Command(BaseCommand):
     """The housekeeper."""
 
     help = (
-        "Ends leases and questions whose time is over, and records when a robot goes and comes back; once a day forgets "
-        "old sign-in sessions and what the audit log keeps no longer."
+        "Ends leases and questions whose time is over, and records when a robot goes and comes back; once a day "
+        "forgets old sign-in sessions and what the audit log keeps no longer."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
