@@ -25,6 +25,7 @@ urlpatterns = [
     path("admin/", admin.site.urls),
     path("healthz", views.healthz, name="healthz"),
     path("cookies/", views.cookies, name="cookies"),
+    path("privacy/", views.privacy, name="privacy"),
     path("texts.js", _script_texts, name="script-texts"),
     path("api/", include("teleop.api_urls")),
     path("", include("teleop.urls")),

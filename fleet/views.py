@@ -13,8 +13,19 @@ from django.db.migrations.executor import MigrationExecutor
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
+from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
+
+from fleet.audit.kinds import Kept
+
+WHY_KEPT = {
+    Kept.SPEECH: _("So that a sentence can be traced to whoever had a robot say it."),
+    Kept.DRIVING: _("So that it can be seen where a robot drove, how fast, and what its gate held back."),
+    Kept.OTHER: _(
+        "Reasons, names, addresses and browsers: so that misuse of accounts and rights comes to light."
+    ),
+}
 
 
 @login_not_required
@@ -34,6 +45,21 @@ def cookies(request: HttpRequest) -> HttpResponse:
     names = {"session": settings.SESSION_COOKIE_NAME, "csrf": settings.CSRF_COOKIE_NAME}
     hours = settings.SESSION_COOKIE_AGE // 3600
     return render(request, "cookies.html", {"names": names, "session_hours": hours})
+
+
+@login_not_required
+@require_safe
+def privacy(request: HttpRequest) -> HttpResponse:
+    """What is kept of people, why, and for how long."""
+    classes = [
+        {"what": kept.label, "why": WHY_KEPT[kept], "days": settings.FLEET_AUDIT_KEEP_DAYS[kept.value]}
+        for kept in Kept
+    ]
+    return render(
+        request,
+        "privacy.html",
+        {"classes": classes, "records_days": settings.FLEET_AUDIT_KEEP_RECORDS_DAYS},
+    )
 
 
 @login_not_required

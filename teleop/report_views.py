@@ -24,9 +24,9 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.admin import number
 from fleet.audit.listing import Row
-from robots.models import Role
-from robots.selectors import robots_visible_to, role_on
+from robots.selectors import robots_visible_to
 from teleop import own_data, path_plot, robot_report, session_report
+from teleop.services import supervises_robot
 
 
 class Line(Struct, frozen=True):
@@ -53,7 +53,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     context = {
         "report": report,
         "session": session,
-        "supervises": session_report.supervises(person, session),
+        "supervises": supervises_robot(user=person, robot=session.robot),
         "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
         "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT},
         "paces": _paces(),
@@ -72,8 +72,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
     """How a robot was used, for its supervisors and staff."""
     person = _person(request)
     asked = get_object_or_404(robots_visible_to(person), slug=slug)
-    role = role_on(person, asked)
-    if role is None or role < Role.SUPERVISOR:
+    if not supervises_robot(user=person, robot=asked):
         raise Http404("this report is for supervisors of the robot")
     days = _period(request)
     report = robot_report.report_of(asked, days, now())

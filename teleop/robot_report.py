@@ -10,7 +10,7 @@ from datetime import timezone as zones
 from typing import Any
 
 from django.db.models import Count, F, FloatField, Max, Sum
-from django.db.models.fields.json import KT
+from django.db.models.fields.json import KeyTextTransform
 from django.db.models.functions import Cast, ExtractHour
 from msgspec import Struct
 
@@ -110,7 +110,7 @@ def _driven(robot: Robot, since: date, until: date) -> list[Any]:
 
 
 def _figure(name: str) -> Cast:
-    return Cast(KT(f"content__data__{name}"), FloatField())
+    return Cast(KeyTextTransform(name, "content__data"), FloatField())
 
 
 def _use(driven: list[Any], since: date, days: int) -> Use:

@@ -15,10 +15,9 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
-from robots.models import Role
-from robots.selectors import role_on
 from teleop.models import ControlSession
 from teleop.path_plot import Leg, Plot, plotted
+from teleop.services import supervises_robot
 
 MOST_ENTRIES = 1000  # of a timeline: the newest
 _CHUNK = 250
@@ -67,15 +66,10 @@ class SessionReport(Struct, frozen=True):
 def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
     """The control session, if this is the person concerned, a supervisor of the robot, or staff."""
     session = ControlSession.objects.select_related("robot", "user").filter(pk=session_id).first()
-    if session is None or not (session.user_id == user.pk or supervises(user, session)):
+    if session is None:
         return None
-    return session
-
-
-def supervises(user: User, session: ControlSession) -> bool:
-    """Whether this is a supervisor of its robot, or staff."""
-    role = role_on(user, session.robot)
-    return role is not None and role >= Role.SUPERVISOR
+    concerned = session.user_id == user.pk or supervises_robot(user=user, robot=session.robot)
+    return session if concerned else None
 
 
 def report_of(session: ControlSession) -> SessionReport:

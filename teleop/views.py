@@ -13,10 +13,11 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.models import User
-from robots.models import Robot, Role
-from robots.selectors import robots_visible_to, role_on
+from robots.models import Robot
+from robots.selectors import robots_visible_to
 from robots.wire import Refusal
 from teleop import stopping
+from teleop.services import supervises_robot
 
 
 @require_safe
@@ -29,8 +30,7 @@ def fleet(request: HttpRequest) -> HttpResponse:
 def control(request: HttpRequest, slug: str) -> HttpResponse:
     """One robot: drive it, or watch who does."""
     robot = _visible(request, slug)
-    role = role_on(_person(request), robot)
-    supervises = role is not None and role >= Role.SUPERVISOR
+    supervises = supervises_robot(user=_person(request), robot=robot)
     return render(request, "teleop/control.html", {"robot": robot, "supervises": supervises})
 
 

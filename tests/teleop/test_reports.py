@@ -1,0 +1,371 @@
+"""The pages that look back: whom they are for, and what they say."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime, timedelta, timezone
+
+import pytest
+from django.conf import settings
+from django.test import AsyncClient, Client
+from django.urls import reverse
+from django.utils.timezone import now
+
+from fleet.accounts.models import User
+from fleet.audit import record
+from fleet.audit.models import Record
+from fleet.audit.retention import take_out
+from robots.models import RobotRole
+from teleop import robot_report, session_report
+from teleop.models import ControlSession, EndReason
+from tests.conftest import PASSWORD
+
+pytestmark = pytest.mark.django_db
+
+SAID = "Where does it hurt?"
+PATH = [[0.0, 1.0, 2.0, 0.0, 0.0], [5.0, 2.0, 2.0, 0.0, 0.2], [8.0, 5.0, 2.0, 1.57, 1.0]]
+
+
+@pytest.fixture
+def other_supervisor(other_robot):
+    """A supervisor, but of another robot."""
+    person = User.objects.create_user("other", password=PASSWORD, full_name="Otto Other")
+    RobotRole.objects.create(robot=other_robot, user=person, role="supervisor")
+    return person
+
+
+@pytest.fixture
+def session(robot, operator):
+    """The operator had control for a minute."""
+    began = now() - timedelta(minutes=1)
+    return ControlSession.objects.create(
+        robot=robot,
+        user=operator,
+        fence=1,
+        started_at=began,
+        ended_at=began + timedelta(minutes=1),
+        end_reason=EndReason.RELEASED,
+    )
+
+
+@pytest.fixture
+def put(session, robot, operator):
+    """`put(kind, ...)`: a record of that session."""
+
+    def put_one(kind, **told):
+        of_session = {
+            "actor": operator,
+            "robot_id": robot.pk,
+            "robot_name": robot.name,
+            "session_id": session.pk,
+        }
+        return record(kind, **{**of_session, **told})
+
+    return put_one
+
+
+@pytest.fixture
+def drive(put):
+    """`drive(map_to_odom=None)`: a drive of 4 m in 8 s along `PATH`, held back once."""
+
+    def drive_once(map_to_odom=None):
+        start = put("drive.start", private={"pose": PATH[0][1:4], "map_to_odom": map_to_odom})
+        held = put(
+            "gate.begin",
+            of=start,
+            outcome="obstacle",
+            private={"words": "A wall.", "t_s": 6.0, "pose": [3.0, 2.0, 0.0]},
+        )
+        put("gate.end", of=held)
+        figures = {"distance_m": 4.0, "duration_s": 8.0, "interventions": 1, "path": PATH}
+        put("drive.end", of=start, outcome="standstill", private=figures | {"map_to_odom": map_to_odom})
+        return start
+
+    return drive_once
+
+
+@pytest.fixture
+def said(put):
+    """What the operator had the robot say."""
+    start = put("speech.start", text=SAID, parameters={"language": "en-GB", "topic": "/tts"})
+    put("speech.end", of=start, outcome="succeeded")
+    return start
+
+
+# --- for whom -------------------------------------------------------------------------------------
+
+PEOPLE = {
+    #                    session, report of the robot
+    "anonymous": (302, 302),
+    "stranger": (404, 404),
+    "observer": (404, 404),
+    "operator": (200, 404),
+    "second_operator": (404, 404),
+    "supervisor": (200, 200),
+    "other_supervisor": (404, 404),
+    "staff": (200, 200),
+}
+
+
+def browser_of(person, request, signed_in):
+    return Client() if person == "anonymous" else signed_in(request.getfixturevalue(person))
+
+
+@pytest.mark.parametrize("person", PEOPLE)
+def test_each_page_is_for_whom_it_concerns(person, request, signed_in, session, robot, said, drive):
+    drive()
+    client = browser_of(person, request, signed_in)
+    addresses = [reverse("control-session", args=[session.pk]), reverse("robot-report", args=[robot.slug])]
+    answers = [client.get(address) for address in addresses]
+    assert tuple(answer.status_code for answer in answers) == PEOPLE[person]
+    for answer in answers:
+        if answer.status_code != 200:
+            assert SAID not in answer.content.decode()
+
+
+@pytest.mark.parametrize("person", [*PEOPLE])
+def test_everybody_sees_what_they_did_and_nobody_elses(person, request, signed_in, said, session):
+    answer = browser_of(person, request, signed_in).get(reverse("your-data"))
+    assert answer.status_code == (302 if person == "anonymous" else 200)
+    page = answer.content.decode()
+    assert (SAID in page) == (person == "operator")
+    assert (str(session.pk) in page) == (person == "operator")
+
+
+@pytest.mark.parametrize("person", PEOPLE)
+def test_the_robots_page_leads_to_its_report_whoever_may_see_that(person, request, signed_in, robot):
+    page = browser_of(person, request, signed_in).get(reverse("control", args=[robot.slug]))
+    leads = reverse("robot-report", args=[robot.slug]) in page.content.decode()
+    assert leads == (PEOPLE[person][1] == 200)
+
+
+def test_whoever_lost_every_right_on_the_robot_still_sees_what_they_did(operator, signed_in, session, said):
+    RobotRole.objects.filter(user=operator).delete()
+    page = signed_in(operator).get(reverse("control-session", args=[session.pk]))
+    assert SAID in page.content.decode()
+
+
+@pytest.mark.parametrize("person", ["anonymous", "operator"])
+def test_the_privacy_page_tells_everybody_what_is_kept_for_how_long(person, request, signed_in):
+    page = browser_of(person, request, signed_in).get(reverse("privacy")).content.decode()
+    for days in [*settings.FLEET_AUDIT_KEEP_DAYS.values(), settings.FLEET_AUDIT_KEEP_RECORDS_DAYS]:
+        assert f"{days} days" in page
+    assert "who watched a camera" in page.lower()
+
+
+# --- a control session ----------------------------------------------------------------------------
+
+
+def test_the_timeline_has_each_request_once_with_what_came_of_it_oldest_first(put, session, drive, said):
+    put("control.take")
+    drive()
+    entries = session_report.report_of(session).entries
+    assert [entry.group for entry in entries] == ["speech", "control", "drive", "gate"]
+    assert (entries[0].subject, entries[0].outcome) == (SAID, "succeeded")
+    assert "distance 4 m" in entries[2].facts
+    assert entries[0].at_s <= entries[1].at_s
+
+
+def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_another_is_not(
+    put, session, robot, other_robot, supervisor
+):
+    put("control.take")
+    record("stop.press", actor=supervisor, robot_id=robot.pk)
+    record("stop.press", actor=supervisor, robot_id=other_robot.pk)
+    put("control.end", outcome="released")
+    record("stop.press", actor=supervisor, robot_id=robot.pk)
+    report = session_report.report_of(session)
+    assert [(entry.group, entry.who) for entry in report.entries] == [
+        ("control", ""),
+        ("stop", "Sue Pervisor"),
+        ("control", ""),
+    ]
+    assert report.figures.stops == 1
+
+
+def test_figures_are_those_of_all_drives(session, drive):
+    drive()
+    drive()
+    figures = session_report.report_of(session).figures
+    assert (figures.driven, figures.distance_m) == (timedelta(seconds=16), 8.0)
+    assert (figures.interventions, figures.stops, figures.complete) == (2, 0, True)
+
+
+def test_the_path_is_drawn_in_colours_of_speed_with_marks_and_can_be_replayed(session, drive):
+    drive()
+    plot = session_report.report_of(session).plot
+    assert [line.pace for line in plot.lines] == [1, 4]  # 0.2 m/s, then 1 m/s
+    [(x, y)] = plot.marks
+    [(_, x0, y0, _), (_, x1, _, _), (s2, x2, y2, degrees)] = plot.replay[0]
+    assert x == pytest.approx((x1 + (x2 - x1) / 3), abs=0.2)
+    assert y == y0 == y2
+    assert x0 < x1 < x2
+    assert s2 == pytest.approx(session_report.report_of(session).entries[0].at_s + 8.0)
+    assert degrees == pytest.approx(-90, abs=0.1)
+    assert not plot.on_map
+
+
+def test_where_the_maps_pose_is_known_the_path_is_drawn_on_it(session, drive):
+    drive(map_to_odom=[10.0, 0.0, 1.5708])
+    plot = session_report.report_of(session).plot
+    assert plot.on_map
+    [(_, x0, y0, degrees), _, (_, x2, y2, _)] = plot.replay[0]
+    assert degrees == pytest.approx(-90, abs=0.1)  # east by odometry is north on the map
+    assert x2 == pytest.approx(x0, abs=0.2)
+    assert y2 < y0
+
+
+def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, put):
+    start = put("drive.start", private={"pose": [0.0, 0.0, 0.0], "map_to_odom": None})
+    put("drive.end", of=start, outcome="bridge_killed")
+    report = session_report.report_of(session)
+    assert report.plot is None
+    assert report.figures.driven == timedelta()
+    assert report.entries[0].outcome == "bridge killed"
+
+
+def test_what_has_expired_is_said(session, drive, said, signed_in, operator):
+    drive()
+    list(take_out([*Record.objects.values_list("pk", flat=True)]))
+    page = signed_in(operator).get(reverse("control-session", args=[session.pk])).content.decode()
+    assert "The path has expired: it is kept for 365 days." in page
+    assert "details expired" in page
+    assert SAID not in page
+
+
+def test_a_long_session_shows_the_newest_and_says_so(session, put, monkeypatch):
+    monkeypatch.setattr(session_report, "MOST_ENTRIES", 2)
+    for _ in range(3):
+        last = put("refusal", outcome="too_old")
+    report = session_report.report_of(session)
+    assert report.cut_off
+    assert [entry.number for entry in report.entries] == [last.pk - 1, last.pk]
+
+
+def test_without_any_record_the_page_is_there(session, signed_in, operator):
+    page = signed_in(operator).get(reverse("control-session", args=[session.pk])).content.decode()
+    assert "Nothing is on record." in page
+
+
+# --- a robot --------------------------------------------------------------------------------------
+
+TUESDAY = datetime(2026, 11, 17, 14, 30, tzinfo=timezone.utc)
+
+
+@pytest.fixture
+def at(monkeypatch):
+    """`at(moment)`: it is that moment for what is recorded next."""
+
+    def move(moment):
+        monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
+
+    return move
+
+
+def test_a_robots_report_has_hours_distance_interventions_and_when(robot, drive, at):
+    at(TUESDAY)
+    drive()
+    at(TUESDAY + timedelta(days=3))
+    drive()
+    report = robot_report.report_of(robot, 7, TUESDAY + timedelta(days=4))
+    assert (report.drives, report.distance_m, report.interventions) == (2, 8.0, 2)
+    assert report.driven_h == pytest.approx(16 / 3600)
+    assert report.interventions_per_hour == pytest.approx(450)
+    assert [day.metres for day in report.use.days] == [0, 0, 4, 0, 0, 4, 0]
+    assert [bool(hours) for hours in report.use.hours] == [hour == 14 for hour in range(24)]
+    assert [bool(hours) for hours in report.use.weekdays] == [day in (1, 4) for day in range(7)]
+    assert [(reason.code, reason.times, reason.words) for reason in report.reasons] == [
+        ("obstacle", 2, "A wall.")
+    ]
+
+
+def test_what_is_older_or_another_robots_does_not_count(robot, other_robot, drive, put, at):
+    at(TUESDAY - timedelta(days=7))
+    drive()
+    at(TUESDAY)
+    start = put("drive.start", robot_id=other_robot.pk)
+    figures = {"distance_m": 1.0, "duration_s": 1.0}
+    put("drive.end", of=start, robot_id=other_robot.pk, private=figures)
+    record("fault", robot_id=other_robot.pk, outcome="bridge_lost")
+    report = robot_report.report_of(robot, 7, TUESDAY)
+    assert (report.drives, report.driven_h, report.interventions, report.faults) == (0, 0.0, 0, [])
+    assert report.interventions_per_hour is None
+    assert robot_report.report_of(robot, 30, TUESDAY).drives == 1
+
+
+def test_the_last_faults_are_listed(robot, at):
+    at(TUESDAY)
+    record("fault", robot_id=robot.pk, outcome="bridge_lost", private={"words": "The link broke."})
+    [fault] = robot_report.report_of(robot, 7, TUESDAY).faults
+    assert (fault.subject, fault.outcome) == ("The link broke.", "bridge_lost")
+
+
+def test_a_report_asks_as_few_questions_of_a_long_log_as_of_a_short_one(
+    robot, drive, django_assert_max_num_queries
+):
+    for _ in range(3):
+        drive()
+    with django_assert_max_num_queries(8):
+        robot_report.report_of(robot, 365, now())
+
+
+@pytest.mark.parametrize("days", ["", "0", "31", "all"])
+def test_a_period_that_is_not_offered_is_refused(days, robot, supervisor, signed_in):
+    address = reverse("robot-report", args=[robot.slug])
+    assert signed_in(supervisor).get(address, {"days": days}).status_code == 400
+
+
+# --- one's own data -------------------------------------------------------------------------------
+
+
+def test_own_records_come_page_by_page(operator, signed_in, put):
+    for number in range(70):
+        put("refusal", private={"words": f"number {number}."})
+    client, found, query = signed_in(operator), [], ""
+    while query is not None:
+        context = client.get(reverse("your-data") + query).context
+        found += [line.subject for line in context["lines"]]
+        query = f"?before={context['oldest_number']}" if context["page"].older else None
+    sign_in, *refusals = found
+    assert sign_in == ""
+    assert refusals == [f"number {number}." for number in reversed(range(70))]
+
+
+def test_own_control_sessions_come_page_by_page(operator, robot, signed_in):
+    began = now()
+    for number in range(25):
+        ControlSession.objects.create(
+            robot=robot,
+            user=operator,
+            fence=number,
+            started_at=began - timedelta(hours=number),
+            ended_at=began,
+        )
+    client = signed_in(operator)
+    first = client.get(reverse("your-data")).context
+    second = client.get(reverse("your-data"), {"began_before": first["oldest_session"]}).context
+    fences = [session.fence for context in (first, second) for session in context["sessions"].shown]
+    assert fences == list(range(25))
+    assert (first["sessions"].older, second["sessions"].older) == (True, False)
+
+
+@pytest.mark.parametrize("query", ["before=x", "began_before=x", "began_before=2026-01-01T00:00:00"])
+def test_an_address_that_says_nothing_is_refused(query, operator, signed_in):
+    assert signed_in(operator).get(f"{reverse('your-data')}?{query}").status_code == 400
+
+
+def test_a_link_alone_exports_nothing(operator, signed_in):
+    assert signed_in(operator).get(reverse("your-data-export")).status_code == 405
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_the_export_has_ones_own_records_alone_and_is_itself_on_record(operator, supervisor, said):
+    client = AsyncClient()
+    await client.aforce_login(operator)
+    answer = await client.post(reverse("your-data-export"))
+    lines = b"".join([piece async for piece in answer.streaming_content]).decode().splitlines()
+    told = [json.loads(line) for line in lines]
+    assert SAID in [entry["details"].get("text") for entry in told]
+    assert {entry["person"]["id"] for entry in told} == {str(operator.pk)}
+    begun = await Record.objects.aget(kind="audit.export", of=None)
+    assert (begun.actor_id, begun.parameters["list"]) == (str(operator.pk), "your-data")
