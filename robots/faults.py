@@ -6,7 +6,9 @@ fault, what else ails it belongs to the same fault.
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+import logging
+import threading
+from concurrent.futures import Future
 from typing import NamedTuple
 from uuid import UUID
 
@@ -21,10 +23,11 @@ from robots.link import LinkRefused, hello_once
 from robots.models import BridgeStatus, Robot
 from robots.selectors import link_address
 
+log = logging.getLogger(__name__)
+
 BRIDGE, ROBOT = "bridge", "robot"  # parts
 LOOK_S = 5.0  # between two looks at the robots
 SURE_AFTER = 3  # looks: a robot whose bridge starts anew is not at fault
-AT_ONCE = 8  # robots that are asked at the same time
 
 State = BridgeStatus.State
 _BRIDGE_FAULTS = {State.BACKING_OFF: "bridge_ended", State.REFUSED: "bridge_refused"}
@@ -75,7 +78,6 @@ class RobotWatch:
     """Asks each robot's bridge now and then how the robot is. One process does; time is an argument, in seconds."""
 
     def __init__(self) -> None:
-        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="robots")
         self._asked: dict[UUID, Future[Condition]] = {}
         self._unwell: dict[UUID, int] = {}  # looks one after the other
         self._told: dict[UUID, bool] = {}  # whether it was at fault, as last put on record
@@ -91,11 +93,7 @@ class RobotWatch:
             self._next_s = now_s + LOOK_S
             for robot in Robot.objects.filter(enabled=True).select_related("profile"):
                 if robot.id not in self._asked:
-                    self._asked[robot.id] = self._threads.submit(condition_of, link_address(robot))
-
-    def close(self) -> None:
-        """Ask no more."""
-        self._threads.shutdown(wait=False, cancel_futures=True)
+                    self._asked[robot.id] = _ask(link_address(robot))
 
     def _note(self, robot_id: UUID, now: Condition) -> None:
         self._unwell[robot_id] = self._unwell.get(robot_id, 0) + 1 if now.fault else 0
@@ -105,6 +103,21 @@ class RobotWatch:
         if self._told.get(robot_id) != at_fault:
             part_is(robot_id, ROBOT, now)
             self._told[robot_id] = at_fault
+
+
+def _ask(address: LinkAddress) -> Future[Condition]:
+    """Ask beside, in a thread that the end of the process does not wait for."""
+    answer: Future[Condition] = Future()
+
+    def ask() -> None:
+        try:
+            answer.set_result(condition_of(address))
+        except Exception:  # whatever it is, the robot is asked again
+            log.exception("a robot could not be asked how it is")
+            answer.set_result(Condition("link_fault", "The console failed to ask the robot's bridge."))
+
+    threading.Thread(target=ask, name="robot", daemon=True).start()
+    return answer
 
 
 def condition_of(address: LinkAddress) -> Condition:

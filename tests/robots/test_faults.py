@@ -93,4 +93,3 @@ def test_only_a_robot_that_stays_away_is_at_fault_and_one_that_hangs_holds_nobod
         until(lambda: watch._asked[robot.id].done(), "an answer")
         watch.step(look * faults.LOOK_S)
     assert told(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
-    watch.close()

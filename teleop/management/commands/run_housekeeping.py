@@ -62,7 +62,6 @@ class Command(BaseCommand):
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("housekeeping failed, and is tried again: %s", error)
             close_old_connections()
-        robots.close()
 
 
 class Daily:
