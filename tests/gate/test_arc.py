@@ -10,7 +10,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from robots.bridge.gate import arc
-from robots.bridge.gate.footprint import Disc, Polygon, clearances
+from robots.bridge.gate.footprint import Disc, Discs, Polygon, clearances
 from robots.bridge.gate.values import Velocity
 
 SPAN_S = 6.0
@@ -47,16 +47,19 @@ outlines = st.sampled_from(
 
 def contact_times(hull, points, twist, growth=0.0):
     """When the hull first touches each point; infinity for never."""
-    (courses,) = arc.courses(points, (twist,))
-    contacts = hull.contacts(courses, np.array([growth]))
-    times = np.full(len(points), np.inf)
-    np.minimum.at(times, contacts.rows, contacts.times)
-    return times
+    way = arc.way(twist)
+    courses = [arc.course(arc.seen_along(point[None], way), way, twist) for point in points]
+    return np.array(
+        [
+            min((contact.until_s for contact in hull.contacts(course, growth, 0.0)), default=math.inf)
+            for course in courses
+        ]
+    )
 
 
 def clearances_of(hull, points, twist):
-    (courses,) = arc.courses(points, (twist,))
-    return clearances(courses, hull)[0]
+    way = arc.way(twist)
+    return clearances(arc.course(arc.seen_along(points, way), way, twist).track, twist, hull)
 
 
 def path_in_base_frame(point, twist):
@@ -105,24 +108,28 @@ def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth)
     check_against(gaps, time, contact, tolerance_m=0.012)
 
 
-@given(
-    st.lists(twists, min_size=1, max_size=4, unique=True), st.lists(points, min_size=1, max_size=20), outlines
-)
+@given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.08]))
 @settings(max_examples=200, deadline=None)
-def test_many_points_and_twists_at_once_give_what_each_gives_alone(several_twists, several, outline):
-    together = np.array(several)
-    for hull in (Disc(RADIUS), Polygon(outline)):
-        growth = hull.gaps(together) - 0.01  # to each its own
-        for courses in arc.courses(together, several_twists):
-            contacts = hull.contacts(courses, growth)
-            times = np.full((len(courses.twists), len(several)), np.inf)
-            np.minimum.at(times, (contacts.twists, contacts.rows), contacts.times)
-            for twist, found in zip(courses.twists, times, strict=True):
-                alone = [
-                    contact_times(hull, point[None], twist, own)[0]
-                    for point, own in zip(several, growth, strict=True)
-                ]
-                np.testing.assert_allclose(found, alone)
+def test_of_many_points_the_one_is_told_that_is_first_alone(twist, several, outline, reserve_m):
+    together, way = np.array(several), arc.way(twist)
+    for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
+        each = hull.gaps(together) - 0.01  # its own growth
+        for growth in (float(each.min()), each):
+            course = arc.course(arc.seen_along(together, way), way, twist)
+            first = min(hull.contacts(course, growth, reserve_m), default=arc.NEVER)
+            alone = [
+                min(
+                    hull.contacts(
+                        arc.course(arc.seen_along(together[[n]], way), way, twist),
+                        growth if isinstance(growth, float) else growth[[n]],
+                        reserve_m,
+                    ),
+                    default=arc.NEVER,
+                ).until_s
+                for n in range(len(together))
+            ]
+            assert first.until_s == pytest.approx(min(alone))
+            assert math.isinf(first.until_s) or alone[first.row] == pytest.approx(first.until_s)
 
 
 def test_a_disc_that_turns_on_the_spot_touches_nothing():

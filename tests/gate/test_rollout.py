@@ -144,6 +144,19 @@ def wall_at(distance_m):
     return [(distance_m, y) for y in np.linspace(-1.0, 1.0, 80)]
 
 
+@pytest.mark.parametrize("kind", sorted(PROFILES))
+@pytest.mark.parametrize("stick", [(0.8, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.4, 0.0, 1.5), (0.0, 0.0, -2.0)])
+def test_one_look_from_where_braking_begins_clears_nothing_that_the_whole_play_does_not(kind, stick):
+    going = Velocity(*stick)
+    queue = [Sent(going, 0.3), Sent(going, 0.1)]
+    for distance_m in np.arange(0.28, 0.9, 0.04):
+        for bearing in np.linspace(-math.pi, math.pi, 12):
+            post = [(distance_m * math.cos(bearing), distance_m * math.sin(bearing))]
+            rolled = roll(kind, going, post, queue, going)
+            with patch("robots.bridge.gate.rollout._keeps_off", return_value=False):
+                assert roll(kind, going, post, queue, going) == rolled
+
+
 def test_commands_on_their_way_count():
     """Standing, 5 cm before a wall: a little step is fine, unless more of it has been sent already."""
     nudge = Velocity(0.1, 0.0, 0.0)

@@ -1,27 +1,32 @@
 """When the hull first touches a point, if the twist stays as it is (GATE.md, method 1).
 
 A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame
-each point of the world then runs on a circle about C, the other way round. `Lines` and `Circles` hold these
-courses, of several twists at once: calling numpy costs more than the arithmetic does. Contact times are in
-seconds, infinity for never; they are those of points outside the hull.
+each point of the world then runs on a circle about C, the other way round. `Line` and `Circle` hold these courses, seen
+along the way on which the twist sets out: x in its direction, y to the left of it, and so C = (0, v/w). What
+belongs to a twist, a disc or an edge is a plain number, what belongs to points an array (N,): calling numpy costs
+more than the arithmetic does. Contact times are in seconds, infinity for never; they are those of points outside
+the hull.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.planar import Points
+from robots.bridge.gate.planar import Points, from_columns
 from robots.bridge.gate.values import Velocity
 
-Times = NDArray[np.float64]
 Metres = NDArray[np.float64]
+Growth = float | Metres  # how far the hull is grown, in metres: for all points, or for each (N,)
 Rows = NDArray[np.intp]
+Way = tuple[float, float]  # the direction in which a twist sets out: its cosine and sine in the base frame
 
+STRAIGHT_ON: Way = (1.0, 0.0)
 STRAIGHT_PER_M = 0.001  # |w| <= 0.001 |v| counts as straight: a turning circle of more than a kilometre
 _TINY = 1e-12
 _HAIR_M = 1e-9  # added to both ends of an edge: between two nothing slips through
@@ -42,111 +47,120 @@ def centre(twist: Velocity) -> tuple[float, float]:
     return -twist.vy / twist.w, twist.vx / twist.w
 
 
-class Lines(NamedTuple):
-    """Points that run straight past the base, of one twist (1, N): `ahead` along its way, `track` to the left of it."""
-
-    twists: tuple[Velocity, ...]
-    ahead: Metres
-    track: Metres
-
-
-class Circles(NamedTuple):
-    """Points that run on circles about C, of several twists (twists, N): (x, y) seen from C, `track` the distance."""
-
-    twists: tuple[Velocity, ...]
-    centre_x: Metres
-    centre_y: Metres
-    w: Metres
-    x: Metres
-    y: Metres
-    track: Metres
-
-
-Courses = Lines | Circles
-
-
-class Contacts(NamedTuple):
-    """Which twist (its number, ascending) touches which point (its row), after how many seconds.
-
-    `speeds` are those at which the points come nearer along their courses, m/s.
-    """
-
-    twists: Rows
-    rows: Rows
-    times: Times
-    speeds: Metres
-
-
-def courses(points: Points, twists: Sequence[Velocity]) -> Iterator[Courses]:
-    """How points of the base frame run past it: on lines for each straight twist, on circles for the others."""
-    x, y = points.T
-    for twist in twists:
-        if is_straight(twist):
-            v = speed(twist)
-            ahead, track = (twist.vx * x + twist.vy * y) / v, (twist.vx * y - twist.vy * x) / v
-            yield Lines((twist,), ahead[None], track[None])
-    turning = tuple(twist for twist in twists if not is_straight(twist))
-    if turning:
-        columns = np.array([(*centre(twist), twist.w) for twist in turning])
-        cx, cy, w = columns.T[..., None]
-        qx, qy = x - cx, y - cy
-        yield Circles(turning, cx, cy, w, qx, qy, np.sqrt(qx * qx + qy * qy))
-
-
 def track(x: float, y: float, twist: Velocity) -> float:
-    """The track of one point of the base frame."""
+    """The track of one point of the base frame: how far left of a straight way it is, or how far from C."""
     if is_straight(twist):
         return (twist.vx * y - twist.vy * x) / speed(twist)
     cx, cy = centre(twist)
     return math.hypot(x - cx, y - cy)
 
 
-def disc_contacts(courses: Courses, discs: NDArray[np.float64], growth: Metres) -> Contacts:
-    """Contacts with discs (x, y, radius) grown by `growth`, one for all points or one for each."""
-    x, y, radius = discs.T[..., None]
-    if isinstance(courses, Lines):
-        return _discs_straight(courses, x, y, radius + growth)
-    return _discs_turning(courses, x, y, radius + growth)
-
-
-def _discs_straight(courses: Lines, x: Metres, y: Metres, radius: Metres) -> Contacts:
-    """t = (x - sqrt(r^2 - y^2)) / v, with x along the motion. Arrays over discs are (1, discs, N)."""
-    (twist,) = courses.twists
+def way(twist: Velocity) -> Way:
+    """Where the twist sets out to; straight on, if it turns on the spot."""
     v = speed(twist)
-    ahead = courses.ahead[:, None] - (twist.vx * x + twist.vy * y) / v
-    aside = np.abs(courses.track[:, None] - (twist.vx * y - twist.vy * x) / v)
-    number, disc, row = places((aside < radius) & (ahead > 0.0))
-    half_chord = np.sqrt(radius[disc, _columns(row, radius[0])] ** 2 - aside[0, disc, row] ** 2)
-    times = np.maximum(ahead[0, disc, row] - half_chord, 0.0) / v
-    return Contacts(number, row, times, np.full(len(row), v))
+    return (twist.vx / v, twist.vy / v) if v > 0.0 else STRAIGHT_ON
 
 
-def _discs_turning(courses: Circles, x: Metres, y: Metres, radius: Metres) -> Contacts:
+def seen_along(points: Points, way: Way) -> Points:
+    """Points of the base frame, with x along the way and y to the left of it."""
+    if way == STRAIGHT_ON:
+        return points
+    (x, y), (cos, sin) = points.T, way
+    return from_columns(cos * x + sin * y, cos * y - sin * x)
+
+
+class Line(NamedTuple):
+    """Points that run straight past the base: `x` ahead of it, `track` to the left."""
+
+    way: Way
+    v: float
+    x: Metres
+    track: Metres
+
+
+class Circle(NamedTuple):
+    """Points that run on circles about C, a distance `rho` to the left of the way (`sense` 1) or right (-1).
+
+    Seen from C, `x` is ahead and `radial` in the base's direction; `track` is D, the distance. `turning` is |w|.
+    """
+
+    way: Way
+    v: float
+    rho: float
+    sense: float
+    turning: float
+    x: Metres
+    radial: Metres
+    track: Metres
+
+
+Course = Line | Circle
+
+
+class Contact(NamedTuple):
+    """The first contact with any point: after how many seconds, less a reserve, and with which (its row)."""
+
+    until_s: float
+    row: int
+
+
+NEVER = Contact(math.inf, -1)
+
+
+def course(points: Points, way: Way, twist: Velocity) -> Course:
+    """How points, seen along the way of the twist, run past the base."""
+    x, y = points.T
+    v, turning = speed(twist), abs(twist.w)
+    if turning <= STRAIGHT_PER_M * v:
+        return Line(way, v, x, y)
+    rho, sense = v / turning, math.copysign(1.0, twist.w)
+    radial = rho - sense * y
+    return Circle(way, v, rho, sense, turning, x, radial, np.sqrt(x * x + radial * radial))
+
+
+def _of(growth: Growth, rows: Rows) -> Growth:
+    """The growth for some of the points."""
+    return growth if isinstance(growth, float) else growth.take(rows)
+
+
+def _first(rows: Rows, ways: Metres, rate: float) -> Contact:
+    """The one that has the shortest way to go, in m or rad, at this rate."""
+    first = int(ways.argmin())
+    return Contact(float(ways[first]) / rate, int(rows[first]))
+
+
+def disc_contact(course: Course, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
+    """Contact with a disc about (x, y), seen along the way. The reserve is left along the path of the point."""
+    if isinstance(course, Line):
+        return _disc_straight(course, x, y, radius, reserve_m)
+    return _disc_turning(course, x, y, radius, reserve_m)
+
+
+def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
+    """t = (x - sqrt(r^2 - y^2)) / v, with x and y as the disc's middle sees them."""
+    ahead, aside = line.x - x, np.abs(line.track - y)
+    rows = ((aside < radius) & (ahead > 0.0)).nonzero()[0]
+    if not len(rows):
+        return NEVER
+    half_chord = np.sqrt(_of(radius, rows) ** 2 - aside.take(rows) ** 2)
+    return _first(rows, np.maximum(ahead.take(rows) - half_chord, 0.0) - reserve_m, line.v)
+
+
+def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
     """t = (phi - Delta) / |w|, Delta = arccos((D^2 + rho^2 - r^2) / (2 D rho)).
 
-    rho and phi are those of the disc's middle. Arrays over discs are (twists, discs, N).
+    rho and phi are those of the disc's middle.
     """
-    mx, my = x - courses.centre_x[:, None], y - courses.centre_y[:, None]
-    rho = np.sqrt(mx * mx + my * my)
-    number, disc, row = places(np.abs(courses.track[:, None] - rho) < radius)
-    begin = np.arctan2(my, mx)[number, disc, 0]
-    rho, d, w = rho[number, disc, 0], courses.track[number, row], courses.w[number, 0]
-    r = radius[disc, _columns(row, radius[0])]
-    phi = np.mod(np.sign(w) * (np.arctan2(courses.y[number, row], courses.x[number, row]) - begin), math.tau)
-    cos_delta = (d * d + rho * rho - r * r) / np.maximum(2.0 * d * rho, _TINY)
-    delta = np.arccos(np.minimum(np.maximum(cos_delta, -1.0), 1.0))
-    turning = np.abs(w)
-    return Contacts(number, row, np.maximum(phi - delta, 0.0) / turning, turning * d)
-
-
-def _columns(rows: Rows, values: Metres) -> Rows | int:
-    """Where in `values`, (1,) or (N,), those of these rows are."""
-    return rows if len(values) > 1 else 0
-
-
-def places(marked: NDArray[np.bool_]) -> tuple[Rows, ...]:
-    """As `np.nonzero`, at a third of the cost."""
-    return np.unravel_index(np.flatnonzero(marked), marked.shape)
+    radial = circle.rho - circle.sense * y
+    rho, begin = math.hypot(x, radial), math.atan2(x, radial)
+    rows = (np.abs(circle.track - rho) < radius).nonzero()[0]
+    if not len(rows):
+        return NEVER
+    d, r = circle.track.take(rows), _of(radius, rows)
+    phi = np.arctan2(circle.x.take(rows), circle.radial.take(rows)) - begin
+    phi += math.tau * (phi < 0.0)
+    delta = np.arccos(np.minimum((d * d + (rho * rho - r * r)) / (2.0 * rho * d), 1.0))
+    return _first(rows, np.maximum(phi - delta, 0.0) - reserve_m / d, circle.turning)
 
 
 class Edges:
@@ -183,9 +197,8 @@ class Edges:
         self.offsets = (self.normals * vertices).sum(axis=1)
         self.lengths = lengths
         low, low_stretch = (along * vertices).sum(axis=1), np.tan(bends / 2.0)
-        self._ends = np.stack((low - _HAIR_M, low + lengths + _HAIR_M))[..., None]
-        self._stretch = np.stack((-low_stretch, np.roll(low_stretch, -1)))[..., None]
-        self.headings = np.arctan2(self.normals[:, 1], self.normals[:, 0])
+        self.ends = np.stack((low - _HAIR_M, low + lengths + _HAIR_M))
+        self.stretch = np.stack((-low_stretch, np.roll(low_stretch, -1)))
         self.corner_stretch = 1.0 / np.cos(bends / 2.0)
 
     def gaps(self, points: Points) -> NDArray[np.float64]:
@@ -195,11 +208,6 @@ class Edges:
         """
         gaps: NDArray[np.float64] = self.beyond(points).max(axis=0)
         return gaps
-
-    def ends(self, growth: Metres) -> Metres:
-        """Where along its line each edge begins and ends once it is grown, (2, edges, N)."""
-        ends: Metres = self._ends + growth * self._stretch
-        return ends
 
     def beyond(self, points: Points) -> NDArray[np.float64]:
         """How far each point lies beyond each edge's line, (edges, N).
@@ -212,53 +220,78 @@ class Edges:
         return distances
 
 
-def polygon_contacts(courses: Courses, edges: Edges, growth: Metres) -> Contacts:
-    """Contacts with a convex polygon grown by `growth`, one for all points or one for each.
+class _Side(NamedTuple):
+    """An edge seen along a way: n . p = offset, and along it from `low` to `high`, which grow with the hull."""
+
+    nx: float
+    ny: float
+    offset: float
+    low: float
+    high: float
+    low_stretch: float
+    high_stretch: float
+
+
+@lru_cache(maxsize=8)  # a base that cannot move sideways has two ways
+def _sides(edges: Edges, way: Way) -> tuple[_Side, ...]:
+    columns = (*seen_along(edges.normals, way).T, edges.offsets, *edges.ends, *edges.stretch)
+    sides = [_Side(*numbers) for numbers in np.array(columns).T.tolist()]
+    return tuple(sorted(sides, reverse=True))  # what is in front meets the most
+
+
+def polygon_contacts(course: Course, edges: Edges, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+    """First contact with each edge of a convex polygon that is grown. The reserve is left along the path of the point.
 
     A point comes in through an edge if its track lies between those of the edge's ends.
     """
-    if isinstance(courses, Lines):
-        return _enter_straight(courses, edges, growth)
-    return _enter_turning(courses, edges, growth)
+    for side in _sides(edges, course.way):
+        height = side.offset + growth
+        low, high = side.low + growth * side.low_stretch, side.high + growth * side.high_stretch
+        if isinstance(course, Line):
+            yield _enter_straight(course, side, height, low, high, reserve_m)
+        else:
+            yield _enter_turning(course, side, height, low, high, reserve_m)
 
 
-def _enter_straight(courses: Lines, edges: Edges, growth: Metres) -> Contacts:
-    """When each point, moving along -v, comes in through an edge. Arrays over edges are (edges, N)."""
-    (twist,) = courses.twists
-    v = speed(twist)
-    nx, ny = edges.normals.T[..., None]
-    ahead, left = (nx * twist.vx + ny * twist.vy) / v, (ny * twist.vx - nx * twist.vy) / v  # of each normal
-    height = edges.offsets[:, None] + growth
-    low, high = edges.ends(growth)
-    rightmost, leftmost = left * height + ahead * low, left * height + ahead * high
-    edge, row = places((ahead > 0.0) & (courses.track >= rightmost) & (courses.track <= leftmost))
-    height = height[edge, _columns(row, growth)]
-    ahead, left = ahead[edge, 0], left[edge, 0]
-    way = courses.ahead[0, row] - (height - left * courses.track[0, row]) / ahead
-    times = np.where(way >= 0.0, way, np.inf) / v
-    return Contacts(np.zeros_like(row), row, times, np.full(len(row), v))
+def _enter_straight(
+    line: Line, side: _Side, height: Growth, low: Growth, high: Growth, reserve_m: float
+) -> Contact:
+    """When a point, moving along -v, first comes in through an edge."""
+    if side.nx <= 0.0:
+        return NEVER
+    rightmost, leftmost = side.ny * height + side.nx * low, side.ny * height + side.nx * high
+    rows = ((line.track >= rightmost) & (line.track <= leftmost)).nonzero()[0]
+    if not len(rows):
+        return NEVER
+    way = line.x.take(rows) - (_of(height, rows) - side.ny * line.track.take(rows)) / side.nx
+    return _first(rows, np.where(way >= 0.0, way, np.inf) - reserve_m, line.v)
 
 
-def _enter_turning(courses: Circles, edges: Edges, growth: Metres) -> Contacts:
-    """When each point, on its circle about C, comes in through an edge. Arrays over edges are (twists, edges, N).
+def _enter_turning(
+    circle: Circle, side: _Side, height: Growth, low: Growth, high: Growth, reserve_m: float
+) -> Contact:
+    """When a point, on its circle about C, first comes in through an edge.
 
-    An edge's line is `height` away from C along its normal; the circle of radius D crosses it at
-    -+sqrt(D^2 - height^2) along the edge, and comes in at the minus sign when the robot turns left, at the
-    plus sign when it turns right.
+    The edge's line is `height` away from C along its normal; the circle of radius D crosses it at angles of
+    -+arccos(height / D) from the normal, and comes in at the minus sign, counted in the turning sense.
     """
-    (nx, ny), (ux, uy) = edges.normals.T[..., None], edges.along.T[..., None]
-    cx, cy, w = courses.centre_x[:, None], courses.centre_y[:, None], courses.w[:, None]
-    height = edges.offsets[:, None] + growth - nx * cx - ny * cy
-    ends = edges.ends(growth)[:, None] - (ux * cx + uy * cy)
-    entering_side = np.where(w > 0.0, -ends[::-1], ends)
-    nearest, farthest = np.hypot(height, np.maximum(entering_side, 0.0))
-    track = courses.track[:, None]
-    number, edge, row = places((track > nearest) & (track <= farthest))
-    d, turning = courses.track[number, row], courses.w[number, 0]
-    height = height[number, edge, _columns(row, growth)]
-    sideways = np.sqrt(np.maximum(d * d - height * height, 0.0))
-    entry = edges.headings[edge] + np.arctan2(np.copysign(sideways, -turning), height)
-    phi = np.arctan2(courses.y[number, row], courses.x[number, row])
-    speeds = np.abs(turning)
-    angle = np.mod(np.sign(turning) * (phi - entry), math.tau)
-    return Contacts(number, row, angle / speeds, speeds * d)
+    left = circle.sense * circle.rho  # of C
+    height, low, high = height - side.ny * left, low - side.nx * left, high - side.nx * left
+    begin, end = (-high, -low) if circle.sense > 0.0 else (low, high)  # of the side on which points come in
+    if isinstance(end, float) and end <= 0.0:
+        return NEVER
+    rows = ((circle.track > _hypot(height, begin)) & (circle.track <= _hypot(height, end))).nonzero()[0]
+    if not len(rows):
+        return NEVER
+    d = circle.track.take(rows)
+    bearing = np.arctan2(circle.x.take(rows), circle.radial.take(rows))
+    entry = math.atan2(side.nx, -circle.sense * side.ny) - np.arccos(_of(height, rows) / d)
+    return _first(rows, np.mod(bearing - entry, math.tau) - reserve_m / d, circle.turning)
+
+
+def _hypot(height: Growth, along: Growth) -> Growth:
+    """From C to where an edge's line is so far `along`, but no less than its height."""
+    if isinstance(height, float) and isinstance(along, float):  # for two numbers numpy would be slow
+        return math.hypot(height, max(along, 0.0))
+    distances: Metres = np.hypot(height, np.maximum(along, 0.0))
+    return distances

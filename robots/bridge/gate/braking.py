@@ -56,6 +56,11 @@ def speed_before(
     return np.maximum(now, there_mps)
 
 
+def way_between(now_mps: float, there_mps: float, latency_s: float, deceleration_mps2: float) -> float:
+    """The distance in which a speed is reached from a higher one: v T + (v^2 - u^2) / 2a."""
+    return now_mps * latency_s + (now_mps**2 - there_mps**2) / (2.0 * deceleration_mps2)
+
+
 def speed_for(latency_s: float, full_mps: float, assumed_s: float, deceleration_mps2: float) -> float:
     """The speed from which a robot that obeys after `latency_s` stops as short as from `full_mps` after `assumed_s`.
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from functools import reduce
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc
-from robots.bridge.gate.arc import Contacts, Courses, Metres
+from robots.bridge.gate.arc import Contact, Course, Growth, Metres
 from robots.bridge.gate.planar import Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Velocity
 
@@ -23,11 +25,13 @@ class Footprint(Protocol):
     `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
     `pose_spacing_m`: how far it may move between two poses that are looked at; what stands between is missed by little.
     `turns_freely`: turning on the spot, it touches nothing new.
+    `sharpness`: how many times its gap a point may be away, since beyond a corner gaps are told by the edges.
     """
 
     demanded_share: float
     pose_spacing_m: float
     turns_freely: bool
+    sharpness: float
 
     def reach(self, growth_m: float) -> float:
         """Radius about the base origin that holds the hull grown by `growth_m`."""
@@ -35,11 +39,14 @@ class Footprint(Protocol):
     def gaps(self, points: Points) -> Metres:
         """How far each point lies outside the hull; negative inside."""
 
-    def bands(self, twist: Velocity) -> list[Band]:
-        """Which tracks (see `arc.Courses`) the hull sweeps on this arc."""
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        """When each part of the hull, grown, first touches one of the points, which lie outside.
 
-    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
-        """When the hull touches which points. It is grown by `growth`, (1,) or (N,), and they lie outside of it."""
+        The reserve is left on the path.
+        """
+
+    def bands(self, twist: Velocity) -> list[Band]:
+        """Which tracks the hull sweeps on this arc: to the left of a straight way, or distances from C."""
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         """The least gap that each point has on each row of a path, (rows, N).
@@ -54,12 +61,12 @@ class Disc:
     demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
     pose_spacing_m = 0.04
     turns_freely = True
+    sharpness = 1.0
 
     def __init__(self, radius_m: float) -> None:
         if not (math.isfinite(radius_m) and radius_m > 0.0):
             raise ValueError("The radius of a footprint must be above zero.")
         self.radius_m = radius_m
-        self._discs = np.array([(0.0, 0.0, radius_m)])
 
     def reach(self, growth_m: float) -> float:
         return self.radius_m + growth_m
@@ -69,13 +76,13 @@ class Disc:
         gaps: Metres = np.sqrt(x**2 + y**2) - self.radius_m
         return gaps
 
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        first = arc.disc_contact(course, 0.0, 0.0, self.radius_m + growth, 0.0)
+        if first is not arc.NEVER:  # turning a disc brings it no nearer to anything: the base's path counts
+            yield Contact(first.until_s - reserve_m / course.v, first.row)
+
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(0.0, 0.0, self.radius_m, twist)]
-
-    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
-        contacts = arc.disc_contacts(courses, self._discs, growth)
-        v = arc.speed(courses.twists[0])  # turning a disc brings it no nearer to anything
-        return contacts._replace(speeds=np.full(len(contacts.rows), v))
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         return _least_distances(path, points, drift) - np.float32(self.radius_m)
@@ -89,6 +96,7 @@ class Discs:
     )
     pose_spacing_m = 0.04
     turns_freely = False
+    sharpness = 1.0
 
     def __init__(self, discs: tuple[tuple[float, float, float], ...]) -> None:
         """`discs` are (x, y, radius) in the base frame, metres."""
@@ -97,7 +105,7 @@ class Discs:
         if not all(math.isfinite(x) and math.isfinite(y) for x, y, _ in discs):
             raise ValueError("The middle of each disc must be two numbers.")
         self._discs = [(x, y, Disc(radius_m)) for x, y, radius_m in discs]
-        self._middles_and_radii = np.array(discs)
+        self._middles = np.array([(x, y) for x, y, _ in discs])
 
     def reach(self, growth_m: float) -> float:
         return max(math.hypot(x, y) + disc.reach(growth_m) for x, y, disc in self._discs)
@@ -105,11 +113,13 @@ class Discs:
     def gaps(self, points: Points) -> Metres:
         return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
 
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        middles = arc.seen_along(self._middles, course.way).tolist()
+        for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True):
+            yield arc.disc_contact(course, x, y, disc.radius_m + growth, reserve_m)
+
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
-
-    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
-        return arc.disc_contacts(courses, self._middles_and_radii, growth)
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         cos, sin = np.cos(path.yaw), np.sin(path.yaw)
@@ -133,6 +143,7 @@ class Polygon:
 
     def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
         self.edges = arc.Edges(outline)
+        self.sharpness = float(self.edges.corner_stretch.max())
         self._corners = [(float(x), float(y)) for x, y in outline]
         lengths = self.edges.lengths.tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
@@ -147,14 +158,14 @@ class Polygon:
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)
 
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        return arc.polygon_contacts(course, self.edges, growth, reserve_m)
+
     def bands(self, twist: Velocity) -> list[Band]:
         if arc.is_straight(twist):
             tracks = [arc.track(x, y, twist) for x, y in self._corners]
             return [(min(tracks), max(tracks))]
         return [self._ring(*arc.centre(twist))]
-
-    def contacts(self, courses: Courses, growth: Metres) -> Contacts:
-        return arc.polygon_contacts(courses, self.edges, growth)
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         """Each edge of each pose is a half-plane; its distances to all points are one row of the product."""
@@ -162,12 +173,13 @@ class Polygon:
         (nx, ny), offsets = self.edges.normals.T, self.edges.offsets
         across, up = cos * nx - sin * ny, sin * nx + cos * ny  # (rows, poses, edges), normals in the world
         away = -(across * path.x[..., None] + up * path.y[..., None] + offsets)
-        planes, moments = [across, up, away], [*points.T, np.ones(len(points))]
+        planes: list[Metres | float] = [across, up, away]
+        moments: list[Metres | float] = [*points.T, 1.0]
         if drift is not None:
             time_s = path.time_s[..., None]
             planes += [time_s * across, time_s * up]
             moments += [*drift.T]
-        beyond = _product(planes, moments).reshape(*across.shape, len(points))
+        beyond = _product(planes, across.shape, moments, points.shape[:1])
         least: Quick = beyond.max(axis=2).min(axis=1)
         return least
 
@@ -186,15 +198,10 @@ class Polygon:
         return 0.0 if inside else nearest, farthest
 
 
-def clearances(courses: Courses, footprint: Footprint) -> Metres:
-    """How far each point stays outside of what the hull sweeps on each arc, (twists, N); negative if it is swept."""
-    bands = np.array([footprint.bands(twist) for twist in courses.twists])  # (twists, bands, low and high)
-    return _least(
-        [
-            np.maximum(low - courses.track, courses.track - high)
-            for low, high in bands.transpose(1, 2, 0)[..., None]
-        ]
-    )
+def clearances(tracks: Metres, twist: Velocity, footprint: Footprint) -> Metres:
+    """How far points on these tracks stay outside of what the hull sweeps on the arc; negative if they are swept."""
+    beside = [np.maximum(low - tracks, tracks - high) for low, high in footprint.bands(twist)]
+    return reduce(np.minimum, beside)
 
 
 def footprint_of(profile: GateProfile) -> Footprint:
@@ -228,20 +235,31 @@ def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
     """From the poses' origins to points p + u t: |p|^2 - 2 p.c + |c|^2, and what the drift u adds to it."""
     x, y, time_s = path.x, path.y, path.time_s
     px, py = points.T
-    places = [x**2 + y**2, np.ones_like(x), -2.0 * x, -2.0 * y]
-    moments = [np.ones_like(px), px**2 + py**2, px, py]
+    places: list[Metres | float] = [x**2 + y**2, 1.0, -2.0 * x, -2.0 * y]
+    moments: list[Metres | float] = [1.0, px**2 + py**2, px, py]
     if drift is not None:
         ux, uy = drift.T
         places += [2.0 * time_s, time_s**2, -2.0 * time_s * x, -2.0 * time_s * y]
         moments += [px * ux + py * uy, ux**2 + uy**2, ux, uy]
-    squares = _product(places, moments).reshape(*x.shape, len(px)).min(axis=1)
+    squares = _product(places, x.shape, moments, px.shape).min(axis=1)
     distances: Quick = np.sqrt(np.maximum(squares, np.float32(0.0)))
     return distances
 
 
-def _product(places: list[Metres], moments: list[Metres]) -> Quick:
-    """One matrix product of what poses and what points contribute, (all poses, N)."""
-    rows = np.array([place.ravel() for place in places], dtype=np.float32).T.copy()
-    columns = np.array(moments, dtype=np.float32)
-    product: Quick = rows @ columns
+def _product(
+    places: list[Metres | float],
+    poses: tuple[int, ...],
+    moments: list[Metres | float],
+    points: tuple[int, ...],
+) -> Quick:
+    """One matrix product of what poses and what points contribute, (*poses, N)."""
+    rows = _stacked(places, poses).reshape(len(places), -1).T.copy()
+    product: Quick = (rows @ _stacked(moments, points)).reshape(*poses, -1)
     return product
+
+
+def _stacked(parts: list[Metres | float], shape: tuple[int, ...]) -> Quick:
+    stacked: Quick = np.empty((len(parts), *shape), dtype=np.float32)
+    for row, part in zip(stacked, parts, strict=True):
+        row[...] = part
+    return stacked

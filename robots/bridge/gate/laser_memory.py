@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from robots.bridge.gate.memory import LASER_LAYER, Memory
-from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from
+from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from
 from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.sight import sight
 from robots.bridge.gate.sources import Laser, carried
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import Pose, SensorHealth
-
-ORIGIN = Pose(0.0, 0.0, 0.0)
+from robots.bridge.gate.values import SensorHealth
 
 
 class LaserMemory:

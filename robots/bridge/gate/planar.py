@@ -13,6 +13,7 @@ from robots.bridge.gate.values import Pose
 Points = NDArray[np.float64]
 
 NO_POINTS: Points = np.empty((0, 2))
+ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class Path(NamedTuple):

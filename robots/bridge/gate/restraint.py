@@ -6,18 +6,17 @@ Pure: everything is an argument, nothing is kept.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc, braking
-from robots.bridge.gate.arc import Courses, Metres, Rows
+from robots.bridge.gate.arc import Contact, Course, Growth, Metres, Rows, Way
 from robots.bridge.gate.footprint import Footprint, clearances
 from robots.bridge.gate.planar import Points, chosen
-from robots.bridge.gate.values import GateProfile, Velocity
+from robots.bridge.gate.values import GateProfile, Parameters, Velocity
 
 WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less this
 STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
@@ -50,6 +49,30 @@ class Cause(NamedTuple):
     source: int
 
 
+class Surroundings(NamedTuple):
+    """The points by which twists are judged that set out one way, equally fast, and differ in their turn only.
+
+    `points` are seen along this `way`; how far each is from the hull, and how far the hull is grown for them.
+    """
+
+    points: Points
+    way: Way
+    gaps: Metres
+    growth: Growth
+    footprint: Footprint
+    profile: GateProfile
+
+    def growth_of(self, rows: Rows) -> Growth:
+        """How far the hull is grown for some of the points."""
+        return self.growth if isinstance(self.growth, float) else self.growth.take(rows)
+
+    def only(self, rows: Rows) -> Surroundings:
+        """Those of some points."""
+        return self._replace(
+            points=chosen(self.points, rows), gaps=self.gaps.take(rows), growth=self.growth_of(rows)
+        )
+
+
 class Restraint(NamedTuple):
     """The safe twist, and what takes the rest away."""
 
@@ -78,126 +101,141 @@ def restrain(
     points = chosen(points, near)
     gaps = footprint.gaps(points)
     growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
-    surroundings = (points, gaps, growth, footprint, profile)
-    shares = safe_shares(arcs, *surroundings)
-    limit = min((shares[twist] for twist in arcs), key=_by_share)
+    way = arc.way(wanted)
+    surroundings = Surroundings(arc.seen_along(points, way), way, gaps, growth, footprint, profile)
+    limit = _limit(arcs, surroundings)
     if limit is FREE:
         return Restraint(wanted)
     row = limit.row
     point = float(points[row, 0]), float(points[row, 1])
     cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
-    return Restraint(_give_rotation_back(wanted, limit.share, *surroundings), cause)
+    return Restraint(_give_rotation_back(wanted, limit.share, surroundings), cause)
 
 
-def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Metres:
+def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Growth:
     """How far the hull is grown: by the lateral margin, but never demand more clearance than there is.
 
     Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
     does not shrink below the hull itself, except for points that are inside already: only then it is not the same
-    for all points, (1,), but each has its own, (N,).
+    for all points, but each has its own.
     """
-    spare = np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M
-    least = float(spare.min(initial=lateral_margin_m))
-    return np.array([least]) if least >= 0.0 else np.minimum(spare, 0.0)
+    narrowest = gaps.min(initial=math.inf)
+    least = min(float(min(narrowest, demanded_share * narrowest) - WAY_OUT_M), lateral_margin_m)
+    if least >= 0.0:
+        return least
+    return np.minimum(np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M, 0.0)
 
 
-def safe_shares(
-    twists: Sequence[Velocity],
-    points: Points,
-    gaps: Metres,
-    growth: Metres,
-    footprint: Footprint,
-    profile: GateProfile,
-) -> dict[Velocity, Share]:
-    """The share of each twist that braking and passing allow: the smaller one. The twists differ in their turn only."""
-    shares: dict[Velocity, Share] = {}
-    for courses in arc.courses(points, twists):
-        brakes = _braking_shares(courses, growth, footprint, profile)
-        passes = _passing_shares(courses, points, gaps, growth, footprint, profile)
-        for twist, *limits in zip(courses.twists, brakes, passes, strict=True):
-            shares[twist] = min(limits, key=_by_share)
-    return shares
+def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
+    """The largest share at which every one of these twists is safe."""
+    courses = _courses(arcs, surroundings)
+    limit = min((_braking_share(twist, courses[twist], surroundings) for twist in arcs), key=_by_share)
+    passed = _passed(arcs[0], surroundings, limit.share)
+    if len(passed):
+        passes = [_passing_share(twist, courses[twist], passed, surroundings, limit.share) for twist in arcs]
+        limit = min((limit, *passes), key=_by_share)
+    return limit
+
+
+def _first_whole(candidates: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
+    """The first of these twists that is safe as it is."""
+    courses = _courses(candidates, surroundings)
+    whole = [
+        twist
+        for twist in candidates
+        if all(
+            _braked_before(contact, twist, surroundings.profile) > _WHOLE
+            for contact in _contacts(courses[twist], surroundings)
+        )
+    ]
+    if not whole:
+        return None
+    passed = _passed(whole[0], surroundings, 1.0)
+    if not len(passed):
+        return whole[0]
+    return next(
+        (
+            twist
+            for twist in whole
+            if _passing_share(twist, courses[twist], passed, surroundings, 1.0).share > _WHOLE
+        ),
+        None,
+    )
+
+
+def _courses(twists: Sequence[Velocity], surroundings: Surroundings) -> dict[Velocity, Course]:
+    return {twist: arc.course(surroundings.points, surroundings.way, twist) for twist in twists}
 
 
 def _by_share(limit: Share) -> float:
     return limit.share
 
 
-def _braking_shares(
-    courses: Courses, growth: Metres, footprint: Footprint, profile: GateProfile
-) -> list[Share]:
+def _braking_share(twist: Velocity, course: Course, surroundings: Surroundings) -> Share:
     """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
-    parameters = profile.parameters
-    contacts = footprint.contacts(courses, growth)
-    until_s = contacts.times - parameters.front_margin_m / contacts.speeds
-    shares = []
-    for twist, first in zip(
-        courses.twists, _lowest(until_s, contacts.twists, len(courses.twists)), strict=True
-    ):
-        if first is None:
-            shares.append(FREE)
-            continue
-        braking_s = braking.braking_time(twist, profile)
-        share = braking.scale(float(until_s[first]), parameters.latency_s, braking_s)
-        shares.append(Share(share, OBSTACLE, int(contacts.rows[first])) if share < 1.0 else FREE)
-    return shares
+    first = min(_contacts(course, surroundings), default=arc.NEVER)
+    share = _braked_before(first, twist, surroundings.profile)
+    return Share(share, OBSTACLE, first.row) if share < 1.0 else FREE
 
 
-def _passing_shares(
-    courses: Courses,
-    points: Points,
-    gaps: Metres,
-    growth: Metres,
-    footprint: Footprint,
-    profile: GateProfile,
-) -> list[Share]:
+def _contacts(course: Course, surroundings: Surroundings) -> Iterator[Contact]:
+    margin_m = surroundings.profile.parameters.front_margin_m
+    return surroundings.footprint.contacts(course, surroundings.growth, margin_m)
+
+
+def _braked_before(contact: Contact, twist: Velocity, profile: GateProfile) -> float:
+    braking_s = braking.braking_time(twist, profile)
+    return braking.scale(contact.until_s, profile.parameters.latency_s, braking_s)
+
+
+def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
+    """Points so near ahead that `_passing_share` may be smaller than `below`, on whichever arc.
+
+    The others are farther away than the robot needs to slow down for them from this share of the twist.
+    """
+    v = below * arc.speed(twist)
+    parameters = surroundings.profile.parameters
+    if v <= parameters.creep_mps:
+        return np.empty(0, dtype=np.intp)
+    linear, _ = braking.deceleration(surroundings.profile)
+    slowing_m = braking.way_between(v, parameters.creep_mps, parameters.latency_s, linear)
+    near = surroundings.gaps < slowing_m + _harmless_m(v, parameters)
+    return (near & (surroundings.points[:, 0] > 0.0)).nonzero()[0]
+
+
+def _harmless_m(v: float, parameters: Parameters) -> float:
+    """The clearance at which a near miss allows this speed."""
+    return parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
+
+
+def _passing_share(
+    twist: Velocity, course: Course, passed: Rows, surroundings: Surroundings, below: float
+) -> Share:
     """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
 
     Before that place the robot may be as fast as still lets it brake to this speed; the gap shrinks at most as
-    fast as the robot moves, so gap - clearance is a distance that is surely left.
+    fast as the robot moves, so gap - clearance is a distance that is surely left. Only a share `below` a known one
+    need be found.
     """
-    free = [FREE] * len(courses.twists)
-    way = courses.twists[0]
-    v = arc.speed(way)
-    parameters = profile.parameters
-    if v <= parameters.creep_mps:
-        return free
-    x, y = points.T
-    harmless = parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
-    ahead = way.vx * x + way.vy * y > 0.0
-    clear = clearances(courses, footprint)
-    numbers, rows = arc.places((clear < harmless) & (clear >= growth) & ahead)
-    if not len(rows):
-        return free
-    clear = clear[numbers, rows]
+    v = arc.speed(twist)
+    parameters = surroundings.profile.parameters
+    clear = clearances(course.track.take(passed), twist, surroundings.footprint)
+    growth = surroundings.growth_of(passed)
+    near = ((clear < _harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
+    if not len(near):
+        return FREE
+    clear, rows = clear.take(near), passed.take(near)
     spare = np.maximum(clear - parameters.lateral_margin_m, 0.0)
     there = parameters.creep_mps + spare / parameters.near_miss_s
-    left = np.maximum(gaps[rows] - clear, 0.0)
-    linear, _ = braking.deceleration(profile)
+    left = np.maximum(surroundings.gaps.take(rows) - clear, 0.0)
+    linear, _ = braking.deceleration(surroundings.profile)
     allowed = braking.speed_before(left, there, parameters.latency_s, linear)
-    return [
-        FREE
-        if slowest is None or allowed[slowest] >= v
-        else Share(float(allowed[slowest]) / v, NEAR_MISS, int(rows[slowest]))
-        for slowest in _lowest(allowed, numbers, len(free))
-    ]
+    slowest = int(allowed.argmin())
+    share = float(allowed[slowest]) / v
+    return Share(share, NEAR_MISS, int(rows[slowest])) if share < 1.0 else FREE
 
 
-def _lowest(values: Metres, numbers: Rows, count: int) -> list[int | None]:
-    """Where the lowest value of each twist is, None if it has none. Values come in order of their twists' numbers."""
-    ends = np.searchsorted(numbers, np.arange(count + 1)).tolist()
-    return [start + int(values[start:end].argmin()) if start < end else None for start, end in pairwise(ends)]
-
-
-def _give_rotation_back(
-    wanted: Velocity,
-    share: float,
-    points: Points,
-    gaps: Metres,
-    growth: Metres,
-    footprint: Footprint,
-    profile: GateProfile,
-) -> Velocity:
+def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundings) -> Velocity:
     """The scaled twist with the largest safe part of the wanted turn (method 5).
 
     So, nose at the wall and the stick held diagonally, the robot still turns.
@@ -208,8 +246,8 @@ def _give_rotation_back(
     if wanted.w == 0.0:
         return scaled
     candidates = [scaled._replace(w=turn * wanted.w) for turn in TURN_SHARES if turn > share]
-    shares = safe_shares(candidates, points, gaps, growth, footprint, profile)
-    return next((twist for twist in candidates if shares[twist].share > _WHOLE), scaled)
+    near = _within_reach(surroundings.points, candidates, surroundings.footprint, surroundings.profile)
+    return _first_whole(candidates, surroundings.only(near)) or scaled
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
@@ -222,11 +260,12 @@ def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
 
 
 def _within_reach(
-    points: Points, arcs: tuple[Velocity, ...], footprint: Footprint, profile: GateProfile
+    points: Points, arcs: Sequence[Velocity], footprint: Footprint, profile: GateProfile
 ) -> NDArray[np.intp]:
     """Indices of the points that the hull could touch before it has braked."""
     parameters = profile.parameters
-    way = max(arc.speed(twist) * braking.horizon(twist, profile) for twist in arcs)
+    widest = max(arcs, key=lambda twist: abs(twist.w))  # it takes the longest to brake
+    way = arc.speed(widest) * braking.horizon(widest, profile)
     reach = footprint.reach(parameters.lateral_margin_m) + parameters.front_margin_m + way
     x, y = points.T
     return np.flatnonzero(x * x + y * y < reach**2)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate import arc, braking
-from robots.bridge.gate.arc import Metres
+from robots.bridge.gate.arc import Growth, Metres
 from robots.bridge.gate.footprint import Footprint
-from robots.bridge.gate.planar import Path, Points, chosen
+from robots.bridge.gate.planar import ORIGIN, Path, Points, chosen, placed, seen_from
 from robots.bridge.gate.restraint import STANDING_MPS, way_out
-from robots.bridge.gate.values import GateProfile, Velocity
+from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 MOVER_MARGIN_M = 0.10  # to what moves, in place of m_hard: where it will be is a guess
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest that is clear
@@ -30,6 +30,7 @@ PIECE_S = 0.05  # a queue is played in pieces no longer than this
 MOST_POSES = 60  # of one braking
 REMEMBERED_S = 1.0  # commands: longer than any latency
 LONGEST_STEP_S = 0.1  # after a pause, what is sent does not make up for it
+_EXACT_M = 0.0001  # the gaps of a roll-out are told a little less exactly than those of one look
 
 
 class Sent(NamedTuple):
@@ -114,6 +115,8 @@ def safe_share(
     rates = _rates(profile)
     onset = _played(queue, velocity, rates, latency_s)
     whole = _moved(onset[-1], candidate, rates, period_s)
+    if drift is None and _keeps_off(points, onset, whole, rates, footprint, profile):
+        return CLEAR
     first = _followed(_path(onset), _stopped([whole], rates, footprint))
     met = _within(points, drift, first, footprint)
     if not len(met):
@@ -233,34 +236,39 @@ def _changed(speed: float, command: float, up: float, down: float) -> float:
     if speed == command:
         return speed
     step = up if speed * command >= 0.0 and abs(command) > abs(speed) else down
-    return min(max(command, speed - step), speed + step)
+    reached = speed + step if command > speed else speed - step
+    return command if (command < reached) == (command > speed) else reached
 
 
 def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
-    """From each state a row: full braking to standstill. Arrays over axes are (rows, 3, poses)."""
+    """From each state a row: full braking to standstill. Arrays over axes are (3, rows, poses)."""
     poses = max(_poses_until_still(state.velocity, rates, footprint) for state in begun)
-    starts = np.array([(*state[:4], *state.velocity) for state in begun])
-    x, y, yaw, time_s = starts[:, :4].T[..., None]
-    speeds = starts[:, 4:, None]
-    rate = np.array([[rates.linear_down], [rates.linear_down], [rates.angular_down]])
-    needed_s = np.abs(speeds) / rate
-    passed_s = needed_s.max(axis=1) * _evenly_along_a_braked_way(poses)
-    braked_s = np.minimum(passed_s[:, None], needed_s)
-    way = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
-    turned = way[:, 2]
+    starts = np.array([(*state[:4], *state.velocity, _still_s(state.velocity, rates)) for state in begun])
+    x, y, yaw, time_s, *_, still_s = columns = starts.T[..., None]
+    speeds = columns[4:7]
+    rate = np.array([[[rates.linear_down]], [[rates.linear_down]], [[rates.angular_down]]])
+    passed_s = still_s * _evenly_along_a_braked_way(poses)
+    braked_s = np.minimum(passed_s, np.abs(speeds) / rate)
+    forward, left, turned = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
-    steps = way[:, :2, 1:] - way[:, :2, :-1]
-    places = np.empty(passed_s.shape, dtype=np.complex128)  # x + iy, which turns by a product
+    way = forward + 1j * left  # x + iy, which turns by a product
+    places = np.empty_like(way)
     places[:, :1] = x + 1j * y
-    np.multiply(steps[:, 0] + 1j * steps[:, 1], np.exp(1j * heading), out=places[:, 1:])
+    np.multiply(way[:, 1:] - way[:, :-1], np.exp(1j * heading), out=places[:, 1:])
     np.cumsum(places, axis=1, out=places)
     return Path(places.real, places.imag, yaw + turned, time_s + passed_s)
+
+
+def _still_s(velocity: Velocity, rates: _Rates) -> float:
+    """How long full braking takes."""
+    vx, vy, w = map(abs, velocity)
+    return max(max(vx, vy) / rates.linear_down, w / rates.angular_down)
 
 
 def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) -> int:
     """How many poses are close enough together, though no more than `MOST_POSES`."""
     vx, vy, w = map(abs, velocity)
-    still_s = max(max(vx, vy) / rates.linear_down, w / rates.angular_down)
+    still_s = _still_s(velocity, rates)
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
     return min(math.ceil((vx + vy + swing_m * w) * still_s / 2.0 / footprint.pose_spacing_m) + 1, MOST_POSES)
 
@@ -282,6 +290,30 @@ def _followed(first: Path, then: Path) -> Path:
 
 
 # --- what is in the way ---------------------------------------------------------------------------
+
+
+def _keeps_off(
+    points: Points,
+    onset: list[_State],
+    whole: _State,
+    rates: _Rates,
+    footprint: Footprint,
+    profile: GateProfile,
+) -> bool:
+    """Whether one look, from where braking begins, tells that nothing is met: all is farther off than the hull moves.
+
+    Until then and from then on, each part of the hull is at most as far from there as the base goes and its rim swings.
+    """
+    swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
+    until_m = max(
+        math.hypot(state.x - whole.x, state.y - whole.y) + swing_m * abs(state.yaw - whole.yaw)
+        for state in onset
+    )
+    vx, vy, w = whole.velocity
+    braking_m = (vx * vx + vy * vy) / (2.0 * rates.linear_down) + swing_m * w * w / (2.0 * rates.angular_down)
+    margin_m = footprint.sharpness * (profile.parameters.hard_margin_m + _EXACT_M)
+    there = placed(points, seen_from(ORIGIN, Pose(whole.x, whole.y, whole.yaw)))
+    return float(footprint.gaps(there).min(initial=math.inf)) > max(until_m, braking_m) + margin_m
 
 
 def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
@@ -311,7 +343,7 @@ def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
 
 def _demanded(
     unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
-) -> Metres:
+) -> Growth:
     """The margins, but nowhere more than stopping now would leave (method 4); apart for what moves and what stands."""
     share = footprint.demanded_share
     hard = profile.parameters.hard_margin_m

@@ -92,9 +92,16 @@ class Sweep:
         half = half_width / abs(self.increment)
         if not -0.5 <= beams <= len(self.ranges) - 0.5:
             return False
-        about = self.known if self.increment > 0.0 else self.known[::-1]
-        about = about[max(int(beams - half), 0) : int(beams + half) + 1]
-        return bool(np.count_nonzero(about) >= LEAST_KNOWN_SHARE * len(about))
+        first, end = max(int(beams - half), 0), min(int(beams + half) + 1, len(self.ranges))
+        if self.increment < 0.0:
+            first, end = len(self.ranges) - end, len(self.ranges) - first
+        known = int(self._known_before[end] - self._known_before[first])
+        return known >= LEAST_KNOWN_SHARE * (end - first)
+
+    @cached_property
+    def _known_before(self) -> NDArray[np.intp]:
+        """How many of the beams before each one are known, and how many of all."""
+        return np.concatenate(([0], np.cumsum(self.known)))
 
     @cached_property
     def alone(self) -> NDArray[np.bool_]:
