@@ -77,7 +77,7 @@ class RobotConsumer(RobotSocket):
         try:
             await in_database(_left, self.robot_id, self.id, held.holding.session if held else None)
             await self.room.changed()
-        except DatabaseError as error:
+        except (ControlRefused, DatabaseError) as error:
             log.warning("that a page is gone was not noted; its lease lapses by itself: %s", error)
         finally:
             await self.room.remove(self)

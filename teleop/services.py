@@ -222,15 +222,15 @@ def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> in
 def control_ask_cancel(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> bool:
     """Withdraw the question that this connection asked, or that it left behind. False if there was none."""
     outcome = ControlRequest.Outcome.GONE if gone else ControlRequest.Outcome.CANCELLED
-    mine = ControlRequest.objects.filter(robot_id=robot_id, connection=connection, answered_at=None)
-    return mine.update(answered_at=now, outcome=outcome) > 0
+    with _change():
+        return _answer(now, outcome, robot_id=robot_id, connection=connection) > 0
 
 
 def asks_lapse(*, now: datetime) -> int:
     """Close the questions that nobody answered in time. Returns how many."""
     asked_until = now - timedelta(seconds=rules.ASK_S)
-    old = ControlRequest.objects.filter(answered_at=None, asked_at__lte=asked_until)
-    return old.update(answered_at=now, outcome=ControlRequest.Outcome.LAPSED)
+    with transaction.atomic():
+        return _answer(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
 
 
 # --- stop ---------------------------------------------------------------------------------------
@@ -335,9 +335,7 @@ def _give(
         seen_at=now,
     )
     ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
-    ControlRequest.objects.filter(robot=robot, user=user, answered_at=None).update(
-        answered_at=now, outcome=ControlRequest.Outcome.GRANTED
-    )
+    _answer(now, ControlRequest.Outcome.GRANTED, robot=robot, user=user)
     return given
 
 
@@ -346,9 +344,21 @@ def _free(robot_id: UUID, held: Holding, now: datetime) -> None:
     _change_lease(
         robot_id, held, session=None, tab="", sign_in="", connection="", term_ends_at=None, seen_at=None
     )
-    ControlRequest.objects.filter(robot_id=robot_id, answered_at=None).update(
-        answered_at=now, outcome=ControlRequest.Outcome.FREED
-    )
+    _answer(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
+
+
+def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> int:
+    """Close the open questions for control that these filters find, each on record. Returns how many."""
+    closed = 0
+    for request in ControlRequest.objects.filter(answered_at=None, **which).select_related("user", "robot"):
+        still_open = ControlRequest.objects.filter(pk=request.pk, answered_at=None)
+        if still_open.update(answered_at=now, outcome=outcome):
+            closed += 1
+            asked = Record.objects.filter(
+                robot_id=request.robot.pk, kind="control.ask", of=None, parameters__request=request.pk
+            )
+            _record("control.ask", None, request.robot, None, of=asked.last(), outcome=outcome.value)
+    return closed
 
 
 def _change_lease(robot_id: UUID, before: Holding | None, **to: Any) -> None:
@@ -391,14 +401,14 @@ def _end_session(
     _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=names)
 
 
-def _record(kind: str, of: Holding | None, robot: Robot, actor: User | None, **told: Any) -> Record:
-    """Put on record what happens to the control session `of`."""
+def _record(kind: str, held: Holding | None, robot: Robot, actor: User | None, **told: Any) -> Record:
+    """Put on record what happens to a control session."""
     return audit.record(
         kind,
         actor=actor,
         robot_id=robot.id,
         robot_name=robot.name,
-        session_id=of.session if of else None,
-        fence=of.fence if of else None,
+        session_id=held.session if held else None,
+        fence=held.fence if held else None,
         **told,
     )

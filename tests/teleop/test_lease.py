@@ -319,6 +319,27 @@ def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, secon
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.FREED
 
 
+@pytest.mark.parametrize("outcome", ControlRequest.Outcome.values)
+def test_what_became_of_a_question_for_control_is_on_record(outcome, robot, operator, second_operator):
+    take(robot, operator)
+    asker, holder = tab("second"), {"robot_id": robot.id, "user_id": operator.id, "tab": tab("operator")}
+    asked = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
+    match outcome:
+        case "granted":
+            services.lease_hand_over(**holder, request_id=asked, highest_fence=0, now=NOW)
+        case "freed":
+            services.lease_release(**holder, now=NOW)
+        case "lapsed":
+            services.asks_lapse(now=NOW + timedelta(hours=1))
+        case _:
+            services.control_ask_cancel(
+                robot_id=robot.id, connection=asker.connection, gone=outcome == "gone", now=NOW
+            )
+    ask, answer = Record.objects.filter(kind="control.ask").order_by("id")
+    assert (ask.actor_id, ask.outcome) == (str(second_operator.pk), "")
+    assert (answer.of_id, answer.outcome, answer.session_id) == (ask.pk, outcome, ask.session_id)
+
+
 def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_operator):
     old = take(robot, operator)
     services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
