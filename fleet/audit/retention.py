@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime, timedelta, timezone
 from itertools import takewhile
-from uuid import UUID
 
 from django.conf import settings
 from django.db import connection, transaction
@@ -95,33 +94,31 @@ def _merge(pages: int) -> bool:
 def remove(today: date) -> Iterator[None]:
     """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
     since = today - timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS)
-    for chain_id in Chain.objects.values_list("pk", flat=True):
+    for chain in Chain.objects.all():
         more = True
         while more:
-            more = _remove_some(chain_id, since)
+            more = _remove_some(chain, since)
             yield
 
 
 @transaction.atomic
-def _remove_some(chain_id: UUID, since: date) -> bool:
+def _remove_some(chain: Chain, since: date) -> bool:
     """Append a checkpoint and remove what is before it, in one transaction: so a chain always begins where one says.
 
     Whether there may be more of them.
     """
-    robot_id = None if chain_id == NO_ROBOT else chain_id
+    robot_id = None if chain.pk == NO_ROBOT else chain.pk
     records = Record.objects.filter(robot_id=robot_id)
-    if not records.filter(day__lt=since).exists():
-        return False
-    lock_chain(chain_id)
-    oldest = list(records.order_by("seq").values_list("seq", "digest", "day", "robot_name")[:RECORDS_AT_ONCE])
+    lock_chain(chain.pk)
+    oldest = list(records.order_by("seq").values_list("seq", "digest", "day")[:RECORDS_AT_ONCE])
     old = list(takewhile(lambda row: row[2] < since, oldest))
     if not old:
         return False
-    through, digest, _day, robot_name = old[-1]
+    through, digest, _day = old[-1]
     record(
         "audit.checkpoint",
         robot_id=robot_id,
-        robot_name=robot_name,
+        robot_name=chain.name,
         parameters={"through": through, "digest": digest, "removed": len(old)},
     )
     gone = records.filter(seq__lte=through)

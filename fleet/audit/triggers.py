@@ -21,8 +21,8 @@ _SQLITE = {
         """
         NOT EXISTS (
             SELECT 1 FROM audit_record AS later
-            WHERE later.kind = 'audit.checkpoint' AND later.robot_id IS OLD.robot_id AND later.seq > OLD.seq
-            AND json_extract(later.parameters, '$.through') >= OLD.seq
+            WHERE later.kind = 'audit.checkpoint' AND later.robot_id IS OLD.robot_id
+            AND json_extract(later.parameters, '$.through') BETWEEN OLD.seq AND later.seq - 1
         )
         """,
     ),
@@ -81,7 +81,7 @@ _POSTGRESQL_FUNCTIONS = [
         IF NOT EXISTS (
             SELECT 1 FROM audit_record AS later
             WHERE later.kind = 'audit.checkpoint' AND later.robot_id IS NOT DISTINCT FROM OLD.robot_id
-            AND later.seq > OLD.seq AND (later.parameters->>'through')::bigint >= OLD.seq
+            AND (later.parameters->>'through')::bigint BETWEEN OLD.seq AND later.seq - 1
         ) THEN
             RAISE EXCEPTION 'audit_record is append-only' USING ERRCODE = 'integrity_constraint_violation';
         END IF;
