@@ -7,7 +7,7 @@ from typing import Any
 from django.apps import AppConfig
 from django.apps import apps as installed_apps
 from django.db import DEFAULT_DB_ALIAS
-from django.db.models.signals import post_migrate
+from django.db.models.signals import post_migrate, pre_delete
 from django.utils.translation import gettext_lazy as _
 
 
@@ -19,8 +19,18 @@ class RobotsConfig(AppConfig):
     default_auto_field = "django.db.models.BigAutoField"
 
     def ready(self) -> None:
-        """Register what follows a migration."""
+        """Register what follows a migration, and what comes before a robot is deleted."""
+        from robots.models import Robot
+
         post_migrate.connect(_load_shipped_profiles, sender=self)
+        pre_delete.connect(_robot_deleted, sender=Robot)
+
+
+def _robot_deleted(*, instance: Any, **_others: Any) -> None:
+    """The admin deletes no robot; a program may. Within the transaction of the deletion."""
+    from robots.services import robot_deleted
+
+    robot_deleted(instance)
 
 
 def _load_shipped_profiles(*, using: str, apps: Any = installed_apps, **_others: Any) -> None:

@@ -13,6 +13,7 @@ from django.utils import timezone
 from msgspec import convert, to_builtins
 
 from fleet.audit import SystemAccount, record
+from fleet.audit.command_line import here
 from robots import shipped
 from robots.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.phrases import Line
@@ -39,6 +40,11 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
     elif changes := _save_changes(robot, Robot.objects.select_for_update().get(pk=robot.pk)):
         record("robot.change", actor=actor, **_named(robot), parameters={"changes": changes})
     return robot
+
+
+def robot_deleted(robot: Robot) -> None:
+    """Record a robot that goes, by whoever runs this process."""
+    record("robot.delete", actor=here(), **_named(robot), parameters=_entered(robot))
 
 
 @transaction.atomic

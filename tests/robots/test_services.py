@@ -23,6 +23,16 @@ def last_record() -> Record:
 
 
 @pytest.mark.django_db
+def test_a_robot_that_a_program_deletes_is_on_record(robot: Robot) -> None:
+    gone = robot.id
+    robot.delete()
+    record = last_record()
+    assert (record.kind, record.robot_id, record.robot_name) == ("robot.delete", gone, "TIAGo 1")
+    assert record.parameters["slug"] == "tiago-1"
+    assert record.actor_id is not None and record.actor_id.startswith("system:")
+
+
+@pytest.mark.django_db
 def test_a_new_robot_is_recorded_as_entered(tiago: RobotProfile, staff: User) -> None:
     robot = Robot(slug="new", name="New", profile=tiago, master_uri="http://10.0.0.1:11311")
     services.robot_save(robot=robot, actor=staff)

@@ -51,6 +51,15 @@ async def test_a_stop_and_what_came_of_it_are_recorded(open_page, bridge, observ
     assert (outcome.of_id, outcome.outcome) == (pressed.id, "stopping")
 
 
+async def test_a_stop_belongs_to_the_control_session_that_it_interrupts(open_page, bridge):
+    holder, other = await open_page("operator"), await open_page("observer")
+    await holder.say("take")
+    control = await holder.hears("control", state="yours")
+    await other.say("stop")
+    for record in await recorded("stop.press", 2):
+        assert (str(record.session_id), record.fence) == (control["session"], control["fence"])
+
+
 async def test_a_stop_is_the_last_word_of_a_page(open_page, bridge):
     page = await open_page("observer")
     await page.say("stop")

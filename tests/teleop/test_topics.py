@@ -12,6 +12,7 @@ from robots import wire
 from robots.bridge.config import Allowed
 from robots.models import Robot, RobotRole
 from teleop import selectors
+from teleop.calls import RECORDED_BYTES
 from teleop.database import in_database
 from teleop.looks import LOOKS
 from teleop.socket import CloseCode
@@ -261,6 +262,16 @@ async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_the
     bridge.say(wire.Inspected(asked.seq, msgspec.Raw(answer)))
     outcome = await eventually(lambda: Record.objects.filter(kind="service.call").exclude(of=None).first())
     assert outcome.outcome == "done"
+
+
+async def test_of_a_call_with_many_fields_the_beginning_is_on_record(open_topics, bridge):
+    page = await open_topics("staff")
+    await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
+    await bridge.hears(wire.Inspect)
+    (kept,) = await in_database(
+        lambda: [record.details["fields"] for record in Record.objects.filter(kind="service.call", of=None)]
+    )
+    assert kept.startswith('{"a":"xx') and len(kept.encode()) <= RECORDED_BYTES
 
 
 async def test_what_cannot_be_recorded_is_not_called(open_topics, bridge, disk):
