@@ -1,30 +1,23 @@
-"""One recorded motion at a time: asked for, put on record, begun, watched, ended, and that put on record.
-
-Nothing here begins a motion by itself, and one that was cancelled is over: whoever wants it again asks again.
-"""
+"""One recorded motion at a time: asked for, put on record, begun, watched, ended, and that put on record."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import Future
-from dataclasses import dataclass
-from typing import Any, Protocol
-from uuid import uuid4
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import Answer, DriveLog, not_recorded
+from robots.bridge.drives import Answer, DriveLog
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
+from robots.bridge.goals import Goal, Goals
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
-CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
-UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
 
 
 class _Point(Struct):
@@ -118,47 +111,29 @@ class Player(Protocol):
         """Cancel this goal and no other."""
 
 
-@dataclass
-class _Playing:
-    """A motion that was asked for; it has a goal once its start is on record."""
+class _Piece(NamedTuple):
+    """What is performed: a motion, and the space that its arm sweeps."""
 
     name: str
-    action: str  # that performs it
-    holder: Holder
-    space: Sequence[Disc]  # that its arm sweeps
-    since_s: float
-    number: Future[int]
-    answer: Answer
-    goal_id: str | None = None
-    heard_s: float = math.inf
-    cancelled: tuple[str, str] | None = None  # outcome, and why in words
-    cancel_sent_s: float | None = None  # no later than this
+    space: Sequence[Disc]
 
 
-class Motions:
-    """The motion under way, if any: this console's own, or somebody else's, of which only goal ids are known."""
+class Motions(Goals[_Piece]):
+    """The motion under way, if any."""
 
     def __init__(self, player: Player, log: DriveLog) -> None:
+        super().__init__(log, player.cancel)
         self._player = player
-        self._log = log
-        self._playing: _Playing | None = None
-        self._last: wire.MotionEnd | None = None
-        self._ended: str | None = None  # the last one's goal, of which an older word may still come
-        self._others: dict[
-            str, float
-        ] = {}  # actions where others have the robot perform something: told last
+        self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why the base must stand, and no other motion may begin: one runs."""
-        playing = self._playing
-        if playing is not None:
-            text = f"The robot performs “{playing.name}”, asked for by {playing.holder.holder}."
-            figures: dict[str, float | int | str | None] = {
-                "motion": playing.name,
-                "who": playing.holder.holder,
-            }
-            return Refusal("motion_running", text, "robot", figures)
-        if any(now_s - told_s <= UNHEARD_S for told_s in self._others.values()):
+        goal = self._current
+        if goal is not None:
+            motion, who = goal.what.name, goal.holder.holder
+            text = f"The robot performs “{motion}”, asked for by {who}."
+            return Refusal("motion_running", text, "robot", {"motion": motion, "who": who})
+        if self._busy(now_s):
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
         return None
 
@@ -173,112 +148,45 @@ class Motions:
     ) -> None:
         """Put it on record; `start` follows once that is done, and answers."""
         number = self._log.request(holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._playing = _Playing(name, action, holder, space, now_s, number, answer)
-
-    @property
-    def topic(self) -> str | None:
-        """The action that performs this console's motion."""
-        return self._playing.action if self._playing else None
+        self._current = Goal(_Piece(name, space), action, holder, now_s, number, answer)
 
     @property
     def due(self) -> bool:
         """Whether a motion is on record and waits to be started."""
-        playing = self._playing
-        return playing is not None and playing.goal_id is None and playing.number.done()
+        goal = self._current
+        return goal is not None and goal.id is None and goal.number.done()
 
     @property
     def space(self) -> Sequence[Disc]:
         """What the arm of this console's motion sweeps; nothing once it is cancelled."""
-        playing = self._playing
-        return playing.space if playing is not None and playing.cancelled is None else ()
+        goal = self._current
+        return goal.what.space if goal is not None and goal.cancelled is None else ()
 
     def start(self, now_s: float) -> None:
         """Send the goal of what is due; what could not be recorded, or was cancelled meanwhile, is not done."""
-        playing = self._playing
-        if playing is None:
-            return
-        if error := playing.number.exception():
-            self._playing = None
-            playing.answer(not_recorded(error))
-            return
-        playing.answer(None)
-        if playing.cancelled is not None:
-            self._end("cancelled", "", now_s)
-        else:
-            playing.goal_id, playing.heard_s = f"fleet_bridge-{uuid4()}", now_s
-            self._player.play(playing.goal_id, playing.name, playing.action)
-
-    def cancel(self, outcome: str, why: str) -> bool:
-        """Cancel this console's motion by its goal's id. Whether there was one."""
-        playing = self._playing
-        if playing is None:
-            return False
-        if playing.cancelled is None:
-            playing.cancelled = (outcome, why)
-            if playing.goal_id is not None:
-                self._player.cancel(playing.goal_id, playing.action)
-        return True
+        if goal := self._recorded(now_s):
+            self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """The robot says which goals are under way."""
-        playing = self._playing
-        if set(goal_ids) - {playing.goal_id if playing else None, self._ended}:
-            self._others[action] = now_s
-        else:
-            self._others.pop(action, None)
-        if playing is not None and playing.goal_id in goal_ids:
-            playing.heard_s = now_s
-
-    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """The robot says that a goal has ended."""
-        if self._playing is not None and self._playing.goal_id == goal_id:
-            self._end(outcome, text, now_s)
-
-    def tick(self, now_s: float) -> None:
-        """Repeat a cancel until the robot obeys; give up a goal of which it does not speak any more."""
-        playing = self._playing
-        if playing is None:
-            return
-        if now_s - playing.heard_s > UNHEARD_S:
-            self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
-            self._end("cancelled", "", now_s)
-        elif playing.cancelled is not None and playing.goal_id is not None:
-            if playing.cancel_sent_s is None:
-                playing.cancel_sent_s = now_s
-            elif now_s - playing.cancel_sent_s >= CANCEL_AGAIN_S:
-                playing.cancel_sent_s = now_s
-                self._player.cancel(playing.goal_id, playing.action)
+        self._heard(action, goal_ids, now_s)
 
     def close(self, now_s: float) -> None:
         """The bridge ends, and with it whoever could watch the motion."""
-        if self._playing and self._playing.goal_id:
+        goal = self._current
+        if goal is not None and goal.id is not None:
             self.cancel("control_ended", "The bridge ended.")
             self._end("cancelled", "", now_s)
 
     def view(self, now_s: float) -> wire.Motion | None:
         """What is under way, for pages."""
-        playing = self._playing
-        if playing is None:
+        goal = self._current
+        if goal is None:
             return None
-        return wire.Motion(playing.name, playing.holder.holder, round(now_s - playing.since_s, 1))
+        return wire.Motion(goal.what.name, goal.holder.holder, round(now_s - goal.since_s, 1))
 
-    @property
-    def last(self) -> wire.MotionEnd | None:
-        """How the last one ended, for pages."""
-        return self._last
-
-    def _end(self, outcome: str, text: str, now_s: float) -> None:
-        """What ended as cancelled ended for the reason for which it was cancelled here, if it was."""
-        playing, self._playing = self._playing, None
-        if playing is not None:
-            self._ended = playing.goal_id
-            if outcome == "cancelled" and playing.cancelled is not None:
-                outcome, text = playing.cancelled
-            number = playing.number.result()
-            self._last = wire.MotionEnd(number, playing.name, outcome, text)
-            figures: Parameters = {
-                "motion": playing.name,
-                "duration_s": round(now_s - playing.since_s, 2),
-                "text": text,
-            }
-            self._log.outcome(playing.number, playing.holder, "motion.end", outcome, figures, now_s)
+    def _over(self, goal: Goal[_Piece], outcome: str, text: str, now_s: float) -> None:
+        name = goal.what.name
+        self.last = wire.MotionEnd(goal.number.result(), name, outcome, text)
+        figures: Parameters = {"motion": name, "duration_s": round(now_s - goal.since_s, 2), "text": text}
+        self._log.outcome(goal.number, goal.holder, "motion.end", outcome, figures, now_s)

@@ -386,7 +386,8 @@ class Orders:
         """Say what is on record, if nothing has come in between."""
         if self.speaking.waiting and (closed := self._rules.why_closed(now_s)):
             self.speaking.cancel("cancelled", closed.text)
-        self.speaking.tick(self.choices.connected("speech"), now_s)
+        self.speaking.start(self.choices.connected("speech"), now_s)
+        self.speaking.tick(now_s)
 
 
 def holder_of(grant: Grant) -> Holder:

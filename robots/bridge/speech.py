@@ -6,25 +6,21 @@ stop end it, by its goal's id.
 
 from __future__ import annotations
 
-import math
 import re
 import unicodedata
 from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
-from uuid import uuid4
 
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import Answer, DriveLog, not_recorded
+from robots.bridge.drives import Answer, DriveLog
+from robots.bridge.goals import Goal, Goals
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
-UNHEARD_S = 2.0  # a text of which the robot has not spoken for this long is given up
-CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 _LAYOUT = frozenset("\n\t")
 
 
@@ -93,40 +89,29 @@ class Voice(Protocol):
 
 @dataclass
 class _Saying:
-    """A text that was asked for; it has a goal once it is on record."""
+    """A text, and how far the robot is with it."""
 
     utterance: Utterance
-    holder: Holder
-    since_s: float
-    number: Future[int]
-    answer: Answer
-    goal_id: str | None = None
     status: str = "sent"
     word: tuple[int, int] | None = None
-    heard_s: float = math.inf
-    cancelled: tuple[str, str] | None = None  # outcome, and why in words
-    hush_again_s: float | None = None
 
 
-class Speaking:
-    """The text that is being said, if any: this console's, or somebody else's, of which only goal ids are known."""
+class Speaking(Goals[_Saying]):
+    """The text that is being said, if any."""
 
     def __init__(self, voice: Voice, log: DriveLog) -> None:
+        super().__init__(log, voice.hush)
         self._voice = voice
-        self._log = log
-        self._saying: _Saying | None = None
-        self._last: wire.SpeechEnd | None = None
-        self._ended: str | None = None  # the last one's goal, of which an older word may still come
-        self._others: dict[str, float] = {}  # topics on which others have the robot say something: told last
+        self.last: wire.SpeechEnd | None = None  # how the last one ended, for pages
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why nothing else can be said: the robot speaks."""
-        saying = self._saying
-        if saying is not None:
-            who, text = saying.holder.holder, saying.utterance.text
+        goal = self._current
+        if goal is not None:
+            who, text = goal.holder.holder, goal.what.utterance.text
             told = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
             return Refusal("speaking", told, "robot", {"who": who, "text": text})
-        if any(now_s - told_s <= UNHEARD_S for told_s in self._others.values()):
+        if self._busy(now_s):
             return Refusal("speaking", "The robot says something that others asked for: wait.", "robot")
         return None
 
@@ -135,129 +120,63 @@ class Speaking:
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
         number = self._log.request(holder, "speech.start", parameters, now_s)
-        self._saying = _Saying(utterance, holder, now_s, number, answer)
-
-    @property
-    def topic(self) -> str | None:
-        """Where this console's text is said."""
-        return self._saying.utterance.topic if self._saying else None
+        self._current = Goal(_Saying(utterance), topic, holder, now_s, number, answer)
 
     @property
     def waiting(self) -> bool:
         """Whether a text was asked for that has not been sent yet."""
-        return self._saying is not None and self._saying.goal_id is None
+        goal = self._current
+        return goal is not None and goal.id is None
 
-    def cancel(self, outcome: str, why: str) -> bool:
-        """Cancel this console's text by its goal's id. Whether there was one."""
-        saying = self._saying
-        if saying is None:
-            return False
-        if saying.cancelled is None:
-            saying.cancelled = (outcome, why)
-            if saying.goal_id is not None:
-                self._voice.hush(saying.goal_id, saying.utterance.topic)
-        return True
-
-    def tick(self, connected: Collection[str], now_s: float) -> None:
-        """Send what is on record now, if its topic is one of the `connected`; repeat a cancel until the robot obeys.
-
-        What the robot is silent on is given up.
-        """
-        saying = self._saying
-        if saying is None:
-            return
-        if saying.goal_id is None and saying.number.done():
-            self._recorded(saying, connected, now_s)
-        if now_s - saying.heard_s > UNHEARD_S and self._saying is saying:
-            self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
-            self._end("cancelled", "", now_s)
-        elif saying.cancelled is not None and saying.goal_id is not None:
-            if saying.hush_again_s is None:
-                saying.hush_again_s = now_s + CANCEL_AGAIN_S
-            elif now_s >= saying.hush_again_s:
-                saying.hush_again_s = now_s + CANCEL_AGAIN_S
-                self._voice.hush(saying.goal_id, saying.utterance.topic)
+    def start(self, connected: Collection[str], now_s: float) -> None:
+        """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
+        goal = self._recorded(now_s)
+        if goal is not None and goal.topic in connected:
+            tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
+            if not tells:
+                self._end("sent", "", now_s)
 
     def close(self, now_s: float) -> None:
         """The bridge ends: the robot may go on, unheard from here."""
-        if self._saying and self._saying.goal_id:
+        goal = self._current
+        if goal is not None and goal.id is not None:
             self._end("unheard", "The bridge ended while the robot spoke.", now_s)
 
     def view(self, now_s: float) -> wire.Speech | None:
         """What is being said, for pages, from when it was sent."""
-        saying = self._saying
-        if saying is None or saying.goal_id is None:
+        goal = self._current
+        if goal is None or goal.id is None:
             return None
+        saying = goal.what
         return wire.Speech(
-            number=saying.number.result(),
+            number=goal.number.result(),
             text=saying.utterance.text,
             language=saying.utterance.language,
             topic=saying.utterance.topic,
-            who=saying.holder.holder,
+            who=goal.holder.holder,
             status=saying.status,
-            since_s=round(now_s - saying.since_s, 1),
+            since_s=round(now_s - goal.since_s, 1),
             word=saying.word,
         )
 
-    @property
-    def last(self) -> wire.SpeechEnd | None:
-        """How the last one ended, for pages."""
-        return self._last
-
-    # --- what the robot says of it --------------------------------------------------------------------
-
     def running(self, topic: str, goals: Mapping[str, str], now_s: float) -> None:
         """Which goals are under way on a topic, and how each is: accepted or speaking."""
-        saying = self._saying
-        if goals.keys() - {saying.goal_id if saying else None, self._ended}:
-            self._others[topic] = now_s
-        else:
-            self._others.pop(topic, None)
-        if saying is not None and saying.goal_id is not None and saying.goal_id in goals:
-            saying.status, saying.heard_s = goals[saying.goal_id], now_s
+        goal = self._heard(topic, goals, now_s)
+        if goal is not None and goal.id is not None:
+            goal.what.status = goals[goal.id]
 
     def said(self, goal_id: str, said: str, now_s: float) -> None:
         """A word was begun: `said` ends with it."""
-        saying = self._saying
-        if saying is not None and saying.goal_id == goal_id:
-            saying.heard_s = now_s
+        goal = self._current
+        if goal is not None and goal.id == goal_id:
+            goal.heard_s = now_s
+            saying = goal.what
             saying.word = word_said(saying.utterance.text, said, saying.word[1] if saying.word else 0)
 
-    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """A goal has ended."""
-        if self._saying is not None and self._saying.goal_id == goal_id:
-            self._end(outcome, text, now_s)
-
-    # --- inside -----------------------------------------------------------------------------------------
-
-    def _recorded(self, saying: _Saying, connected: Collection[str], now_s: float) -> None:
-        """What could not be recorded, or was cancelled meanwhile, is not said."""
-        error = saying.number.exception()
-        if error is not None:
-            self._saying = None
-            saying.answer(not_recorded(error))
-            return
-        if math.isinf(saying.heard_s):
-            saying.heard_s = now_s
-            saying.answer(None)
-        if saying.cancelled is not None:
-            self._end("cancelled", "", now_s)
-        elif saying.utterance.topic in connected:
-            saying.goal_id, saying.heard_s = f"fleet_bridge-{uuid4()}", now_s
-            if not self._voice.say(saying.goal_id, saying.utterance):
-                self._end("sent", "", now_s)
-
-    def _end(self, outcome: str, text: str, now_s: float) -> None:
-        """What ended as cancelled ended for the reason for which it was cancelled here, if it was."""
-        saying, self._saying = self._saying, None
-        if saying is not None:
-            self._ended = saying.goal_id
-            if outcome == "cancelled" and saying.cancelled is not None:
-                outcome, text = saying.cancelled
-            number = saying.number.result()
-            self._last = wire.SpeechEnd(number, outcome, text)
-            figures: Parameters = {"text": text, "duration_s": round(now_s - saying.since_s, 2)}
-            self._log.outcome(saying.number, saying.holder, "speech.end", outcome, figures, now_s)
+    def _over(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
+        self.last = wire.SpeechEnd(goal.number.result(), outcome, text)
+        figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
+        self._log.outcome(goal.number, goal.holder, "speech.end", outcome, figures, now_s)
 
 
 def _short(text: str) -> str:

@@ -14,6 +14,12 @@ from robots.bridge.ros.publishing import Sender, publish
 from robots.bridge.ros.types import message_class
 
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
+OUTCOMES = {  # others: "failed"
+    GoalStatus.SUCCEEDED: "succeeded",
+    GoalStatus.PREEMPTED: "cancelled",
+    GoalStatus.RECALLED: "cancelled",
+    GoalStatus.REJECTED: "rejected",
+}
 
 
 class Hearer(Protocol):
@@ -25,8 +31,8 @@ class Hearer(Protocol):
     def feedback(self, goal_id: str, feedback: Any) -> None:
         """What the action tells meanwhile."""
 
-    def ended(self, goal_id: str, status: int, text: str, result: Any) -> None:
-        """A goal has ended."""
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        """A goal has ended: one of `OUTCOMES`, or "failed"."""
 
 
 class ActionTopics:
@@ -87,4 +93,5 @@ class ActionTopics:
 
     def _on_result(self, message: Any) -> None:
         status = message.status
-        self._hearer.ended(status.goal_id.id, status.status, status.text, message.result)
+        outcome = OUTCOMES.get(status.status, "failed")
+        self._hearer.ended(status.goal_id.id, outcome, status.text, message.result)

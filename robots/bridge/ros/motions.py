@@ -10,7 +10,6 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 import rospy
-from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
@@ -21,12 +20,6 @@ from robots.bridge.ros.types import message_class, service_class
 from robots.wire import MotionOffer
 
 LIST_PATIENCE_S = 2.0
-OUTCOMES = {
-    GoalStatus.SUCCEEDED: "succeeded",
-    GoalStatus.PREEMPTED: "cancelled",
-    GoalStatus.RECALLED: "cancelled",
-    GoalStatus.REJECTED: "rejected",
-}
 ERRORS = {  # PlayMotionResult's codes in words
     "MOTION_NOT_FOUND": "the robot does not know this motion",
     "CONTROLLER_BUSY": "something else moves these joints",
@@ -134,10 +127,9 @@ class MotionTopics:
     def feedback(self, goal_id: str, feedback: Any) -> None:
         """It is empty."""
 
-    def ended(self, goal_id: str, status: int, text: str, result: Any) -> None:
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """A goal has ended: in the robot's own words, with its error code in ours."""
         told = [self._errors.get(result.error_code, ""), result.error_string or text]
-        outcome = OUTCOMES.get(status, "failed")
         if outcome in {"succeeded", "cancelled"}:
             told = told[1:]
         self._watcher.motion_ended(goal_id, outcome, _sentence([words for words in told if words]))

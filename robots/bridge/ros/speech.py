@@ -17,12 +17,6 @@ from robots.bridge.ros.types import message_class
 from robots.bridge.speech import Utterance
 
 STATUSES = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
-OUTCOMES = {
-    GoalStatus.SUCCEEDED: "done",
-    GoalStatus.PREEMPTED: "cancelled",
-    GoalStatus.RECALLED: "cancelled",
-    GoalStatus.REJECTED: "rejected",
-}
 
 
 class Ears(Protocol):
@@ -136,8 +130,9 @@ class _ActionVoice:
         if feedback.event_type & self._word_begins:
             self._ears.speech_said(goal_id, feedback.text_said)
 
-    def ended(self, goal_id: str, status: int, text: str, result: Any) -> None:
-        self._ears.speech_ended(goal_id, OUTCOMES.get(status, "failed"), result.msg or text)
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        outcome = "done" if outcome == "succeeded" else outcome
+        self._ears.speech_ended(goal_id, outcome, result.msg or text)
 
 
 class _PlainVoice:

@@ -1,0 +1,139 @@
+"""One goal at a time for the robot: on record, sent, heard of, cancelled until the robot obeys, ended.
+
+Nothing here begins a goal by itself, and one that was cancelled is over: whoever wants it again asks again.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+from uuid import uuid4
+
+from robots.bridge.drives import Answer, DriveLog, not_recorded
+from robots.bridge.sink import Holder
+
+CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
+UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
+
+What = TypeVar("What")
+
+
+@dataclass
+class Goal(Generic[What]):
+    """Something that was asked for; it has an id once it is sent."""
+
+    what: What
+    topic: str  # an action's name, if an action performs it
+    holder: Holder
+    since_s: float
+    number: Future[int]  # of its start on record
+    answer: Answer
+    id: str | None = None
+    heard_s: float = math.inf  # when it was on record, was sent, or the robot spoke of it
+    cancelled: tuple[str, str] | None = None  # outcome, and why in words
+    cancel_sent_s: float | None = None  # no later than this
+
+    def sent(self, now_s: float) -> str:
+        """It goes to the robot now, by this id."""
+        self.id, self.heard_s = f"fleet_bridge-{uuid4()}", now_s
+        return self.id
+
+
+class Goals(ABC, Generic[What]):
+    """The goal under way, if any: this console's own, or somebody else's, of which only ids are known.
+
+    `withdraw` has the robot cancel the goal of an id, on a topic.
+    """
+
+    def __init__(self, log: DriveLog, withdraw: Callable[[str, str], None]) -> None:
+        self._log = log
+        self._withdraw = withdraw
+        self._current: Goal[What] | None = None
+        self._ended: str | None = None  # the last one, of which an older word may still come
+        self._others: dict[str, float] = {}  # topics on which others have the robot do something: told last
+
+    @property
+    def topic(self) -> str | None:
+        """Where this console's goal is performed."""
+        return self._current.topic if self._current else None
+
+    def cancel(self, outcome: str, why: str) -> bool:
+        """Cancel this console's goal by its id. Whether there was one."""
+        goal = self._current
+        if goal is None:
+            return False
+        if goal.cancelled is None:
+            goal.cancelled = (outcome, why)
+            if goal.id is not None:
+                self._withdraw(goal.id, goal.topic)
+        return True
+
+    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
+        """The robot says that a goal has ended."""
+        if self._current is not None and self._current.id == goal_id:
+            self._end(outcome, text, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Repeat a cancel until the robot obeys; give up a goal of which it does not speak any more."""
+        goal = self._current
+        if goal is None:
+            return
+        if now_s - goal.heard_s > UNHEARD_S:
+            self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
+            self._end("cancelled", "", now_s)
+        elif goal.cancelled is not None and goal.id is not None:
+            if goal.cancel_sent_s is None:
+                goal.cancel_sent_s = now_s
+            elif now_s - goal.cancel_sent_s >= CANCEL_AGAIN_S:
+                goal.cancel_sent_s = now_s
+                self._withdraw(goal.id, goal.topic)
+
+    def _busy(self, now_s: float) -> bool:
+        """Whether the robot does what others asked for."""
+        return any(now_s - told_s <= UNHEARD_S for told_s in self._others.values())
+
+    def _recorded(self, now_s: float) -> Goal[What] | None:
+        """What is on record and waits to be sent; what could not be recorded, or was cancelled meanwhile, is over."""
+        goal = self._current
+        if goal is None or goal.id is not None or not goal.number.done():
+            return None
+        if error := goal.number.exception():
+            self._current = None
+            goal.answer(not_recorded(error))
+            return None
+        if math.isinf(goal.heard_s):
+            goal.heard_s = now_s
+            goal.answer(None)
+        if goal.cancelled is not None:
+            self._end("cancelled", "", now_s)
+            return None
+        return goal
+
+    def _heard(self, topic: str, ids: Collection[str], now_s: float) -> Goal[What] | None:
+        """The robot says which goals are under way on a topic. This console's, if it is one of them."""
+        goal = self._current
+        if set(ids) - {goal.id if goal else None, self._ended}:
+            self._others[topic] = now_s
+        else:
+            self._others.pop(topic, None)
+        if goal is None or goal.id not in ids:
+            return None
+        goal.heard_s = now_s
+        return goal
+
+    def _end(self, outcome: str, text: str, now_s: float) -> None:
+        """What ended as cancelled ended for the reason for which it was cancelled here, if it was."""
+        goal, self._current = self._current, None
+        if goal is not None:
+            self._ended = goal.id
+            if outcome == "cancelled" and goal.cancelled is not None:
+                outcome, text = goal.cancelled
+            self._over(goal, outcome, text, now_s)
+
+    @abstractmethod
+    def _over(self, goal: Goal[What], outcome: str, text: str, now_s: float) -> None:
+        """Put on record, and tell pages, how it ended."""
