@@ -354,10 +354,9 @@ def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> int
         still_open = ControlRequest.objects.filter(pk=request.pk, answered_at=None)
         if still_open.update(answered_at=now, outcome=outcome):
             closed += 1
-            asked = Record.objects.filter(
-                robot_id=request.robot.pk, kind="control.ask", of=None, parameters__request=request.pk
-            )
-            _record("control.ask", None, request.robot, None, of=asked.last(), outcome=outcome.value)
+            asks = Record.objects.filter(robot_id=request.robot.pk, kind="control.ask", of=None)
+            asked = asks.filter(parameters__request=request.pk).order_by("id").last()
+            _record("control.ask", None, request.robot, None, of=asked, outcome=outcome.value)
     return closed
 
 
