@@ -21,7 +21,6 @@ from teleop.models import ControlSession, EndReason
 GOES_ON = "goes_on"  # in place of how it ended
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 _MICROSECOND = datetime.timedelta(microseconds=1)
-_DAY = datetime.timedelta(days=1)
 
 Sessions = QuerySet[ControlSession]
 
@@ -87,9 +86,9 @@ def _days(form: FilterForm) -> Q:
     since, until = form.cleaned_data["since"], form.cleaned_data["until"]
     which = Q()
     if since:
-        which &= Q(started_at__gte=_midnight(since))
+        which &= Q(started_at__gte=_first(since))
     if until:
-        which &= Q(started_at__lt=_midnight(until) + _DAY)
+        which &= Q(started_at__lte=_last(until))
     return which
 
 
@@ -98,9 +97,9 @@ def _day_beside(sessions: Sessions, edge: datetime.date | None, *, later: bool) 
     if edge is None:
         return None
     if later:
-        session = sessions.filter(started_at__gte=_midnight(edge) + _DAY).order_by("started_at").first()
+        session = sessions.filter(started_at__gt=_last(edge)).order_by("started_at").first()
     else:
-        session = sessions.filter(started_at__lt=_midnight(edge)).order_by("-started_at").first()
+        session = sessions.filter(started_at__lt=_first(edge)).order_by("-started_at").first()
     return session.started_at.date() if session else None
 
 
@@ -125,8 +124,13 @@ def _lasted(session: ControlSession) -> str:
     return str(lasted - lasted % datetime.timedelta(seconds=1))
 
 
-def _midnight(day: datetime.date) -> datetime.datetime:
-    return datetime.datetime.combine(day, datetime.time(), datetime.timezone.utc)
+def _first(day: datetime.date) -> datetime.datetime:
+    """The first moment of a day, UTC."""
+    return datetime.datetime.combine(day, datetime.time.min, datetime.timezone.utc)
+
+
+def _last(day: datetime.date) -> datetime.datetime:
+    return datetime.datetime.combine(day, datetime.time.max, datetime.timezone.utc)
 
 
 def _key(moment: datetime.datetime) -> int:

@@ -31,7 +31,7 @@ FEW = 2000  # candidates, whose texts are looked at one by one
 OUTCOMES = 500  # different ones to choose from
 CONSOLE = "console"  # as a person: what nobody did
 
-_DAY = datetime.timedelta(days=1)
+_NEAR = 31  # days
 # Part of something, and a row of their own all the same: more than the outcome of what they refer to.
 _OWN_ROW = ["gate.begin", "refusal"]
 _IS_OUTCOME = Q(of__isnull=False) & ~Q(kind__in=_OWN_ROW)
@@ -116,13 +116,21 @@ class Selection:
     def day_beside(self, *, later: bool) -> datetime.date | None:
         """The next day after, or before, the wanted ones that has rows."""
         edge = self._wanted.until if later else self._wanted.since
-        if edge is None:
+        beside = _moved(edge, 1 if later else -1)
+        if beside is None:
             return None
-        if later:
-            beyond = replace(self._wanted, since=edge + _DAY, until=None)
-        else:
-            beyond = replace(self._wanted, since=None, until=edge - _DAY)
-        found = Selection(beyond, self._kinds).numbers(1, after=0 if later else None)
+        # Most often it is near, and a few days are soon looked through.
+        return self._first_day(
+            beside, _moved(beside, _NEAR if later else -_NEAR), later=later
+        ) or self._first_day(beside, None, later=later)
+
+    def _first_day(
+        self, beside: datetime.date, far: datetime.date | None, *, later: bool
+    ) -> datetime.date | None:
+        since, until = (beside, far) if later else (far, beside)
+        found = Selection(replace(self._wanted, since=since, until=until), self._kinds).numbers(
+            1, after=0 if later else None
+        )
         return Record.objects.values_list("day", flat=True).get(pk=found[0]) if found else None
 
     # --- which records --------------------------------------------------------------------------
@@ -244,6 +252,14 @@ def with_ends(kinds: Iterable[str]) -> list[str]:
 def row_of(record: Record) -> Row:
     """The row that a record is part of."""
     return _rows([record.pk])[0]
+
+
+def _moved(day: datetime.date | None, days: int) -> datetime.date | None:
+    """So many days later; None beyond what a calendar has."""
+    try:
+        return None if day is None else day + datetime.timedelta(days)
+    except OverflowError:
+        return None
 
 
 # --- numbers ----------------------------------------------------------------------------------

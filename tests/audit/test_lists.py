@@ -212,6 +212,24 @@ def test_the_day_before_and_after_are_those_that_have_rows_of_the_filter(on_day,
     assert Selection(Wanted(), SPEECH).day_beside(later=True) is None
 
 
+def test_a_day_beside_is_found_however_far_it_is(on_day):
+    for day in ("2020-01-01", "2026-11-04", "2031-05-05"):
+        on_day(day)
+        say(day)
+    day = datetime.date(2026, 11, 4)
+    selection = Selection(Wanted(since=day, until=day), SPEECH)
+    assert selection.day_beside(later=True) == datetime.date(2031, 5, 5)
+    assert selection.day_beside(later=False) == datetime.date(2020, 1, 1)
+
+
+@pytest.mark.parametrize("day", [datetime.date.min, datetime.date.max])
+def test_the_ends_of_the_calendar_are_days_like_others(day, admin):
+    say("hello")
+    query = f"since={day.isoformat()}&until={day.isoformat()}"
+    for name in [*LISTS, "teleop_controlsession"]:
+        assert admin.get(f"{reverse(f'admin:{name}_changelist')}?{query}").status_code == 200
+
+
 # --- pages --------------------------------------------------------------------------------------
 
 

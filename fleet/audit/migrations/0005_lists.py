@@ -96,6 +96,13 @@ class Migration(migrations.Migration):
                 fields=["actor", "id", "day", "of", "robot_id", "kind"], name="audit_by_actor"
             ),
         ),
+        # Where several would do, SQLite takes the newest: the person's before the robot's before the outcome's.
+        migrations.AddIndex(
+            model_name="record",
+            index=models.Index(
+                fields=["kind", "outcome", "id", "day", "of", "robot_id", "actor"], name="audit_kind_outcome"
+            ),
+        ),
         migrations.AddIndex(
             model_name="record",
             index=models.Index(
@@ -106,12 +113,6 @@ class Migration(migrations.Migration):
             model_name="record",
             index=models.Index(
                 fields=["actor", "kind", "id", "day", "of", "robot_id", "outcome"], name="audit_actor_kind"
-            ),
-        ),
-        migrations.AddIndex(
-            model_name="record",
-            index=models.Index(
-                fields=["kind", "outcome", "id", "day", "of", "robot_id", "actor"], name="audit_kind_outcome"
             ),
         ),
         migrations.RunPython(index_texts, unindex_texts),
