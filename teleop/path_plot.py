@@ -74,8 +74,8 @@ def plotted(legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]]
     return Plot(
         lines=[line for leg, path in zip(legs, paths, strict=True) for line in _lines(leg, path, scale)],
         marks=[scale(x, y) for x, y, _yaw in held],
-        across=[scale(0.0, y)[1] for y in _multiples(scale.top - HEIGHT / scale.per_m, scale.top, step_m)],
-        upright=[scale(x, 0.0)[0] for x in _multiples(scale.left, scale.left + WIDTH / scale.per_m, step_m)],
+        across=_grid(scale.top * scale.per_m, step_m * scale.per_m, HEIGHT),
+        upright=_grid(-scale.left * scale.per_m, step_m * scale.per_m, WIDTH),
         step_m=step_m,
         on_map=on_map,
         replay=[
@@ -125,5 +125,7 @@ def _lines(leg: Leg, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
         yield Line(pace, " ".join("{},{}".format(*scale(x, y)) for x, y, _yaw in poses))
 
 
-def _multiples(low: float, high: float, step: float) -> list[float]:
-    return [number * step for number in range(math.ceil(low / step), math.floor(high / step) + 1)]
+def _grid(zero: float, step: float, size: int) -> list[float]:
+    """Lines so far apart, one of them at `zero`, over the picture and as much on either side: it may have more room."""
+    first, last = math.ceil((-size - zero) / step), math.floor((2 * size - zero) / step)
+    return [round(zero + number * step, 1) for number in range(first, last + 1)]

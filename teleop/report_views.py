@@ -55,10 +55,10 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
         "session": session,
         "supervises": supervises_robot(user=person, robot=session.robot),
         "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
-        "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT},
+        "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT, "grid": 3 * path_plot.WIDTH},
         "paces": _paces(),
         "replay": {
-            "lastsS": report.lasted.total_seconds(),
+            "lastsS": report.lasted_s,
             "beganAt": session.started_at.isoformat(),
             "drives": report.plot.replay if report.plot else [],
         },

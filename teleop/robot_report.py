@@ -18,6 +18,7 @@ from fleet.audit import wording
 from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Record
 from robots.models import Robot
+from teleop.durations import clock
 
 PERIODS_DAYS = (7, 30, 90, 365)
 FAULTS = 10  # the newest
@@ -48,6 +49,11 @@ class Day(Struct, frozen=True):
     hours: float
     metres: float
 
+    @property
+    def driven(self) -> str:
+        """How long, as a clock shows it."""
+        return clock(self.hours * 3600.0)
+
 
 class Use(Struct, frozen=True):
     """Hours driven, as the plots show them: on each day of the period, in each hour of the day, on each weekday.
@@ -72,6 +78,11 @@ class RobotReport(Struct, frozen=True):
     use: Use
     reasons: list[Reason]
     faults: list[Fault]
+
+    @property
+    def driven(self) -> str:
+        """How long, as a clock shows it."""
+        return clock(self.driven_h * 3600.0)
 
     @property
     def interventions_per_hour(self) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from itertools import islice
 from typing import Any
 from uuid import UUID
@@ -15,6 +15,7 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
+from teleop.durations import clock
 from teleop.models import ControlSession
 from teleop.path_plot import Leg, Plot, plotted
 from teleop.services import supervises_robot
@@ -44,7 +45,8 @@ class Entry(Struct, frozen=True):
 class Figures(Struct, frozen=True):
     """What a session came to."""
 
-    driven: timedelta
+    lasted: str  # as a clock shows it
+    driven: str
     distance_m: float
     stops: int
     interventions: int
@@ -55,7 +57,7 @@ class SessionReport(Struct, frozen=True):
     """All that the page shows."""
 
     session: ControlSession
-    lasted: timedelta
+    lasted_s: float
     entries: list[Entry]
     cut_off: bool  # there were more of them
     figures: Figures
@@ -78,12 +80,13 @@ def report_of(session: ControlSession) -> SessionReport:
     found = list(islice((row for chunk in newest for row in chunk), MOST_ENTRIES + 1))
     rows = _with_the_robots(found[:MOST_ENTRIES][::-1], session)
     drives = [row for row in rows if row.record.kind == "drive.start"]
+    lasted_s = _since(session, session.ended_at or timezone.now())
     return SessionReport(
         session=session,
-        lasted=_whole_seconds((session.ended_at or timezone.now()) - session.started_at),
+        lasted_s=lasted_s,
         entries=[_entry(row, session) for row in rows],
         cut_off=len(found) > MOST_ENTRIES,
-        figures=_figures(rows, drives),
+        figures=_figures(rows, drives, lasted_s),
         plot=_plot(rows, drives, session),
         path_expired=any(row.end and wording.expired(row.end) for row in drives),
     )
@@ -132,11 +135,12 @@ def _since(session: ControlSession, at: datetime) -> float:
 # --- figures --------------------------------------------------------------------------------------
 
 
-def _figures(rows: Sequence[Row], drives: Sequence[Row]) -> Figures:
+def _figures(rows: Sequence[Row], drives: Sequence[Row], lasted_s: float) -> Figures:
     kinds = [row.record.kind for row in rows]
     ends = [row.end for row in drives if row.end]
     return Figures(
-        driven=_whole_seconds(sum((_driven(row) for row in drives), timedelta())),
+        lasted=clock(lasted_s),
+        driven=clock(sum(_driven_s(row) for row in drives)),
         distance_m=sum(end.details.get("distance_m", 0.0) for end in ends),
         stops=kinds.count("stop.press"),
         interventions=kinds.count("gate.begin"),
@@ -144,17 +148,13 @@ def _figures(rows: Sequence[Row], drives: Sequence[Row]) -> Figures:
     )
 
 
-def _driven(drive: Row) -> timedelta:
+def _driven_s(drive: Row) -> float:
     """How long; nothing where nobody knows, because the bridge was killed or the drive goes on."""
     if drive.end is None:
-        return timedelta()
+        return 0.0
     if wording.expired(drive.end):
-        return drive.end.at - drive.record.at
-    return timedelta(seconds=drive.end.details.get("duration_s", 0.0))
-
-
-def _whole_seconds(lasted: timedelta) -> timedelta:
-    return timedelta(seconds=round(lasted.total_seconds()))
+        return (drive.end.at - drive.record.at).total_seconds()
+    return float(drive.end.details.get("duration_s", 0.0))
 
 
 # --- path -----------------------------------------------------------------------------------------

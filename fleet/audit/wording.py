@@ -40,7 +40,7 @@ _SUBJECTS = (
     "profile",
     "file",
 )
-_ASIDE = {"t_s", "path_tolerance_m", "progress"}  # on the record's page only
+_ASIDE = {"t_s", "number", "path_tolerance_m", "progress"}  # on the record's page only
 
 
 def label(kind: str) -> str:

@@ -15,7 +15,8 @@ function clock(atS) {
 }
 
 function words(entry) {
-  return entry.querySelector("div > p").textContent.replace(/\s+/g, " ").trim();
+  const told = entry.querySelectorAll(".what, .subject");
+  return [...told].map((element) => element.textContent).join(": ");
 }
 
 function showMoment(atS) {
@@ -65,8 +66,8 @@ function step(forward) {
 }
 
 page.moment.max = String(Math.max(lastsS, timesS.at(-1) ?? 0));
-page.moment.step = "0.01"; // as fine as the timeline; arrow keys go farther, below
 page.moment.addEventListener("input", () => showMoment(Number(page.moment.value)));
+// The steps are as fine as the timeline, keys go farther.
 page.moment.addEventListener("keydown", (event) => {
   const way = {
     ArrowRight: 1,

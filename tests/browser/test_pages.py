@@ -25,6 +25,9 @@ PAGES = [
     "/admin/",
     "/admin/robots/phrase/",
     "/admin/robots/phrase/import/",
+    "/robots/tiago-1/report/",
+    "/your-data/",
+    "/privacy/",
     "/nowhere/",
 ]
 SIZES = [(360, 640), (844, 390), (1440, 900)]

@@ -187,7 +187,7 @@ def test_figures_are_those_of_all_drives(session, drive):
     drive()
     drive()
     figures = session_report.report_of(session).figures
-    assert (figures.driven, figures.distance_m) == (timedelta(seconds=16), 8.0)
+    assert (figures.lasted, figures.driven, figures.distance_m) == ("0:01:00", "0:00:16", 8.0)
     assert (figures.interventions, figures.stops, figures.complete) == (2, 0, True)
 
 
@@ -220,7 +220,7 @@ def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, p
     put("drive.end", of=start, outcome="bridge_killed")
     report = session_report.report_of(session)
     assert report.plot is None
-    assert report.figures.driven == timedelta()
+    assert report.figures.driven == "0:00:00"
     assert report.entries[0].outcome == "bridge killed"
 
 
@@ -269,7 +269,7 @@ def test_a_robots_report_has_hours_distance_interventions_and_when(robot, drive,
     drive()
     report = robot_report.report_of(robot, 7, TUESDAY + timedelta(days=4))
     assert (report.drives, report.distance_m, report.interventions) == (2, 8.0, 2)
-    assert report.driven_h == pytest.approx(16 / 3600)
+    assert report.driven == "0:00:16"
     assert report.interventions_per_hour == pytest.approx(450)
     assert [day.metres for day in report.use.days] == [0, 0, 4, 0, 0, 4, 0]
     assert [bool(hours) for hours in report.use.hours] == [hour == 14 for hour in range(24)]

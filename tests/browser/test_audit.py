@@ -1,0 +1,135 @@
+"""Somebody asks: who made the robot say that, and where did it drive? Staff find out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser
+
+from script.stack.stack import Stack
+from tests.browser.people import Person
+from tests.browser.test_console import go_to, notice
+from tests.browser.test_pages import SIZES, found_by_axe
+
+Arrive = Callable[..., Person]
+
+SENTENCE = "The cat sat on the warm charger."
+
+
+@pytest.fixture(scope="module")
+def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
+    """An operator who had control, said the sentence, drove a little, and let go of the robot."""
+    operator = Person(stack, browser, "operator")
+    operator.sign_in()
+    operator.take("tiago-2")
+    go_to(operator, "Speech")
+    operator.part("say-text").fill(SENTENCE)
+    operator.part("say-text").press("Enter")
+    notice(operator, f"Said: “{SENTENCE}”.")
+    go_to(operator, "Drive")
+    operator.page.locator("main").focus()
+    start = operator.place
+    operator.page.keyboard.down("a")
+    operator.page.keyboard.down("w")
+    operator.until_driven(start, 0.3)
+    operator.page.keyboard.up("w")
+    operator.page.keyboard.up("a")
+    operator.until_still()
+    operator.page.wait_for_timeout(1000)  # standstill is what ends a drive
+    operator.release()
+    yield operator
+    operator.leave()
+
+
+def test_staff_find_a_sentence_in_three_steps_and_follow_the_path_of_who_said_it(
+    person: Arrive, spoken: Person, tmp_path: Path
+) -> None:
+    staff = person("staff")
+    page = staff.page
+    # One: the history of speech. Two: the day, the person, a word of it. Three: open it.
+    staff.open("/admin/audit/speechrecord/")
+    today = datetime.now(timezone.utc).date().isoformat()
+    page.get_by_label("From").fill(today)
+    page.get_by_label("To").fill(today)
+    page.get_by_label("Person").select_option(label=spoken.account.username.capitalize())
+    page.get_by_label("Said").fill("warm charger")
+    page.get_by_role("button", name="Show", exact=True).click()
+    found = page.locator(".audit-table tr", has_text=SENTENCE)
+    assert found.count() == 1
+
+    with page.expect_download() as download:
+        page.get_by_role("button", name="JSON Lines").click()
+    file = tmp_path / "speech.jsonl"
+    download.value.save_as(file)
+    [told] = [json.loads(line) for line in file.read_text().splitlines()]
+    assert told["details"]["text"] == SENTENCE
+
+    found.get_by_role("link", name="Control session").click()
+    page.get_by_role("heading", name="Operator on TIAGo Two").wait_for()
+    said = staff.part("timeline").locator("li", has_text=SENTENCE)
+    assert said.is_visible()
+    assert found_by_axe(staff) == []
+    scrub_the_path(staff)
+    page.emulate_media(color_scheme="dark")
+    assert found_by_axe(staff) == []
+    assert staff.complaints == []
+
+
+def scrub_the_path(staff: Person) -> None:
+    """With keys, by the buttons, by a press on the timeline: the robot on the picture goes where it was then."""
+    moment, marker, entries = staff.part("moment"), staff.part("marker"), staff.part("timeline").locator("li")
+    drives = entries.filter(has_text="Drive began")
+
+    def place() -> str | None:
+        return marker.get_attribute("transform")
+
+    drives.last.locator("time").click()
+    assert drives.last.get_attribute("aria-current") == "true"
+    begun = place()
+    moment.focus()
+    staff.page.keyboard.press("ArrowRight")
+    assert place() != begun
+    assert "driving" in (moment.get_attribute("aria-valuetext") or "")
+    staff.page.keyboard.press("End")
+    assert entries.last.get_attribute("aria-current") == "true"
+    assert "standing" in staff.part("moment-words").inner_text()
+    staff.page.get_by_role("button", name="To the entry before").click()
+    assert entries.last.get_attribute("aria-current") is None
+
+
+def test_a_person_finds_their_own_control_session_by_their_menu_and_takes_their_data_along(
+    spoken: Person,
+) -> None:
+    spoken.open("/")
+    spoken.page.locator("summary").click()
+    spoken.page.get_by_role("link", name="Your data").click()
+    with spoken.page.expect_download() as download:
+        spoken.press("Export as JSON Lines")
+    assert SENTENCE in download.value.path().read_text()
+    spoken.page.get_by_role("link", name="TIAGo Two").first.click()
+    for width, height in SIZES:
+        spoken.page.set_viewport_size({"width": width, "height": height})
+        spoken.part("moment").wait_for()
+        assert spoken.page.evaluate("document.scrollingElement.scrollWidth") == width
+    assert spoken.page.get_by_text(SENTENCE).first.is_visible()
+    assert spoken.complaints == []
+    without_scripts(spoken)
+
+
+def without_scripts(spoken: Person) -> None:
+    """The same page is a plain timeline beside the path."""
+    browser = spoken.context.browser
+    assert browser is not None
+    plain = browser.new_context(java_script_enabled=False, storage_state=spoken.context.storage_state())
+    try:
+        page = plain.new_page()
+        page.goto(spoken.page.url)
+        assert page.locator(".timeline li", has_text=SENTENCE).is_visible()
+        assert page.locator(".path-plot polyline").count() > 0
+        assert not page.get_by_label("Moment").is_visible()
+    finally:
+        plain.close()
