@@ -7,7 +7,6 @@ from contextlib import suppress
 from pathlib import Path
 
 _TICKS_S = 1.0 / os.sysconf("SC_CLK_TCK")
-_LISTENING = "0A"
 
 
 def children(pid: int) -> list[int]:
@@ -40,18 +39,3 @@ def resident_mb(pid: int) -> float:
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) * 1024 / 1e6
     raise ProcessLookupError(pid)
-
-
-def listening_ports(pid: int) -> set[int]:
-    """TCP ports (IPv4) where it listens."""
-    sockets = set()
-    with suppress(OSError):
-        for descriptor in Path(f"/proc/{pid}/fd").iterdir():
-            with suppress(OSError):
-                sockets.add(str(descriptor.readlink()))
-    ports = set()
-    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
-        fields = line.split()
-        if fields[3] == _LISTENING and f"socket:[{fields[9]}]" in sockets:
-            ports.add(int(fields[1].partition(":")[2], 16))
-    return ports

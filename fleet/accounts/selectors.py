@@ -40,11 +40,6 @@ def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], Us
     }
 
 
-def account_alive(user_id: UUID) -> bool:
-    """Whether the account is there and active. One query."""
-    return User.objects.filter(pk=user_id, is_active=True).exists()
-
-
 def sign_ins_of(user_id: UUID) -> QuerySet[SignIn]:
     """A person's sign-ins that have not expired, newest use first."""
     return SignIn.objects.filter(user_id=user_id, session__expire_date__gt=timezone.now())

@@ -28,7 +28,6 @@ INTEGERS = {
 }
 FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # the largest
 STAMPS = {"time": "uint32", "duration": "int32"}  # and what their seconds are
-PRIMITIVES = {*INTEGERS, *FLOATS, *STAMPS, "string"}
 DEEPEST = 24  # levels of names
 LARGEST_ARRAY = 10_000  # elements; what fits a message to the console is less
 

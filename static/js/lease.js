@@ -1,6 +1,6 @@
 /** What remains of a term of control. The server says how many seconds; this page counts them by its own clock. */
 
-export const LAST_CALL_S = 30;
+const LAST_CALL_S = 30;
 
 /** @returns {number | null} seconds left at `nowMs`, never below zero; null without a term */
 export function remaining(seconds, heardMs, nowMs) {

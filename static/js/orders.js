@@ -9,7 +9,7 @@ const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answe
 const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
 
 /** What an order is, in words. */
-export function orderText(order) {
+function orderText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("Look ahead");
@@ -35,7 +35,7 @@ export function orderText(order) {
 }
 
 /** What is done by an order that was accepted; empty where the robot goes on to tell how it ends. */
-export function doneText(order) {
+function doneText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("The head turns to where the robot drives.");

@@ -13,7 +13,7 @@ export function aroundWord(text, word) {
   );
 }
 
-export function statusText(status) {
+function statusText(status) {
   const texts = {
     sent: gettext("Sent"),
     accepted: gettext("Accepted"),

@@ -6,11 +6,11 @@ import { SearchList } from "./list.js";
 import { shortened } from "./orders.js";
 import { recall, remember } from "./prefs.js";
 
-export const LONGEST = 500; // characters
+const LONGEST = 500; // characters
 const LANGUAGE = "language";
 
 /** How many characters a text has, as the robot's side counts them. */
-export function lengthOf(text) {
+function lengthOf(text) {
   return Array.from(text).length;
 }
 

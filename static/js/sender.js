@@ -2,8 +2,8 @@
 
 import { isNeutral, NEUTRAL } from "./stick.js";
 
-export const DRIVING_MS = 1000 / 30;
-export const RESTING_MS = 200;
+const DRIVING_MS = 1000 / 30;
+const RESTING_MS = 200;
 const TIMER_SLACK_MS = 4; // timers come a little early or late; half a period would halve the rate
 
 /**

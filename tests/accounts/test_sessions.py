@@ -12,7 +12,7 @@ from django.utils import timezone
 from fleet.accounts import services
 from fleet.accounts.middleware import sign_in_seen
 from fleet.accounts.models import SignIn
-from fleet.accounts.selectors import account_alive, session_alive, sign_ins_of
+from fleet.accounts.selectors import session_alive, sign_ins_of
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
 
@@ -90,8 +90,6 @@ def test_a_sign_in_is_alive_and_the_question_costs_one_query(desk, operator, dja
     key = desk.session.session_key
     with django_assert_num_queries(1):
         assert session_alive(key, operator.pk)
-    with django_assert_num_queries(1):
-        assert account_alive(operator.pk)
 
 
 def test_it_ends_with_the_sign_out(desk, operator):
@@ -115,14 +113,12 @@ def test_it_ends_when_the_account_is_closed(desk, operator):
     operator.is_active = False
     operator.save()
     assert not _alive(desk, operator)
-    assert not account_alive(operator.pk)
 
 
 def test_it_ends_when_the_password_is_changed_by_whatever_door(desk, operator):
     operator.set_password("another long walk")
     operator.save()
     assert not _alive(desk, operator)
-    assert account_alive(operator.pk)
 
 
 def test_it_is_one_persons_only(desk, observer):

@@ -5,7 +5,7 @@ import { LiveSocket } from "../socket.js";
 const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment
 
 /** What was refused, as an error. */
-export class RefusedError extends Error {
+class RefusedError extends Error {
   /** @param {{code: string, text: string, figures?: object}} refusal */
   constructor(refusal) {
     super(refusal.text);

@@ -6,14 +6,14 @@ const WHOLE = /^u?int(8|16|32|64)$|^byte$|^char$/;
 const FRACTION = /^float(32|64)$/;
 
 /** What a field holds before anybody writes there. */
-export function blankText(type) {
+function blankText(type) {
   if (type === "time") return "now";
   if (type === "duration" || WHOLE.test(type) || FRACTION.test(type)) return "0";
   return "";
 }
 
 /** A written value as the definition wants it. Throws an Error with words for a person. */
-export function parsed(text, type) {
+function parsed(text, type) {
   if (type === "string") return text;
   const trimmed = text.trim();
   if (type === "time" && trimmed === "now") return "now";
@@ -26,7 +26,7 @@ export function parsed(text, type) {
 }
 
 /** An array as it is written: values with commas between, or JSON for anything nested. */
-export function parsedArray(text, { type, array, fields = [] }) {
+function parsedArray(text, { type, array, fields = [] }) {
   const trimmed = text.trim();
   let values;
   if (fields.length || trimmed.startsWith("[")) {
@@ -162,7 +162,7 @@ export class MessageForm {
   }
 }
 
-export function typeText({ type, array }) {
+function typeText({ type, array }) {
   if (array === null || array === undefined) return type;
   return array < 0 ? `${type}[]` : `${type}[${array}]`;
 }
