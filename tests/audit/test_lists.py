@@ -165,6 +165,11 @@ def test_a_person_is_found_as_who_acted_and_as_who_really_did(operator, supervis
     assert shown(person=str(supervisor.pk)) == [entry]
 
 
+def test_who_acted_as_themselves_is_found_once(operator):
+    entry = record("stop.press", actor=operator, real_actor=operator, robot_id=ROBOT)
+    assert shown(person=str(operator.pk)) == [entry]
+
+
 def test_outcomes_to_choose_from_are_those_of_the_list():
     say("hello", outcome="cancelled")
     record("refusal", outcome="not_holder")

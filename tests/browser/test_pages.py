@@ -28,6 +28,9 @@ PAGES = [
     "/robots/tiago-1/report/",
     "/your-data/",
     "/privacy/",
+    "/admin/audit/record/",
+    "/admin/audit/speechrecord/",
+    "/admin/teleop/controlsession/",
     "/nowhere/",
 ]
 SIZES = [(360, 640), (844, 390), (1440, 900)]
