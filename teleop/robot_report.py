@@ -33,6 +33,11 @@ class Reason(Struct, frozen=True):
     words: str  # of the last time; blank if they have expired
     at: datetime  # the last time
 
+    @property
+    def words_of_code(self) -> str:
+        """The code, to be read."""
+        return self.code.replace("_", " ")
+
 
 class Fault(Struct, frozen=True):
     """Something that went wrong."""

@@ -36,9 +36,7 @@ class Entry(Struct, frozen=True):
     group: str  # what the kind's name begins with: control, drive, speech
     what: str
     subject: str
-    who: str  # blank: who had control
-    outcome: str
-    facts: list[str]
+    told: list[str]  # who, unless that was who had control; what came of it; figures
     expired: bool
 
 
@@ -114,6 +112,7 @@ def _with_the_robots(rows: list[Row], session: ControlSession) -> list[Row]:
 def _entry(row: Row, session: ControlSession) -> Entry:
     record = row.record
     records = [record, row.end] if row.end else [record]
+    who = "" if record.actor_id == str(session.user_id) else wording.who(record)
     return Entry(
         number=record.pk,
         at=record.at,
@@ -121,9 +120,7 @@ def _entry(row: Row, session: ControlSession) -> Entry:
         group=record.kind.partition(".")[0],
         what=wording.label(record.kind),
         subject=wording.subject(record),
-        who="" if record.actor_id == str(session.user_id) else wording.who(record),
-        outcome=row.outcome.replace("_", " "),
-        facts=wording.facts(records),
+        told=[words for words in (who, row.outcome.replace("_", " "), *wording.facts(records)) if words],
         expired=any(wording.expired(told) for told in records),
     )
 

@@ -161,8 +161,8 @@ def test_the_timeline_has_each_request_once_with_what_came_of_it_oldest_first(pu
     drive()
     entries = session_report.report_of(session).entries
     assert [entry.group for entry in entries] == ["speech", "control", "drive", "gate"]
-    assert (entries[0].subject, entries[0].outcome) == (SAID, "succeeded")
-    assert "distance 4 m" in entries[2].facts
+    assert (entries[0].subject, entries[0].told[0]) == (SAID, "succeeded")
+    assert "distance 4 m" in entries[2].told
     assert entries[0].at_s <= entries[1].at_s
 
 
@@ -175,10 +175,10 @@ def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_anot
     put("control.end", outcome="released")
     record("stop.press", actor=supervisor, robot_id=robot.pk)
     report = session_report.report_of(session)
-    assert [(entry.group, entry.who) for entry in report.entries] == [
-        ("control", ""),
-        ("stop", "Sue Pervisor"),
-        ("control", ""),
+    assert [(entry.group, entry.told[:1]) for entry in report.entries] == [
+        ("control", []),
+        ("stop", ["Sue Pervisor"]),
+        ("control", ["released"]),
     ]
     assert report.figures.stops == 1
 
@@ -221,7 +221,7 @@ def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, p
     report = session_report.report_of(session)
     assert report.plot is None
     assert report.figures.driven == "0:00:00"
-    assert report.entries[0].outcome == "bridge killed"
+    assert report.entries[0].told == ["bridge killed"]
 
 
 def test_what_has_expired_is_said(session, drive, said, signed_in, operator):
