@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from datetime import datetime, timedelta, timezone
 
 import pytest
@@ -18,6 +19,7 @@ from fleet.audit.retention import take_out
 from robots.models import RobotRole
 from teleop import robot_report, session_report
 from teleop.models import ControlSession, EndReason
+from teleop.path_plot import Leg, plotted
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
@@ -213,6 +215,15 @@ def test_where_the_maps_pose_is_known_the_path_is_drawn_on_it(session, drive):
     assert degrees == pytest.approx(-90, abs=0.1)  # east by odometry is north on the map
     assert x2 == pytest.approx(x0, abs=0.2)
     assert y2 < y0
+
+
+def test_a_bend_to_the_left_by_odometry_is_one_to_the_left_on_the_map():
+    bend = [[0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0, 1.0], [2.0, 1.0, 1.0, 1.57, 1.0]]
+    plot = plotted([Leg(0.0, bend, frame=[10.0, 0.0, math.pi / 2])], [])
+    [(_, x0, y0, _), (_, x1, y1, _), (_, x2, y2, _)] = plot.replay[0]
+    assert (x1, y2) == pytest.approx((x0, y1))
+    assert y1 < y0  # north, which is up
+    assert x2 < x1  # west
 
 
 def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, put):
