@@ -22,6 +22,8 @@ function parsed(text, type) {
   if (!Number.isFinite(value)) throw new Error(gettext("This is not a number."));
   if (WHOLE.test(type) && !Number.isInteger(value))
     throw new Error(gettext("Write a whole number."));
+  if (WHOLE.test(type) && !Number.isSafeInteger(value))
+    throw new Error(gettext("A browser would lose digits of this: publish it with a program."));
   return value;
 }
 

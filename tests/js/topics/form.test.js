@@ -86,6 +86,11 @@ describe("a form made from a definition", () => {
 
   it.each([
     ["count", "1.5", "Write a whole number."],
+    [
+      "count",
+      "9007199254740993",
+      "A browser would lose digits of this: publish it with a program.",
+    ],
     ["count", "many", "This is not a number."],
     ["gains", "1, 2", "Write exactly 3 values."],
     ["points", "[1", "Write a JSON list, such as [1, 2]."],
