@@ -1,8 +1,14 @@
-"""script/soak: parts of a running console are killed at random while somebody drives; nothing may move unheld.
+"""script/soak: parts of a running console are killed at random while somebody drives.
 
-Every round: drive, kill one or two parts with kill -9, watch the base come to a standstill, start again what does not
-start itself, let TCP deliver what it still holds, and see that the base still stands. It ends at the first round
-that breaks a rule; the seed that was printed makes the same rounds again.
+motion: nothing may move unheld. Every round: drive, kill one or two parts with kill -9, watch the base come to a
+standstill, start again what does not start itself, let TCP deliver what it still holds, and see that the base still
+stands.
+
+audit: nothing may reach the robot that is not on record. Every round: drive, speak, move, publish, choose, stop; kill
+one or two of web process, bridge and database with kill -9; start again; hold what the robot received against the log.
+Half of the rounds are over SQLite and half over PostgreSQL, if that is installed.
+
+It ends at the first round that breaks a rule; the seed that was printed makes the same rounds again.
 """
 
 from __future__ import annotations
@@ -14,15 +20,21 @@ import random
 import signal
 import sys
 import time
+from collections import Counter
 
 from benchmarks.harness import progress
+from benchmarks.parts.killed import PARTS as WRITERS
+from benchmarks.parts.killed import Database, Embedded, LostError, Person, Rounds, Witness
 from benchmarks.stop import ROBOT, STILL_RADPS, Scene, bridges, scene_on
+from script.stack.client import sign_in
 from script.stack.demo import Ended, ended_by_signals
 from script.stack.stack import PRACTICE_ROBOTS, Stack, StartError, temporary_stack
+from tests.script.servers import Postgresql, postgresql_installed, running_postgresql
 
 STANDSTILL_S = 1.0  # from the kill; the controller's own time-out and braking are in it
 SETTLED_S = 2.0
 READY_S = 90.0  # a supervisor whose restart budget is spent rests for a minute
+ROUNDS = {"motion": 100, "audit": 50}
 PARTS = ("web", "bridge", "supervisor", "master")
 
 
@@ -33,17 +45,21 @@ class RuleBrokenError(AssertionError):
 def main() -> int:
     """Returns the exit status."""
     parser = argparse.ArgumentParser(
-        prog="script/soak", description="Kill parts at random; nothing may move unheld."
+        prog="script/soak",
+        description="Kill parts at random: nothing may move unheld, nothing may be missing in the audit log.",
     )
-    parser.add_argument("--rounds", type=int, default=100)
+    parser.add_argument("what", nargs="*", choices=[[], *ROUNDS], help="motion, audit; both unless said")
+    parser.add_argument("--rounds", type=int, help="of each; else 100 of motion, 50 of audit")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     asked = parser.parse_args()
+    soaks = {"motion": soak, "audit": soak_audit}
     try:
         with ended_by_signals():
-            soak(asked.rounds, asked.seed)
+            for what in asked.what or ROUNDS:
+                soaks[what](asked.rounds or ROUNDS[what], asked.seed)
     except Ended:
         return 130
-    except (RuleBrokenError, StartError, TimeoutError) as error:
+    except (RuleBrokenError, LostError, StartError, TimeoutError) as error:
         print(f"soak: {error}", file=sys.stderr)
         return 1
     return 0
@@ -107,6 +123,62 @@ def revive(stack: Stack, victims: list[str]) -> None:
     if "web" in victims:
         stack.release(stack.web)
         stack.start_web()
+
+
+def soak_audit(rounds: int, seed: int) -> None:
+    """One console over each database."""
+    on_postgresql = rounds // 2 if postgresql_installed() else 0
+    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+        reached = asyncio.run(audit_rounds(stack, Embedded(), rounds - on_postgresql, seed, "SQLite"))
+    if on_postgresql:
+        with (
+            running_postgresql() as server,
+            temporary_stack(PRACTICE_ROBOTS[:1], settings={"FLEET_DATABASE_URL": server.url}) as stack,
+        ):
+            database = Server(server)
+            reached += asyncio.run(audit_rounds(stack, database, on_postgresql, seed, "PostgreSQL"))
+    else:
+        progress("PostgreSQL is not installed; all rounds were over SQLite")
+    print(
+        f"soak: {rounds} rounds with seed {seed}; all that reached the robot was on record: {told(reached)}"
+    )
+
+
+async def audit_rounds(stack: Stack, database: Database, number: int, seed: int, where: str) -> Counter[str]:
+    """What reached the robot in all of them."""
+    reached = Counter[str]()
+    person = Person(stack, await asyncio.to_thread(sign_in, stack, "operator"), seed)
+    async with Witness(stack) as witness:
+        rounds = Rounds(stack, database, person, witness)
+        for place in range(1, number + 1):
+            victims = person.chance.sample(WRITERS, person.chance.choice((1, 1, 2)))
+            progress(f"round {place} of {number} ({where}, seed {seed}): {' and '.join(victims)}")
+            new = await rounds.one(*victims)
+            progress(f"    on record as received: {told(new)}")
+            reached += new
+    return reached
+
+
+def told(reached: Counter[str]) -> str:
+    """Such as ``12 drive.start, 1 speech.start``; of drives, velocities are counted."""
+    return ", ".join(f"{number} {kind}" for kind, number in sorted(reached.items())) or "nothing"
+
+
+class Server:
+    """PostgreSQL, whose clients live on."""
+
+    writers_too = False
+
+    def __init__(self, postgresql: Postgresql) -> None:
+        self._postgresql = postgresql
+
+    def kill(self, _stack: Stack) -> None:
+        """kill -9 of the server and of each of its processes."""
+        self._postgresql.kill()
+
+    def start(self, _stack: Stack) -> None:
+        """It recovers by itself."""
+        self._postgresql.start()
 
 
 if __name__ == "__main__":

@@ -406,11 +406,13 @@ class Stack:
 
 
 @contextmanager
-def temporary_stack(robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS) -> Iterator[Stack]:
+def temporary_stack(
+    robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS, *, settings: Mapping[str, str] | None = None
+) -> Iterator[Stack]:
     """A stack on free ports, in a directory of its own that is kept only if something goes wrong."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
-        with Stack(directory, robots=robots) as stack:
+        with Stack(directory, robots=robots, settings=settings) as stack:
             yield stack
     except BaseException:
         print(f"Logs of the failed run are kept in {directory / 'log'}.", file=sys.stderr)

@@ -9,45 +9,90 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from benchmarks.parts.proc import children
 from script.stack.processes import Child
-from tests.script.support import outside, until
+from tests.script.support import Family, outside, until
 
+PROGRAMS = Path("/usr/lib/postgresql")
 OWNER = "postgres"  # by Debian's package; PostgreSQL does not run as root
 STARTED_S = 10.0
 POSTGRESQL_END = signal.SIGQUIT  # at once; SIGTERM would wait for its clients
 
 
+def postgresql_installed() -> bool:
+    """Whether this machine has its programs."""
+    return any(PROGRAMS.glob("*/bin"))
+
+
+class Postgresql:
+    """A PostgreSQL; `url` is its `FLEET_DATABASE_URL`. What it writes is not forced to the disk."""
+
+    def __init__(self, directory: Path) -> None:
+        self._programs = max(PROGRAMS.glob("*/bin"))
+        self._directory = directory
+        self._tie = ["/usr/bin/setpriv", f"--pdeathsig={POSTGRESQL_END.name.removeprefix('SIG')}"]
+        if os.getuid() == 0:
+            shutil.chown(directory, OWNER)
+            self._tie += [f"--reuid={OWNER}", f"--regid={pwd.getpwnam(OWNER).pw_gid}", "--clear-groups"]
+        place = ["-D", str(directory / "data"), "-U", "fleet"]
+        make = self._command("initdb", *place, "-A", "trust", "--no-sync")
+        subprocess.run([*self._tie, *make], check=True, cwd="/", stdout=subprocess.DEVNULL)
+        self.url = f"postgresql://fleet@/postgres?host={directory}"
+        self.start()
+
+    def start(self) -> None:
+        """Returns when it answers."""
+        place = self._command("postgres", "-D", self._directory / "data", "-k", self._directory)
+        run = [*place, "-c", "listen_addresses=", "-c", "fsync=off"]
+        log = self._directory / "log"
+        self._server = Child("postgresql", [*self._tie, *run], env=outside(), log=log)
+        ready = self._command("pg_isready", "-q", "-h", self._directory)
+        until(lambda: subprocess.run(ready).returncode == 0, "PostgreSQL answers", STARTED_S)
+
+    def _command(self, program: str, *words: str | Path) -> list[str]:
+        return [str(self._programs / program), *map(str, words)]
+
+    def signal_all(self, number: signal.Signals) -> None:
+        """To the server and to each of its processes."""
+        for pid in (self._server.pid, *children(self._server.pid)):
+            with suppress(ProcessLookupError):
+                os.kill(pid, number)
+
+    def kill(self) -> None:
+        """kill -9 of all of it; returns when none is left that holds its files."""
+        family = Family(self._server.pid)
+        self.signal_all(signal.SIGKILL)
+        self._server.wait(STARTED_S)
+        family.assert_gone()
+
+    def end(self) -> None:
+        """At once."""
+        self._server.signal(POSTGRESQL_END)
+        self._server.wait(STARTED_S)
+
+
 @contextmanager
-def postgresql() -> Iterator[str]:
-    """Its `FLEET_DATABASE_URL`. What it writes is not forced to the disk."""
-    programs = max(Path("/usr/lib/postgresql").glob("*/bin"))
+def running_postgresql() -> Iterator[Postgresql]:
+    """One that can be killed and started again."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-pg-"))
-    tie = ["/usr/bin/setpriv", f"--pdeathsig={POSTGRESQL_END.name.removeprefix('SIG')}"]
-    if os.getuid() == 0:
-        shutil.chown(directory, OWNER)
-        tie += [f"--reuid={OWNER}", f"--regid={pwd.getpwnam(OWNER).pw_gid}", "--clear-groups"]
     try:
-        make = [programs / "initdb", "-D", directory / "data", "-U", "fleet", "-A", "trust", "--no-sync"]
-        subprocess.run([*tie, *map(str, make)], check=True, cwd="/", stdout=subprocess.DEVNULL)
-        run = ["-D", directory / "data", "-k", directory, "-c", "listen_addresses=", "-c", "fsync=off"]
-        server = Child(
-            "postgresql",
-            [*tie, *map(str, [programs / "postgres", *run])],
-            env=outside(),
-            log=directory / "log",
-        )
+        server = Postgresql(directory)
         try:
-            ready = [str(programs / "pg_isready"), "-q", "-h", str(directory)]
-            until(lambda: subprocess.run(ready).returncode == 0, "PostgreSQL answers", STARTED_S)
-            yield f"postgresql://fleet@/postgres?host={directory}"
+            yield server
         finally:
-            server.signal(POSTGRESQL_END)
-            server.wait(STARTED_S)
+            server.end()
     finally:
         shutil.rmtree(directory)
+
+
+@contextmanager
+def postgresql() -> Iterator[str]:
+    """The `FLEET_DATABASE_URL` of one."""
+    with running_postgresql() as server:
+        yield server.url
 
 
 class Redis:

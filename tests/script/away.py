@@ -1,0 +1,71 @@
+"""A robot is driven while the database goes away and comes back."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from contextlib import AbstractContextManager
+
+from benchmarks.parts.killed import Person, Witness, read_log
+from benchmarks.parts.reckoning import unrecorded
+from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
+from script.stack.stack import Stack
+
+STANDS_S = 3.0  # 2.5 s without the database, and what two busy cores add
+NOTICED_S = 10.0
+LOOKED_S = 0.5
+TURN, TURNING_RADPS = 0.6, 0.1
+
+
+async def stands_while(stack: Stack, database_away: AbstractContextManager[object]) -> None:
+    """The robot stops and says why, stays where it is, and can be driven again through a neutral stick."""
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    async with Witness(stack) as witness:
+        driver = await Person(stack, cookie).sit_down()
+        await hold(driver, TURN, 10.0, until=lambda: turning(driver))
+        with database_away:
+            away_s = time.time()
+            await hold(driver, TURN, NOTICED_S, until=lambda: code(driver) == "not_recorded")
+            assert driver.state
+            assert "cannot be recorded" in driver.state.verdict.text
+            await hold(driver, TURN, NOTICED_S, until=lambda: not turning(driver))
+            assert away_s < witness.last_velocity_s < away_s + STANDS_S
+
+        back_s = time.time()
+        await hold(driver, TURN, NOTICED_S, until=lambda: code(driver) != "not_recorded")
+        assert driver.state
+        assert driver.state.neutral_needed
+        await hold(driver, TURN, LOOKED_S)
+        assert witness.last_velocity_s < back_s, "the robot moved though the stick was never let go"
+
+        await hold(driver, 0.0, NOTICED_S, until=lambda: driver.state and not driver.state.neutral_needed)
+        await hold(driver, TURN, NOTICED_S, until=lambda: turning(driver))
+        await hold(driver, 0.0, NOTICED_S, until=lambda: not turning(driver))
+        await driver.__aexit__(None, None, None)
+        log = await asyncio.to_thread(read_log, stack)
+        assert log.findings + unrecorded(witness.received, log.entries) == []
+        ended = [
+            entry.details["words"]
+            for entry in log.entries
+            if entry.outcome == "halted" and entry.at_s > away_s
+        ]
+        assert "what the robot did could not be recorded" in ended, ended
+
+
+async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:
+    """Hold the stick there whatever the console says: for so long, or until something, for which that is too long."""
+    end_s = time.monotonic() + seconds
+    while not (until and until()):
+        if time.monotonic() > end_s:
+            assert until is None, f"not within {seconds} s; {driver.said_last()}"
+            return
+        await driver.drive(0.0, turn)
+        await asyncio.sleep(DRIVE_PERIOD_S)
+
+
+def turning(driver: Driver) -> bool:
+    return bool(driver.odometry and abs(driver.odometry.w) > TURNING_RADPS)
+
+
+def code(driver: Driver) -> str:
+    return driver.state.verdict.code if driver.state else ""

@@ -1,0 +1,56 @@
+"""A PostgreSQL that hangs or is killed while a robot is driven: the robot stands, and no request is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from script.stack.stack import PRACTICE_ROBOTS, Stack
+from tests.script.away import stands_while
+from tests.script.servers import Postgresql, running_postgresql
+
+
+@dataclass
+class House:
+    stack: Stack
+    postgresql: Postgresql
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    directory: Path = tmp_path_factory.mktemp("console")
+    with running_postgresql() as postgresql:
+        settings = {"FLEET_DATABASE_URL": postgresql.url}
+        with Stack(directory / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
+            yield House(stack, postgresql)
+
+
+def test_a_robot_stands_while_the_server_hangs(house: House) -> None:
+    asyncio.run(stands_while(house.stack, hanging(house.postgresql)))
+
+
+def test_a_robot_stands_while_the_server_is_dead(house: House) -> None:
+    asyncio.run(stands_while(house.stack, dead(house.postgresql)))
+
+
+@contextmanager
+def hanging(server: Postgresql) -> Iterator[None]:
+    """Nothing is refused, nothing is answered."""
+    server.signal_all(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        server.signal_all(signal.SIGCONT)
+
+
+@contextmanager
+def dead(server: Postgresql) -> Iterator[None]:
+    server.kill()
+    yield
+    server.start()
