@@ -29,8 +29,10 @@ WRITER = """
 import sys, uuid, django
 django.setup()
 from fleet.audit import record
-for number in range(int(sys.argv[2])):
-    record("stop.press", robot_id=uuid.UUID(sys.argv[1]), robot_name="TIAGo 1", parameters={"number": number})
+robots = [uuid.UUID(word) if word != "none" else None for word in sys.argv[2:]]
+for number in range(int(sys.argv[1])):
+    for robot in robots:
+        record("stop.press", robot_id=robot, robot_name="TIAGo", parameters={"number": number})
 """
 
 anything = st.recursive(
@@ -125,17 +127,25 @@ def test_threads_that_write_at_once_fork_no_chain(operator: User, staff: User) -
 
 
 @pytest.mark.django_db(transaction=True)
-def test_processes_that_write_at_once_fork_no_chain() -> None:
-    command = [sys.executable, "-c", WRITER, str(ROBOT), "20"]
-    writers = [subprocess.Popen(command, env=_environment(), cwd=ROOT) for _ in range(3)]
+def test_two_web_processes_and_five_bridges_that_write_at_once_fork_no_chain() -> None:
+    """Each bridge writes of its own robot, the web processes of every robot and of none."""
+    robots = [uuid.UUID(int=number) for number in range(1, 6)]
+    bridges = [["20", str(robot)] for robot in robots]
+    web = ["10", *map(str, robots), "none"]
+    before = len(places(None))
+    command = [sys.executable, "-c", WRITER]
+    writers = [
+        subprocess.Popen([*command, *words], env=_environment(), cwd=ROOT) for words in (*bridges, web, web)
+    ]
     try:
-        assert [writer.wait(60) for writer in writers] == [0, 0, 0]
+        assert [writer.wait(60) for writer in writers] == [0] * 7
     finally:
         for writer in writers:
             writer.kill()
             writer.wait()
     assert verify_all().findings == []
-    assert places(ROBOT) == list(range(1, 61))
+    assert [places(robot) for robot in robots] == [list(range(1, 41))] * 5
+    assert len(places(None)) == before + 20
 
 
 def _environment() -> dict[str, str]:
