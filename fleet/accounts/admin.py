@@ -18,6 +18,7 @@ from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
+from fleet.audit.admin import ReadOnly
 
 # Roles are given robot by robot, and staff may do everything: groups would be a second truth.
 admin.site.unregister(Group)
@@ -88,8 +89,8 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
 
 
 @admin.register(SignIn)
-class SignInAdmin(ListedLookups):
-    """Who is signed in, and from where: to read."""
+class SignInAdmin(ListedLookups, ReadOnly):
+    """Who is signed in, and from where: to read. Closing an account ends its sign-ins."""
 
     list_display = ["user", "address", "device", "started_at", "seen_at"]
     fields = ["user", "address", "user_agent", "started_at", "seen_at"]
@@ -100,18 +101,6 @@ class SignInAdmin(ListedLookups):
     def device(self, sign_in: SignIn) -> str:
         """What it says it is, in plain words."""
         return sign_in.device
-
-    def has_add_permission(self, request: HttpRequest) -> bool:
-        """People sign in themselves."""
-        return False
-
-    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """To read only."""
-        return False
-
-    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Closing the account ends its sign-ins; people end their own on their page."""
-        return False
 
 
 def _actor(request: HttpRequest) -> User:

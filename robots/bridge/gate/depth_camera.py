@@ -172,14 +172,8 @@ class DepthCamera:
         return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        age_s = self.freshness.age_s(now_s)
-        if age_s is None:
-            text = self.complaint or "nothing has come yet"
-        elif age_s > DEPTH_STALE_S:
-            text = self.complaint or f"nothing new for {age_s:.1f} s"
-        else:
-            text = ""
-        return SensorHealth(self.name, self.kind, not text, age_s, text)
+        text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)
+        return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
 
 
 class DepthMemory:

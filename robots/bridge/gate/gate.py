@@ -236,12 +236,8 @@ class Gate:
         ]
 
     def _odometry_health(self, now_s: float) -> SensorHealth:
-        age_s = self._odometry.age_s(now_s)
-        if age_s is None:
-            text = "nothing has come yet"
-        else:
-            text = "" if age_s <= ODOMETRY_STALE_S else f"nothing new for {age_s:.1f} s"
-        return SensorHealth("odometry", "odometry", not text, age_s, text)
+        text = self._odometry.silence(ODOMETRY_STALE_S, now_s)
+        return SensorHealth("odometry", "odometry", not text, self._odometry.age_s(now_s), text)
 
     def _with_latency_of(self, latency_s: float) -> GateProfile:
         """The profile with the robot's latency as it is now in the place of the assumed one."""

@@ -41,6 +41,13 @@ class Freshness:
         """Whether something new came within `limit_s`."""
         return self._arrival_s is not None and now_s - self._arrival_s <= limit_s
 
+    def silence(self, limit_s: float, now_s: float, why: str = "") -> str:
+        """What to say if nothing new came within `limit_s`: `why`, if that is known; "" if something did."""
+        if self.within(limit_s, now_s):
+            return ""
+        age_s = self.age_s(now_s)
+        return why or ("nothing has come yet" if age_s is None else f"nothing new for {age_s:.1f} s")
+
 
 def late_share(age_s: float) -> float:
     """What is left of a twist when the newest scan is this old: all until 0.22 s, nothing from 0.28 s on."""

@@ -100,17 +100,10 @@ class Laser:
         return carried(self.seen, self.freshness.stamp_s, trail)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        age_s = self.freshness.age_s(now_s)
-        text = self._complaint
-        if age_s is None:
-            text = text or "nothing has come yet"
-        elif age_s > LASER_LATE_S:
-            text = text or f"nothing new for {age_s:.1f} s"
-        elif not self.is_paired(trail):
+        text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
+        if not text and not self.is_paired(trail):
             text = "its stamps do not match the odometry's"
-        else:
-            text = ""
-        return SensorHealth(self.name, self.kind, not text, age_s, text)
+        return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
 
 
 class _Echo(NamedTuple):
@@ -173,14 +166,8 @@ class Sonar:
         return joined(remembered)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        age_s = self.freshness.age_s(now_s)
-        if age_s is None:
-            text = self._complaint or "nothing has come yet"
-        elif age_s > SONAR_STALE_S:
-            text = self._complaint or f"nothing new for {age_s:.1f} s"
-        else:
-            text = ""
-        return SensorHealth(self.name, self.kind, not text, age_s, text)
+        text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint)
+        return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
 
 
 def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:
