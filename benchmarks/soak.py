@@ -48,14 +48,14 @@ def main() -> int:
         prog="script/soak",
         description="Kill parts at random: nothing may move unheld, nothing may be missing in the audit log.",
     )
-    parser.add_argument("what", nargs="*", choices=[[], *ROUNDS], help="motion, audit; both unless said")
+    parser.add_argument("what", nargs="?", choices=ROUNDS, help="only this one")
     parser.add_argument("--rounds", type=int, help="of each; else 100 of motion, 50 of audit")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     asked = parser.parse_args()
     soaks = {"motion": soak, "audit": soak_audit}
     try:
         with ended_by_signals():
-            for what in asked.what or ROUNDS:
+            for what in [asked.what] if asked.what else ROUNDS:
                 soaks[what](asked.rounds or ROUNDS[what], asked.seed)
     except Ended:
         return 130

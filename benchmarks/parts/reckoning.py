@@ -115,7 +115,8 @@ def _velocities_without_drive(received: Sequence[Received], log: Sequence[Entry]
     ]
     chosen_s: dict[str, float] = {DEFAULT_DRIVE_TOPIC: 0.0}
     for entry in _of_kind("topic.choose", log):
-        chosen_s.setdefault(entry.details["to"], entry.at_s)
+        if entry.of is None:  # else it is how a choice ended
+            chosen_s.setdefault(entry.details["to"], entry.at_s)
     missing = [
         f"a velocity on {one.key} reached the robot at {one.at_s:.3f}, in no drive that is on record"
         for one in received

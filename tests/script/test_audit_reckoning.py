@@ -67,6 +67,7 @@ def test_a_velocity_on_a_topic_that_nobody_chose_is_found() -> None:
     elsewhere = Received("drive.start", 20.0, "/phone_vel")
     assert unrecorded([elsewhere], LOG)
     assert unrecorded([elsewhere], [*LOG, entry(6, 19.0, "topic.choose", to="/phone_vel")]) == []
+    assert unrecorded([elsewhere], [*LOG, entry(6, 19.0, "topic.choose", of=5)])
 
 
 def test_what_has_no_outcome_is_found() -> None:
