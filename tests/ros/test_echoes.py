@@ -45,6 +45,8 @@ class Listener:
 class Connection:
     """As rospy keeps one."""
 
+    endpoint_id = "/robot"
+
     def __init__(self, ours):
         self.socket = ours
         self.stat_bytes = 0

@@ -65,7 +65,7 @@ def test_the_lateral_stick_slides_the_base_and_the_gate_holds_it_off_the_wall_at
         process.stop()
     assert abs(sliding.odometry.vx) < 0.05
     assert "right" in stopped.verdict.side
-    assert stopped.verdict.text.endswith("m right")
+    assert stopped.verdict.text.endswith("right")
     assert 0.0 < last.pose.pose.position.y - HALF_WIDTH_M < 0.2
     assert math.isclose(last.pose.pose.position.x, 7.6, abs_tol=0.1)
     assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
