@@ -74,11 +74,13 @@ class Environment:
             raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of seconds, {least:g} or more.")
         return seconds
 
-    def days(self, name: str, default: int) -> int:
-        """A whole number of days, one or more."""
+    def days(self, name: str, default: int, *, least: int = 1) -> int:
+        """A whole number of days, at least `least`."""
         value = self.text(name) or str(default)
-        if not value.isdecimal() or not 1 <= int(value) <= MOST_DAYS:
-            raise ImproperlyConfigured(f"{name} is {value!r}; it is a number of days from 1 to {MOST_DAYS}.")
+        if not value.isdecimal() or not least <= int(value) <= MOST_DAYS:
+            raise ImproperlyConfigured(
+                f"{name} is {value!r}; it is a number of days from {least} to {MOST_DAYS}."
+            )
         return int(value)
 
     def directory(self, name: str, default: Path) -> Path:

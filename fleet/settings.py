@@ -38,7 +38,7 @@ FLEET_AUDIT_KEEP_DAYS = {
     "driving": _env.days("FLEET_AUDIT_KEEP_DRIVING_DAYS", 365),
     "other": _env.days("FLEET_AUDIT_KEEP_OTHER_DAYS", 730),
 }
-FLEET_AUDIT_KEEP_RECORDS_DAYS = _env.days("FLEET_AUDIT_KEEP_RECORDS_DAYS", 5 * 366)
+FLEET_AUDIT_KEEP_RECORDS_DAYS = _env.days("FLEET_AUDIT_KEEP_RECORDS_DAYS", 5 * 366, least=365)
 
 # In debug a key for this process alone: sign-ins end with it.
 SECRET_KEY = (

@@ -19,6 +19,9 @@ from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import lock_chain
 
+RECORDS_KEPT_AT_LEAST = timedelta(
+    days=365
+)  # whatever the settings say: verification believes no other checkpoint
 CONTENTS_AT_ONCE = 500
 RECORDS_AT_ONCE = 2000
 INDEX_PAGES_AT_ONCE = 200
@@ -93,7 +96,7 @@ def _merge(pages: int) -> bool:
 
 def remove(today: date) -> Iterator[None]:
     """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
-    since = today - timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS)
+    since = today - max(timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS), RECORDS_KEPT_AT_LEAST)
     for chain in Chain.objects.all():
         more = True
         while more:
@@ -119,7 +122,12 @@ def _remove_some(chain: Chain, since: date) -> bool:
         "audit.checkpoint",
         robot_id=robot_id,
         robot_name=chain.name,
-        parameters={"through": through, "digest": digest, "removed": len(old)},
+        parameters={
+            "through": through,
+            "digest": digest,
+            "removed": len(old),
+            "before": since.isoformat(),
+        },
     )
     gone = records.filter(seq__lte=through)
     Content.objects.filter(record__in=gone).delete()

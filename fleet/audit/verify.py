@@ -1,25 +1,33 @@
 """Is the log as it was written? Every record is held against the chain of digests, what else is kept against its own.
 
 The log is tamper-evident: whoever gets past the triggers can change it, but not without a finding here, unless they
-compute the whole chain anew from there on. That, and a tail that was cut off, shows against heads kept elsewhere.
+compute the whole chain anew from there on. That, a tail that was cut off, and a beginning that was removed under a
+checkpoint that the console did not make, shows against heads kept elsewhere.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from datetime import date, datetime
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from datetime import date, datetime, timedelta, timezone
+from typing import Annotated, Any, TypeVar
 from uuid import UUID
 
 import msgspec
-from django.db import connection
+from django.db import OperationalError, connection
+from django.db.models import QuerySet
+from django.utils import timezone as django_timezone
 from msgspec import Struct
 
 from fleet.audit import triggers
 from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest
 from fleet.audit.models import Chain, Record
+from fleet.audit.retention import RECORDS_KEPT_AT_LEAST
 
 AT_ONCE = 5000  # records in memory
+CLOCKS_DIFFER = timedelta(days=1)  # by no more
+NOT_AS_WRITTEN = "is not what was written: it was changed or put in."
+# What comes of cells in which no console ever wrote what stands there. SQLite keeps anything in any column.
+UNREADABLE = (ValueError, TypeError, AttributeError, OverflowError, OperationalError)
 COLUMNS = [
     *(
         "id",
@@ -71,6 +79,41 @@ class Verified(Struct):
     records: int = 0
 
 
+class Unreadable(Struct, frozen=True):
+    """A record in which something stands that is no value of its column."""
+
+    id: int
+    seq: Any
+    digest: Any
+
+
+class Removal(Struct, frozen=True):
+    """What a checkpoint says of records that were before it."""
+
+    through: int  # the place of the last that went
+    digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]  # of that one
+    removed: int  # how many went with this checkpoint
+    before: date  # all of them were of earlier days
+
+
+class Expired(Struct, frozen=True):
+    """What the log says of one kind's contents that expired."""
+
+    before: date  # all of them were of earlier days
+
+
+class Expiry(Struct, frozen=True):
+    """What the log says of contents that expired, by kind."""
+
+    kinds: dict[str, Expired]
+
+
+class Erasure(Struct, frozen=True):
+    """What the log says of a person who was erased."""
+
+    records: list[int]  # whose contents went
+
+
 class Taken(Struct, frozen=True):
     """Which contents were lawfully taken out, by what the log itself says."""
 
@@ -80,6 +123,9 @@ class Taken(Struct, frozen=True):
     def covers(self, record: Any) -> bool:
         """Whether it is right that the content of a record is gone."""
         return record.day < self.before.get(record.kind, date.min) or record.id in self.erased
+
+
+T = TypeVar("T")
 
 
 def verify(chains: Iterable[Chain]) -> Verified:
@@ -92,32 +138,42 @@ def verify(chains: Iterable[Chain]) -> Verified:
 
 def verify_all() -> Verified:
     """Look through every chain, and for what a chain cannot tell."""
-    chains = list(Chain.objects.order_by("name", "id"))
+    chains, findings = _chains()
     told = verify(chains)
-    told.findings += [*_strays({chain.pk for chain in chains}), *_missing_triggers()]
+    told.findings += [*findings, *_strays(chains), *_missing_triggers()]
     return told
 
 
 def compare(heads: Iterable[Head]) -> Iterator[Finding]:
     """What is no longer as it was when these heads were kept."""
     for head in heads:
-        robot_id = None if head.chain == NO_ROBOT else head.chain
-        records = Record.objects.filter(robot_id=robot_id)
-        first = records.order_by("seq").values_list("seq", flat=True).first()
-        there = records.filter(seq=head.seq).values_list("id", "digest").first()
         name = head.name or _name(Chain(id=head.chain))
+        records = _records(head.chain)
+        there = records.filter(seq=head.seq).values_list("id", flat=True).first()
         if there is not None:
-            number, digest = there
-            if digest != head.digest:
-                yield Finding(name, number, head.seq, "is another one than when the heads were kept.")
-        elif first is None or head.seq > first:
-            kept = head.at.isoformat(timespec="seconds")
-            yield Finding(
-                name,
-                None,
-                None,
-                f"its end is cut off: it had {head.seq} records when the last was of {kept}.",
-            )
+            if _cell(there, "digest") != head.digest:
+                yield Finding(name, there, head.seq, "is another one than when the heads were kept.")
+            continue
+        first = _place(records.filter(seq__gt=0).order_by("seq").values_list("seq", flat=True).first())
+        if first is None or head.seq > first:
+            what = f"its end is cut off: it had {head.seq} records when the last was of {_time(head.at)}."
+            yield Finding(name, None, None, what)
+        elif what := _how_removed(head, _removal_before(first, records)):
+            yield Finding(name, None, head.seq, what)
+
+
+def _how_removed(head: Head, removal: Removal | None) -> str:
+    """What is wrong with that the record of the head is not there any more; blank: nothing."""
+    was_of = f"it was of {_time(head.at)}"
+    if removal is None:
+        return f"was removed, and no checkpoint that counts says so: {was_of}."
+    if head.at.astimezone(timezone.utc).date() >= removal.before:
+        return (
+            f"was removed before its time: {was_of}, and the checkpoint is for days before {removal.before}."
+        )
+    if head.seq == removal.through and head.digest != removal.digest:
+        return "is another one in the checkpoint than when the heads were kept."
+    return ""
 
 
 class _Walk:
@@ -125,37 +181,41 @@ class _Walk:
 
     def __init__(self, chain: Chain, taken: Taken, told: Verified) -> None:
         self._chain = chain
+        self._records = _records(chain.pk)
         self._name = _name(chain)
         self._taken = taken
         self._told = told
         self._seq = 0  # of the record before
         self._number = 0
-        self._digest: str | None = first_digest(chain.pk)  # None: not known, for it is missing
+        self._digest: Any = first_digest(chain.pk)  # None: not known, for it is missing
         self._doubted = False  # there is a finding about the record before
+        self._removals: dict[int, Removal] = {}  # by the number of the checkpoint; those that count
 
     def go(self) -> None:
-        robot_id = None if self._chain.pk == NO_ROBOT else self._chain.pk
-        rows = Record.objects.filter(robot_id=robot_id).order_by("seq").values_list(*COLUMNS, named=True)
-        row = None
-        for row in rows.iterator(AT_ONCE):
+        head = None
+        for row in _rows(self._records.order_by("seq")):
+            self._told.records += 1
+            if _place(row.seq) is None:
+                self._find(row, NOT_AS_WRITTEN)
+                continue
             if row.seq != self._seq + 1:
                 self._account_for_gap(row)
             what = self._what_is_wrong(row)
             if what:
                 self._find(row, what)
+            else:
+                head = Head(self._chain.pk, self._chain.name, row.seq, row.digest, row.at)
             self._seq, self._number, self._digest, self._doubted = row.seq, row.id, row.digest, bool(what)
-            self._told.records += 1
-        if row is None:
-            self._told.findings.append(Finding(self._name, None, None, "all of its records are missing."))
-        else:
-            head = Head(self._chain.pk, self._chain.name, row.seq, row.digest, row.at)
+        if head is not None:
             self._told.heads.append(head)
+        elif self._seq == 0:
+            self._told.findings.append(Finding(self._name, None, None, "all of its records are missing."))
 
     def _account_for_gap(self, row: Any) -> None:
         """Records before this one are not there: a checkpoint says so, or they were removed."""
-        checkpoint = _checkpoint(row) if self._seq == 0 else None
-        if checkpoint is not None:
-            self._digest = checkpoint
+        removal = _removal_before(row.seq, self._records) if self._seq == 0 else None
+        if removal is not None:
+            self._digest = removal.digest
             return
         first, last = self._seq + 1, row.seq - 1
         missing = (
@@ -167,50 +227,170 @@ class _Walk:
         self._digest = None
 
     def _what_is_wrong(self, row: Any) -> str:
-        if self._digest is not None and next_digest(self._digest, row) != row.digest:
+        follows = None if isinstance(row, Unreadable) else _computed(next_digest, self._digest or "", row)
+        if follows is None or (self._digest is not None and follows != row.digest):
             return self._why(row)
+        return self._what_is_wrong_inside(row) or self._what_is_claimed(row)
+
+    def _what_is_wrong_inside(self, row: Any) -> str:
         if row.content__salt is None:
             lost = row.content_digest and not self._taken.covers(row)
             return "has lost its content before its time." if lost else ""
-        if content_digest(row.content__salt, row.content__text, row.content__data) != row.content_digest:
-            return "has another content than was written."
+        content = _computed(content_digest, row.content__salt, row.content__text, row.content__data)
+        return "" if content == row.content_digest else "has another content than was written."
+
+    def _what_is_claimed(self, row: Any) -> str:
+        """What is wrong with what a record says was taken out or removed by the rules."""
+        if row.kind == "audit.expire" and _expiry(row) is None:
+            return "tells of contents that expired before their time, or not in words that count."
+        if row.kind == "audit.checkpoint" and not self._counts(row):
+            return "is no checkpoint that the console makes: what it says counts for nothing."
         return ""
+
+    def _counts(self, checkpoint: Any) -> bool:
+        """Whether what it says was removed is believed."""
+        if checkpoint.id not in self._removals:  # also one that was appended meanwhile
+            self._removals = _removals(self._records)
+        return checkpoint.id in self._removals
 
     def _why(self, row: Any) -> str:
         if row.id <= self._number:
             return f"is out of order after #{self._number}: records were swapped."
         if self._doubted:
             return f"does not follow on #{self._number} as that is now."
-        return "is not what was written: it was changed or put in."
+        return NOT_AS_WRITTEN
 
     def _find(self, row: Any, what: str) -> None:
-        self._told.findings.append(Finding(self._name, row.id, row.seq, what))
+        self._told.findings.append(Finding(self._name, row.id, _place(row.seq), what))
 
 
-def _checkpoint(first: Any) -> str | None:
-    """The digest that the first record kept follows on, if what was before it was removed as the log says."""
-    checkpoints = Record.objects.filter(robot_id=first.robot_id, kind="audit.checkpoint")
-    found = checkpoints.filter(parameters__through=first.seq - 1).order_by("id").last()
-    return found.parameters["digest"] if found else None
+# --- what the log says of itself ---------------------------------------------------------------------
+
+
+def _removal_before(seq: int, records: QuerySet[Record]) -> Removal | None:
+    """What says that the records before this place were removed; None: nothing that counts."""
+    told = [removal for removal in _removals(records).values() if removal.through == seq - 1]
+    return told[-1] if told else None
+
+
+def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
+    """What the checkpoints of a chain say, by their numbers; only those that the console can have made.
+
+    Each goes on where the one before ended, and lets go what is older than the settings can say.
+    """
+    counting: dict[int, Removal] = {}
+    through = None  # what the checkpoint before let go; None: if there was one, it is gone itself
+    for row in _rows(records.filter(kind="audit.checkpoint").order_by("seq")):
+        removal = _told(row, Removal)
+        if (
+            removal is not None
+            and row.day - removal.before >= RECORDS_KEPT_AT_LEAST
+            and 0 < removal.removed <= removal.through < row.seq
+            and through in (None, removal.through - removal.removed)
+        ):
+            counting[row.id] = removal
+            through = removal.through
+    return counting
+
+
+def _expiry(row: Any) -> Expiry | None:
+    """What a record says of contents that expired, if it can be so: none goes on the day on which it was recorded."""
+    expiry = _told(row, Expiry)
+    lawful = expiry is not None and all(expired.before < row.day for expired in expiry.kinds.values())
+    return expiry if lawful else None
 
 
 def _taken() -> Taken:
     before: dict[str, date] = {}
-    for told in (
-        Record.objects.filter(kind="audit.expire").order_by("id").values_list("parameters", flat=True)
-    ):
-        for kind, expired in told["kinds"].items():
-            before[kind] = max(before.get(kind, date.min), date.fromisoformat(expired["before"]))
-    erasures = Record.objects.filter(kind="audit.erase").values_list("parameters", flat=True)
-    return Taken(before, frozenset(number for told in erasures for number in told["records"]))
+    for row in _rows(Record.objects.filter(kind="audit.expire").order_by("id")):
+        expiry = _expiry(row)
+        for kind, expired in expiry.kinds.items() if expiry else ():
+            before[kind] = max(before.get(kind, date.min), expired.before)
+    erased: set[int] = set()
+    for row in _rows(Record.objects.filter(kind="audit.erase").order_by("id")):
+        erasure = _told(row, Erasure)
+        erased.update(number for number in (erasure.records if erasure else ()) if number < row.id)
+    return Taken(before, frozenset(erased))
 
 
-def _strays(chains: set[UUID]) -> Iterator[Finding]:
-    for robot_id in Record.objects.order_by().values_list("robot_id", flat=True).distinct():
-        if (robot_id or NO_ROBOT) not in chains:
-            stray = Record.objects.filter(robot_id=robot_id).order_by("seq").values_list("id", "seq").first()
-            number, seq = stray or (None, None)
-            yield Finding(str(robot_id or NO_ROBOT), number, seq, "belongs to no chain: it was put in.")
+def _told(row: Any, kind: type[T]) -> T | None:
+    """What a record says, if it says it at all, and is not of days to come, when much could have expired."""
+    if isinstance(row, Unreadable) or not isinstance(row.day, date):
+        return None
+    if row.day > django_timezone.now().date() + CLOCKS_DIFFER:
+        return None
+    return _computed(msgspec.convert, row.parameters, kind)
+
+
+# --- reading what may hold anything -------------------------------------------------------------------
+
+
+def _rows(records: QuerySet[Record]) -> Iterator[Any]:
+    """The records with their contents, in this order. Once one cannot be read, it and what follows are read singly."""
+    read = 0
+    try:
+        for row in records.values_list(*COLUMNS, named=True).iterator(AT_ONCE):
+            read += 1
+            yield row
+    except UNREADABLE:
+        for number in list(records.values_list("id", flat=True))[read:]:
+            yield _row(number)
+
+
+def _row(number: int) -> Any:
+    this = Record.objects.filter(pk=number)
+    try:
+        return this.values_list(*COLUMNS, named=True).get()
+    except UNREADABLE:
+        return Unreadable(number, seq=_cell(number, "seq"), digest=_cell(number, "digest"))
+
+
+def _cell(number: int, column: str) -> Any:
+    return _computed(Record.objects.filter(pk=number).values_list(column, flat=True).get)
+
+
+def _place(seq: Any) -> int | None:
+    """The place in a chain; None if it is none."""
+    return seq if isinstance(seq, int) and seq > 0 else None
+
+
+def _computed(compute: Callable[..., T], *given: Any) -> T | None:
+    """What comes out; None if something was given that no console writes."""
+    try:
+        return compute(*given)
+    except UNREADABLE:
+        return None
+
+
+def _records(chain: UUID) -> QuerySet[Record]:
+    return Record.objects.filter(robot_id=None if chain == NO_ROBOT else chain)
+
+
+# --- what is in no chain --------------------------------------------------------------------------------
+
+
+def _chains() -> tuple[list[Chain], list[Finding]]:
+    """All chains, and a finding for each that cannot be read."""
+    ordered = Chain.objects.order_by("name", "id")
+    chains: list[Chain] = []
+    findings: list[Finding] = []
+    for place in range(ordered.count()):
+        try:
+            chains += ordered[place : place + 1]
+        except UNREADABLE:
+            findings.append(Finding("database", None, None, "a chain cannot be read: it was changed."))
+    return chains, findings
+
+
+def _strays(chains: Iterable[Chain]) -> Iterator[Finding]:
+    """Records of robots that have no chain."""
+    ids = {chain.pk for chain in chains}
+    strays = Record.objects.exclude(robot_id__in=ids - {NO_ROBOT})
+    if NO_ROBOT in ids:
+        strays = strays.exclude(robot_id=None)
+    for number in strays.order_by("id").values_list("id", flat=True):
+        robot_id, place = _cell(number, "robot_id"), _place(_cell(number, "seq"))
+        yield Finding(str(robot_id or NO_ROBOT), number, place, "belongs to no chain: it was put in.")
 
 
 def _missing_triggers() -> Iterator[Finding]:
@@ -218,5 +398,12 @@ def _missing_triggers() -> Iterator[Finding]:
         yield Finding("database", None, None, f"the trigger {name} is missing.")
 
 
+# --- words ------------------------------------------------------------------------------------------------
+
+
 def _name(chain: Chain) -> str:
-    return "records without robot" if chain.pk == NO_ROBOT else str(chain)
+    return "records without robot" if chain.pk == NO_ROBOT else f"{chain.name or chain.pk}"
+
+
+def _time(at: datetime) -> str:
+    return at.isoformat(timespec="seconds")

@@ -3,15 +3,17 @@
 import io
 import json
 import uuid
-from datetime import date
+from datetime import date, datetime, timedelta, timezone
+from unittest import mock
 
 import pytest
 from django.core.management import CommandError, call_command
 from django.db import connection
+from django.utils import timezone as django_timezone
 
 from fleet.audit import record, triggers
-from fleet.audit.models import Chain, Record
-from fleet.audit.verify import compare, verify, verify_all
+from fleet.audit.models import Chain, Content, Record
+from fleet.audit.verify import Head, compare, verify, verify_all
 from tests.audit.support import past_the_triggers, tamper
 
 pytestmark = pytest.mark.django_db
@@ -82,10 +84,40 @@ def test_a_changed_record_is_named(chain, change):
     assert found() == [of(chain[3], CHANGED)]
 
 
-def test_a_changed_digest_is_named_and_what_follows_on_it(chain):
-    tamper("UPDATE audit_record SET digest = %s WHERE id = %s", "00" * 32, chain[3].pk)
+@pytest.mark.parametrize("digest", ["00" * 32, "zz", ""])
+def test_a_changed_digest_is_named_and_what_follows_on_it(chain, digest):
+    tamper("UPDATE audit_record SET digest = %s WHERE id = %s", digest, chain[3].pk)
     what = f"does not follow on #{chain[3].pk} as that is now."
     assert found() == [of(chain[3], CHANGED), of(chain[4], what)]
+
+
+RUBBISH = ["'garbage'", "'2020-13-45'", "-1", "1e999", "x'ff'", "CAST(x'ff' AS TEXT)"]
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL keeps nothing but values of the column")
+@pytest.mark.parametrize("rubbish", RUBBISH)
+def test_whatever_is_put_into_one_cell_the_record_is_named(chain, rubbish):
+    """SQLite keeps anything in any column, also what is no value of it."""
+    columns = [field.column for field in Record._meta.fields if field.column != "id"]
+    tamper("PRAGMA ignore_check_constraints = ON")
+    tamper("CREATE TEMP TABLE kept AS SELECT * FROM audit_record WHERE id = %s", chain[3].pk)
+    for column in columns:
+        tamper(f"UPDATE audit_record SET {column} = {rubbish} WHERE id = %s", chain[3].pk)
+        numbers = {finding.number for finding in verify_all().findings}
+        assert chain[3].pk in numbers, column
+        assert numbers <= {chain[3].pk, chain[4].pk}, column  # what follows on it may not fit any more
+        tamper(f"UPDATE audit_record SET {column} = (SELECT {column} FROM kept) WHERE id = %s", chain[3].pk)
+    tamper("PRAGMA ignore_check_constraints = OFF")
+    assert verify_all().findings == []
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL keeps nothing but values of the column")
+@pytest.mark.parametrize("rubbish", [word for word in RUBBISH if word != "'2020-13-45'"])
+def test_whatever_is_put_in_place_of_a_chain_s_identifier_is_told(chain, rubbish):
+    tamper(f"UPDATE audit_chain SET id = {rubbish} WHERE name = 'TIAGo 1'")
+    findings = verify_all().findings
+    assert "database: a chain cannot be read: it was changed." in map(str, findings)
+    assert {entry.pk for entry in chain} <= {finding.number for finding in findings}
 
 
 def test_a_removed_record_is_named_by_its_place(chain):
@@ -156,14 +188,150 @@ def test_records_whose_words_were_swapped_are_both_named(chain):
     assert found() == [of(chain[2], CHANGED), of(chain[5], CHANGED)]
 
 
-def test_what_was_said_cannot_be_changed(chain):
-    tamper("UPDATE audit_content SET text = 'Something else.' WHERE record_id = %s", chain[3].pk)
+@pytest.mark.parametrize(
+    "change",
+    ["text = 'Something else.'", "data = '{\"mood\": 1}'", "salt = 'zz'", "salt = ''", "salt = '00'"],
+)
+def test_what_was_said_cannot_be_changed(chain, change):
+    tamper(f"UPDATE audit_content SET {change} WHERE record_id = %s", chain[3].pk)
     assert found() == [of(chain[3], "has another content than was written.")]
 
 
 def test_what_was_said_cannot_be_taken_out_before_its_time(chain):
     chain[3].content.delete()
     assert found() == [of(chain[3], "has lost its content before its time.")]
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"kinds": {"speech.start": {"before": "9999-01-01", "removed": 8}}},
+        {"kinds": {"speech.start": {"before": "TODAY", "removed": 8}}},
+        {"kinds": {"speech.start": {"before": "garbage"}}},
+        {"kinds": {"speech.start": {}}},
+        {"kinds": []},
+        {},
+    ],
+)
+def test_contents_cannot_be_said_to_have_expired_before_their_time(chain, parameters):
+    today = str(django_timezone.now().date() + timedelta(days=1))
+    told = record("audit.expire", parameters=json.loads(json.dumps(parameters).replace("TODAY", today)))
+    chain[3].content.delete()
+    findings = {finding.number: finding.what for finding in verify_all().findings}
+    assert findings == {
+        told.pk: "tells of contents that expired before their time, or not in words that count.",
+        chain[3].pk: "has lost its content before its time.",
+    }
+
+
+def test_nor_by_what_is_said_to_be_recorded_some_day(chain):
+    with mock.patch.object(django_timezone, "now", return_value=datetime(2100, 1, 1, tzinfo=timezone.utc)):
+        told = record(
+            "audit.expire", parameters={"kinds": {"speech.start": {"before": "2099-01-01", "removed": 8}}}
+        )
+    chain[3].content.delete()
+    assert {finding.number for finding in verify_all().findings} == {told.pk, chain[3].pk}
+
+
+@pytest.mark.parametrize("records", ["all", None, {}])
+def test_an_erasure_accounts_for_nothing_but_earlier_records_that_it_names(chain, records):
+    record("audit.erase", parameters={} if records is None else {"records": records})
+    record("audit.erase", parameters={"records": [chain[2].pk, chain[7].pk + 100]})
+    chain[2].content.delete()
+    chain[3].content.delete()
+    assert found() == [of(chain[3], "has lost its content before its time.")]
+
+
+# --- checkpoints --------------------------------------------------------------------------------------
+
+FORGED = "is no checkpoint that the console makes: what it says counts for nothing."
+
+
+def forge(chain, **changes) -> Record:
+    """Append a checkpoint by which the whole chain may go, and let it go; the triggers do not mind."""
+    last = chain[-1]
+    told = {"through": last.seq, "digest": last.digest, "removed": last.seq, "before": "2020-01-01"}
+    forged = record("audit.checkpoint", robot_id=ROBOT, robot_name="TIAGo 1", parameters=told | changes)
+    gone = Record.objects.filter(robot_id=ROBOT, seq__lte=last.seq)
+    Content.objects.filter(record__in=gone).delete()
+    gone._raw_delete(gone.db)
+    return forged
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"before": "9999-01-01"},
+        {"before": str(django_timezone.now().date())},
+        {"before": None},
+        {"before": "garbage"},
+        {"digest": "zz"},
+        {"digest": None},
+        {"removed": 0},
+        {"removed": 9},
+        {"removed": "all"},
+    ],
+)
+def test_a_checkpoint_that_the_console_does_not_make_accounts_for_nothing(chain, changes):
+    forged = forge(chain, **changes)
+    assert found() == [
+        of(forged, "comes too early: records 1 to 8 of this chain are missing."),
+        of(forged, FORGED),
+    ]
+    with pytest.raises(SystemExit):
+        call_command("verify_audit", stderr=io.StringIO())
+
+
+def test_a_checkpoint_goes_on_where_the_one_before_ended(chain):
+    lawful = {"through": 4, "digest": chain[3].digest, "removed": 4, "before": "2020-01-01"}
+    record("audit.checkpoint", robot_id=ROBOT, parameters=lawful)
+    forged = record("audit.checkpoint", robot_id=ROBOT, parameters=lawful | {"through": 6, "removed": 6})
+    assert found() == [of(forged, FORGED)]
+
+
+def test_what_was_removed_before_its_time_shows_against_heads_kept_elsewhere(chain):
+    """Nothing in the database shows that the records were not of before 2020."""
+    heads = verify_all().heads
+    forge(chain)
+    assert verify_all().findings == []
+    [finding] = compare(heads)
+    assert (finding.chain, finding.number, finding.seq) == ("TIAGo 1", None, 8)
+    assert finding.what.startswith("was removed before its time: it was of 20")
+
+
+def test_so_does_a_checkpoint_far_beyond_the_end(chain):
+    heads = verify_all().heads
+    billion = 10**9
+    forged = record(
+        "audit.checkpoint",
+        robot_id=ROBOT,
+        parameters={
+            "through": billion - 1,
+            "digest": "0" * 64,
+            "removed": billion - 1,
+            "before": "2020-01-01",
+        },
+    )
+    tamper("UPDATE audit_record SET seq = %s WHERE id = %s", billion, forged.pk)
+    tamper("DELETE FROM audit_content WHERE record_id IN (SELECT id FROM audit_record WHERE seq < 9)")
+    tamper("DELETE FROM audit_record WHERE robot_id IS NOT NULL AND seq < 9 AND kind = 'speech.start'")
+    [finding] = [finding for finding in compare(heads) if finding.chain == "TIAGo 1"]
+    assert finding.what.startswith("was removed before its time: it was of 20")
+
+
+def test_old_records_that_were_removed_fit_heads_of_their_time(chain):
+    heads = [
+        Head(head.chain, head.name, head.seq, head.digest, datetime(2019, 12, 31, tzinfo=timezone.utc))
+        for head in verify_all().heads
+    ]
+    forge(chain)
+    assert list(compare(heads)) == []
+    [mine] = [head for head in heads if head.name == "TIAGo 1"]
+    [finding] = compare([Head(mine.chain, mine.name, mine.seq, "00" * 32, mine.at)])
+    assert finding.what == "is another one in the checkpoint than when the heads were kept."
+
+
+# --- triggers -----------------------------------------------------------------------------------------
 
 
 def test_a_trigger_that_is_missing_is_named():
