@@ -19,6 +19,7 @@ from fleet.audit.erasure import erase, pseudonym
 from fleet.audit.models import Record
 
 FROM_THE_LIST = "ended from the session list"
+NAMES = ("username", "full_name", "email")  # the fields of an account that say who it is
 SEEN_EVERY = timedelta(minutes=1)
 
 
@@ -86,20 +87,30 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
     """Close an account for good, and forget who it was: here first, so that nothing more is recorded of them.
 
     The changes are not recorded field by field, which would keep what is to be forgotten. Interrupted, it is repeated
-    by the new user name.
+    by the user name, or by the new one if that is there already.
     """
     _end(user, sign_ins_of(user.pk), "account erased")
     user.set_unusable_password()
-    User.objects.filter(pk=user.pk).update(
-        username=f"erased-{user.pk}",
-        full_name=pseudonym(str(user.pk)),
-        email="",
-        password=user.password,
-        is_active=False,
-        is_staff=False,
-        is_superuser=False,
+    account = User.objects.filter(pk=user.pk)
+    account.update(password=user.password, is_active=False, is_staff=False, is_superuser=False)
+    nobody = {"username": f"erased-{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
+    return erase(
+        str(user.pk),
+        names=_names_of(user) - set(nobody.values()),
+        actor=actor,
+        forget=lambda: account.update(**nobody),
     )
-    return erase(str(user.pk), actor=actor)
+
+
+def _names_of(user: User) -> set[str]:
+    """By what others may have called this person: now, and before, as far as that is still on record."""
+    names = {user.username, user.full_name, user.email}
+    accounts = Record.objects.filter(kind__in=["account.create", "account.change"], content__isnull=False)
+    for data in accounts.filter(parameters__user=str(user.pk)).values_list("content__data", flat=True):
+        for change in data.get("changes", []):
+            if change["field"] in NAMES:
+                names |= {change.get("from", ""), change.get("to", "")}
+    return names
 
 
 def address_of(request: HttpRequest) -> str:

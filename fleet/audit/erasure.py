@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 import time
+from collections.abc import Callable, Collection, Iterator
+from typing import Any
 
 from django.contrib.auth.models import AbstractUser
 from django.db import transaction
-from django.db.models import Q, TextField
+from django.db.models import Max, Q, QuerySet, TextField
 from django.db.models.functions import Cast
 from django.utils import timezone
 
@@ -22,27 +26,77 @@ def pseudonym(person_id: str) -> str:
     return f"Person {person_id[:4]}"
 
 
-def erase(person_id: str, *, actor: AbstractUser | SystemAccount | None) -> Record:
-    """Erase the person with this identifier from the log; `actor` is who does it.
+def erase(
+    person_id: str,
+    *,
+    names: Collection[str],
+    actor: AbstractUser | SystemAccount | None,
+    forget: Callable[[], object],
+) -> Record:
+    """Erase the person with this identifier, whom the log may also know by `names`; `actor` is who does it.
 
-    What is to be taken out is recorded first, so that the chain's verification knows why it is gone. Whoever is
-    interrupted repeats it. The caller sees to it that the person does nothing more.
+    `forget` takes the names away where else they are kept. It is done together with what is put on record of this:
+    whoever is interrupted before that repeats it with the names, and whoever is interrupted later needs none, for the
+    record says what is still to be taken out. The chain's verification knows by it why that is gone. The caller sees
+    to it that the person does nothing more.
     """
-    numbers = _contents_by_or_about(person_id)
+    newest = Content.objects.aggregate(newest=Max("pk"))["newest"] or 0
+    numbers = _by_or_about(person_id, names, Content.objects.filter(pk__lte=newest))
     with transaction.atomic():
-        told = record("audit.erase", actor=actor, parameters={"person": person_id, "records": numbers})
+        numbers |= _by_or_about(person_id, names, Content.objects.filter(pk__gt=newest))  # put in meanwhile
+        told = record(
+            "audit.erase", actor=actor, parameters={"person": person_id, "records": sorted(numbers)}
+        )
         Actor.objects.filter(pk=person_id, erased_at=None).update(
             name=pseudonym(person_id), erased_at=timezone.now()
         )
-    for _ in take_out(numbers):
+        forget()
+    for _ in take_out(_on_record(person_id)):
         time.sleep(PAUSE_S)
     return told
 
 
-def _contents_by_or_about(person_id: str) -> list[int]:
-    """The numbers of records that have content, and are the person's or name their identifier."""
-    by = Content.objects.filter(Q(record__actor=person_id) | Q(record__real_actor=person_id))
-    about = Content.objects.annotate(
+def _on_record(person_id: str) -> list[int]:
+    """The numbers of all records whose contents go with this person, also of a time that was interrupted."""
+    told = Record.objects.filter(kind="audit.erase", parameters__person=person_id)
+    return sorted(
+        {number for erased in told.values_list("parameters", flat=True) for number in erased["records"]}
+    )
+
+
+def _by_or_about(person_id: str, names: Collection[str], contents: QuerySet[Content]) -> set[int]:
+    """The numbers of those contents that are the person's, or name their identifier or one of their names."""
+    readable = contents.annotate(
         facts=Cast("record__parameters", TextField()), details=Cast("data", TextField())
-    ).filter(Q(facts__contains=person_id) | Q(details__contains=person_id))
-    return sorted({*by.values_list("pk", flat=True), *about.values_list("pk", flat=True)})
+    )
+    about = Q(facts__contains=person_id) | Q(details__contains=person_id)
+    by = Q(record__actor=person_id) | Q(record__real_actor=person_id)
+    return {*readable.filter(about | by).values_list("pk", flat=True), *_naming(names, readable)}
+
+
+def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int]:
+    """The numbers of those contents in which one of the names stands, in these letters and as words of its own."""
+    known = [name for name in names if name.strip()]
+    if not known:
+        return
+    might = Q()
+    for name in known:
+        might |= Q(text__contains=name)
+        for ascii_only in (True, False):  # JSON as SQLite keeps it, and as PostgreSQL does
+            might |= Q(details__contains=json.dumps(name, ensure_ascii=ascii_only)[1:-1])
+    named = re.compile("|".join(rf"(?<!\w){re.escape(name)}(?!\w)" for name in known))
+    for number, text, data in readable.filter(might).values_list("pk", "text", "data").iterator():
+        if any(named.search(words) for words in (text, *_words(data))):
+            yield number
+
+
+def _words(value: Any) -> Iterator[str]:
+    """All texts within a JSON value; not its keys, which are ours."""
+    match value:
+        case str():
+            yield value
+        case dict():
+            yield from _words(list(value.values()))
+        case list():
+            for item in value:
+                yield from _words(item)

@@ -1,6 +1,7 @@
 """A person can be forgotten, and the log stays whole."""
 
 import io
+from unittest import mock
 
 import pytest
 from django.core.management import CommandError, call_command
@@ -34,6 +35,41 @@ def test_nothing_names_an_erased_person_any_more(operator, staff):
         *map(str, User.objects.filter(pk=operator.pk).values()),
     ]
     assert not [line for line in everything if "Olga" in line or "olga" in line]
+
+
+@pytest.mark.parametrize(
+    "name", ["Zoë Müller-Ünal", 'Ann "The Arm" O\'Neil', "100% Bo_b", "李小龙", "back\\slash 🤖"]
+)
+def test_others_records_do_not_name_them_either(operator, staff, name):
+    operator.full_name, operator.email = name, "olga@lab.example"
+    operator.save()
+    for private in (
+        {"words": f"{name} has control: ask for it."},
+        {"words": f"The robot was stopped by {name}."},
+        {"figures": {"holders": [{"name": name}]}},
+        {"reason": "Ask olga@lab.example, Olga Operator, or operator."},
+    ):
+        record("refusal", actor=staff, private=private)
+    said = record("control.ask", actor=staff, text=f"Is {name} there?")
+    other = record("refusal", actor=staff, private={"words": f"Anna{name}s has control."})
+    erase()
+    left = Content.objects.filter(record__actor=str(staff.pk), record__kind__in=["refusal", "control.ask"])
+    assert list(left.values_list("pk", flat=True)) == [other.pk]
+    assert not Content.objects.filter(pk=said.pk).exists()
+    assert verify_all().findings == []
+
+
+@pytest.mark.parametrize("step", ["fleet.audit.erasure._by_or_about", "fleet.audit.erasure.take_out"])
+def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step):
+    record("speech.start", actor=operator, text="Olga was here.")
+    record("refusal", actor=staff, private={"words": "Olga Operator has control: ask for it."})
+    with mock.patch(step, side_effect=KeyboardInterrupt), pytest.raises(KeyboardInterrupt):
+        erase()
+    operator.refresh_from_db()
+    assert not operator.is_active
+    erase(operator.username)
+    assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
+    assert verify_all().findings == []
 
 
 def test_the_log_still_verifies(operator):
