@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from contextlib import suppress
+from datetime import datetime, timezone
 from itertools import pairwise
 from typing import Any, cast
 from uuid import UUID
@@ -26,6 +27,7 @@ from fleet.audit.admin import number
 from fleet.audit.listing import Row
 from robots.selectors import robots_visible_to
 from teleop import own_data, path_plot, robot_report, session_report
+from teleop.selectors import end_notes
 from teleop.services import supervises_robot
 
 
@@ -53,6 +55,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     context = {
         "report": report,
         "session": session,
+        "note": end_notes([session.pk]).get(session.pk, ""),
         "supervises": supervises_robot(user=person, robot=session.robot),
         "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
         "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT, "grid": 3 * path_plot.WIDTH},
@@ -156,13 +159,11 @@ def _moment(request: HttpRequest, name: str) -> datetime | None:
     asked = request.GET.get(name)
     if asked is None:
         return None
-    try:
+    with suppress(ValueError, OverflowError):
         moment = parse_datetime(asked)
-    except ValueError:
-        moment = None
-    if moment is None or not is_aware(moment):
-        raise BadRequest(f"{name} is not a moment with its time zone")
-    return moment
+        if moment is not None and is_aware(moment):
+            return moment.astimezone(timezone.utc)
+    raise BadRequest(f"{name} is not a moment with its time zone")
 
 
 def _person(request: HttpRequest) -> User:

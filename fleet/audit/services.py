@@ -7,6 +7,7 @@ PostgreSQL by a lock on its row, on SQLite as the one writer. So chains never fo
 from __future__ import annotations
 
 import secrets
+import unicodedata
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -149,7 +150,9 @@ def _next_number() -> int:
 def _content(text: str, private: dict[str, Any]) -> Content | None:
     if not text and not private:
         return None
-    return Content(text=plain_text(text), data=plain(private), salt=secrets.token_hex(SALT_BYTES))
+    # Composed, as what is searched for: the same word is the same letters, whatever keyboard it came from.
+    said = unicodedata.normalize("NFC", plain_text(text))
+    return Content(text=said, data=plain(private), salt=secrets.token_hex(SALT_BYTES))
 
 
 def _id_of(person: AbstractUser | SystemAccount) -> str:

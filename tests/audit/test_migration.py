@@ -15,6 +15,8 @@ from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.migrations.executor import MigrationExecutor
 
 from fleet.audit.models import Actor, Chain, Record
+from fleet.audit.retention import take_out
+from fleet.audit.search import texts_with
 from fleet.audit.verify import verify_all
 
 ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
@@ -57,15 +59,21 @@ def test_old_records_are_kept_and_chained(tmp_path):
         Old.objects.create(
             kind="speech.end", actor_id="someone", actor_name="Some One Else", robot_id=ROBOT, of=said
         )
+        Old.objects.create(kind="drive.end", robot_id=ROBOT, outcome="stopped by Some One")
         MigrationExecutor(database).migrate([("audit", "0004_chain")])
 
-        start, stop, end = Record.objects.order_by("id")
+        start, stop, end, drive = Record.objects.order_by("id")
         assert (start.at, start.day.isoformat(), start.actor_name) == (AT, "2026-03-01", "Some One Else")
         assert start.parameters == {"language": "en-GB", "rate": 1}
         assert start.details == {"text": "Hello.", "language": "en-GB", "rate": 1}
         assert (stop.parameters, stop.actor) == ({"through": "page"}, None)
         assert stop.details["reason"] == "smoke"
+        assert (drive.outcome, drive.details) == ("halted", {"words": "stopped by Some One"})
         assert (end.of_id, start.seq, end.seq, stop.seq) == (start.pk, 1, 2, 1)
         assert list(Actor.objects.values_list("pk", "name")) == [("someone", "Some One Else")]
         assert set(Chain.objects.values_list("pk", "name")) == {(ROBOT, "TIAGo 1"), (uuid.UUID(int=0), "")}
         assert verify_all().findings == []
+        assert texts_with(("Hello.",)).count() == 1
+        for _step in take_out([start.pk]):
+            pass
+        assert texts_with(("Hello.",)).count() == 0

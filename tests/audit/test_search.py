@@ -96,8 +96,11 @@ def test_all_words_have_to_be_there_and_none_is_an_operator(said, asked, names):
     assert found(said, asked) == names
 
 
-def test_a_word_is_found_however_its_accents_were_typed(said):
+def test_a_word_is_found_however_its_accents_were_typed_and_said(said):
     assert found(said, "man\u0303ana") == {"spanish"}
+    decomposed = record("speech.start", text="Un cafe\u0301, por favor.")
+    said[decomposed.pk] = "decomposed"
+    assert found(said, "café") == {"decomposed"}
 
 
 @pytest.mark.parametrize("asked", ["", "   ", '"', '""', '" "'])

@@ -12,9 +12,15 @@ from tests.script.support import outside
 ROOT = Path(__file__).parents[2]
 TESTS = [
     "tests/accounts/test_erase_person.py",
+    "tests/robots/test_faults.py",
+    "tests/teleop/test_lease.py",
+    "tests/teleop/test_reports.py",
     *(
         f"tests/audit/test_{name}.py"
-        for name in ("append_only", "chain", "migration", "record", "retention", "search", "verify")
+        for name in (
+            *("append_only", "chain", "exports", "lists", "migration", "record", "retention", "search"),
+            "verify",
+        )
     ),
 ]
 

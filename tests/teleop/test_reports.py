@@ -360,7 +360,16 @@ def test_own_control_sessions_come_page_by_page(operator, robot, signed_in):
     assert (first["sessions"].older, second["sessions"].older) == (True, False)
 
 
-@pytest.mark.parametrize("query", ["before=x", "began_before=x", "began_before=2026-01-01T00:00:00"])
+@pytest.mark.parametrize(
+    "query",
+    [
+        "before=x",
+        "began_before=x",
+        "began_before=2026-01-01T00:00:00",
+        "began_before=0001-01-01T00:00:00%2B23:59",
+        "began_before=9999-12-31T23:59:59-23:59",
+    ],
+)
 def test_an_address_that_says_nothing_is_refused(query, operator, signed_in):
     assert signed_in(operator).get(f"{reverse('your-data')}?{query}").status_code == 400
 

@@ -19,11 +19,13 @@ AT_ONCE = 1000  # records in memory
 PRIVATE = {
     "address",
     "browser",
+    "by",
     "changes",
     "fields",
     "holder",
     "name",
     "reason",
+    "system_account",
     "to_name",
     "username",
     "value",
@@ -51,6 +53,8 @@ def lift_triggers(_apps, schema_editor):
 def make_triggers(_apps, schema_editor):
     for statement in triggers.CREATE[schema_editor.connection.vendor]:
         schema_editor.execute(statement, params=None)
+    if schema_editor.connection.vendor == "sqlite":  # the index knows nothing yet of the texts that were there before
+        schema_editor.execute("INSERT INTO audit_content_search (audit_content_search) VALUES ('rebuild')")
 
 
 def chain_what_is_there(apps, schema_editor):
@@ -85,6 +89,7 @@ def _chain(records, Record, Content, digest):
                 day=record.day,
                 actor_id=record.actor_id,
                 parameters=record.parameters,
+                outcome=record.outcome,
                 content_digest=record.content_digest,
                 digest=digest,
             )
@@ -99,6 +104,8 @@ def _content(record):
     text = told.pop("text", "")
     data = {name: told.pop(name) for name in PRIVATE & set(told)}
     record.parameters = told
+    if record.kind == "drive.end" and record.outcome != "standstill":  # in words, which may name who stopped it
+        data["words"], record.outcome = record.outcome, "halted"
     if not text and not data:
         return None
     content = {"text": text, "data": data, "salt": secrets.token_hex(16)}
