@@ -18,6 +18,7 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
+from fleet.recorded_admin import RecordedAdmin
 from robots import services, shipped
 from robots.admin_entries import AllowanceInline, SpokenFormSet, actor_of, save_entries
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
@@ -75,7 +76,7 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
 
 
 @admin.register(Robot)
-class RobotAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class RobotAdmin(RecordedAdmin):
     """Robots. None is deleted, for control sessions and records speak of them: clear "enabled" instead."""
 
     list_display = [
@@ -185,7 +186,7 @@ def _give(entry: RobotRole, actor: User) -> None:
 
 
 @admin.register(RobotRole)
-class RobotRoleAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class RobotRoleAdmin(RecordedAdmin):
     """Every role of every person."""
 
     list_display = ["user", "robot", "role"]
@@ -211,7 +212,7 @@ class RobotRoleAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscri
 
 
 @admin.register(RobotProfile)
-class RobotProfileAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class RobotProfileAdmin(RecordedAdmin):
     """Kinds of robots."""
 
     list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]

@@ -19,6 +19,7 @@ from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
+from fleet.recorded_admin import RecordedAdmin
 from robots import phrases, services
 from robots.described import Problems
 from robots.models import Allowance, Phrase, Robot, RobotProfile
@@ -61,7 +62,7 @@ class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not sub
     verbose_name_plural = _("allow-list (what is not there, nobody may)")
 
 
-class EntryAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class EntryAdmin(RecordedAdmin):
     """Entries of all profiles and robots. An entry stays with whom it was made for."""
 
     list_select_related = ["profile", "robot"]

@@ -17,6 +17,7 @@ from fleet.audit.forms import FilterForm
 from fleet.audit.listing import COUNTED, PAGE
 from robots.models import Robot
 from teleop.models import ControlSession, EndReason
+from teleop.selectors import end_notes
 
 GOES_ON = "goes_on"  # in place of how it ended
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
@@ -54,8 +55,11 @@ class ControlSessionAdmin(ListAdmin):
             rows = list(newest.filter(started_at__lt=_time(before))[:PAGE])
         else:
             rows = list(newest[:PAGE])
+        notes = end_notes([row.pk for row in rows])
         return {
-            "days": by_day(request, [(row.started_at.date(), _line(row)) for row in rows]),
+            "days": by_day(
+                request, [(row.started_at.date(), _line(row, notes.get(row.pk, ""))) for row in rows]
+            ),
             "count": count_of(of_the_days.order_by()[: COUNTED + 1].count())
             if after is before is None
             else "",
@@ -103,7 +107,7 @@ def _day_beside(sessions: Sessions, edge: datetime.date | None, *, later: bool) 
     return session.started_at.date() if session else None
 
 
-def _line(session: ControlSession) -> Line:
+def _line(session: ControlSession, note: str) -> Line:
     return Line(
         url=session_url_of(session.pk),
         at=session.started_at,
@@ -113,7 +117,7 @@ def _line(session: ControlSession) -> Line:
         subject="",
         expired=False,
         outcome=session.get_end_reason_display(),
-        facts=[session.end_note] if session.end_note else [],
+        facts=[note] if note else [],
         session_url="",
     )
 

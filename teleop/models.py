@@ -42,9 +42,6 @@ class ControlSession(models.Model):
     started_at = models.DateTimeField(_("began"))
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     end_reason = models.CharField(_("ended how"), max_length=16, choices=EndReason, blank=True)
-    end_note = models.CharField(
-        _("ended why"), max_length=300, blank=True, help_text=_("In words, for who held it.")
-    )
 
     class Meta:
         ordering = ["-started_at"]

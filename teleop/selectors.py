@@ -6,8 +6,11 @@ from collections.abc import Collection
 from datetime import datetime
 from uuid import UUID
 
+from django.db.models.functions import Lower
+
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
+from fleet.audit.models import Record
 from robots.models import Robot, Role
 from robots.selectors import allowed_on, link_address, robot_facts, roles_on
 from robots.wire import Refusal
@@ -62,6 +65,18 @@ def standing_of(
     )
 
 
+def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
+    """In words for who held it, why each of these control sessions ended, as far as there are words.
+
+    They stand in the audit log alone: with reasons and names in them they expire, and go when a person is erased.
+    """
+    # By the index of sessions: SQLite would take that of kinds, and look at every session's end.
+    of_sessions = Record.objects.filter(session_id__in=sessions).alias(what=Lower("kind"))
+    ends = of_sessions.filter(what="control.end", content__isnull=False)
+    told = ends.values_list("session_id", "content__data")
+    return {session: data["words"] for session, data in told if session and "words" in data}
+
+
 def rights_of(people: Collection[SignIn], robot: Robot | None, now: datetime) -> dict[SignIn, Rights]:
     """What each sign-in may do with the robot; nothing if the robot is None: it was deleted.
 
@@ -106,7 +121,8 @@ def _endings(sessions: Collection[UUID]) -> dict[UUID, Ending]:
     if not sessions:
         return {}
     over = ControlSession.objects.filter(pk__in=sessions, ended_at__isnull=False)
-    return {session.id: Ending(session.end_reason, session.end_note) for session in over}
+    notes = end_notes(sessions)
+    return {session.id: Ending(session.end_reason, notes.get(session.id, "")) for session in over}
 
 
 def _holding(lease: Lease) -> Holding:

@@ -390,10 +390,10 @@ def _end_session(
 ) -> None:
     """End a control session, once, and put on record how: whoever ended it, or the console itself by its rules.
 
-    `note` says it in words to who held it, `why` in a word to programs.
+    `note` says it in words to who held it (`teleop.selectors.end_notes`), `why` in a word to programs.
     """
     open_ones = ControlSession.objects.filter(pk=held.session, ended_at=None)
-    if not open_ones.update(ended_at=now, end_reason=reason, end_note=note[:300]):
+    if not open_ones.update(ended_at=now, end_reason=reason):
         return
     parameters = {"holder": str(held.user), "why": why} if why else {"holder": str(held.user)}
     names = {"holder_name": held.name, "words": note} if note else {"holder_name": held.name}

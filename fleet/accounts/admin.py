@@ -19,12 +19,13 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
 from fleet.audit.admin import ReadOnly
+from fleet.recorded_admin import RecordedAdmin
 
 # Roles are given robot by robot, and staff may do everything: groups would be a second truth.
 admin.site.unregister(Group)
 
 
-class ListedLookups(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class ListedLookups(RecordedAdmin):
     """Lists that addresses can filter by what is offered as a filter, and by nothing else.
 
     Django lets them filter by every column and by the keys of what refers to it, also by their beginning: who may

@@ -27,6 +27,7 @@ from fleet.audit.forms import FilterForm
 from fleet.audit.kinds import Listing, kinds_listed
 from fleet.audit.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
+from fleet.recorded_admin import RecordedAdmin
 
 LISTS = {
     "audit_speechrecord": gettext_lazy("Speech"),
@@ -37,7 +38,7 @@ LISTS = {
 }
 
 
-class ReadOnly(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
+class ReadOnly(RecordedAdmin):
     """Written by what happens, and by nobody."""
 
     def has_add_permission(self, request: HttpRequest) -> bool:

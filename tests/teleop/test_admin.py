@@ -6,6 +6,8 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from fleet.accounts.services import account_erase
+from fleet.audit import record
 from teleop.models import ControlSession, EndReason
 
 pytestmark = pytest.mark.django_db
@@ -14,18 +16,20 @@ LIST = reverse("admin:teleop_controlsession_changelist")
 
 
 @pytest.fixture
-def ended(robot, operator):
+def ended(robot, operator, supervisor):
     """A session that a supervisor ended."""
     now = timezone.now()
-    return ControlSession.objects.create(
+    session = ControlSession.objects.create(
         robot=robot,
         user=operator,
         fence=1,
         started_at=now - timedelta(minutes=5),
         ended_at=now,
         end_reason=EndReason.TAKEN_OVER,
-        end_note="Sue Pervisor took over: a visitor in the way.",
     )
+    words = {"words": "Sue Pervisor took over: a visitor in the way."}
+    record("control.end", actor=supervisor, robot_id=robot.id, session_id=session.id, private=words)
+    return session
 
 
 @pytest.fixture
@@ -69,17 +73,16 @@ def test_pages_have_every_session_once(staff, operator, robot, signed_in):
             fence=number,
             started_at=now - timedelta(minutes=number),
             ended_at=now,
-            end_note=f"number {number}.",
         )
     client = signed_in(staff)
     context, found = client.get(LIST).context, []
     assert context["count"] == "120"
     while True:
-        found += [line.facts[0] for _day, _address, lines in context["days"] for line in lines]
+        found += [line.what for _day, _address, lines in context["days"] for line in lines]
         if "older" not in context:
             break
         context = client.get(LIST + context["older"]).context
-    assert found == [f"number {number}." for number in range(120)]
+    assert found == [f"had control for {timedelta(minutes=number)}" for number in range(120)]
     assert "newer" in context
     assert len(client.get(LIST + context["newer"]).context["days"]) > 0
 
@@ -97,11 +100,18 @@ def test_a_list_of_one_day_leads_to_the_days_beside_it(staff, operator, robot, s
 
 def test_nobody_edits_adds_or_deletes_one(staff, signed_in, ended):
     client = signed_in(staff)
-    assert client.post(LIST, {"end_note": "nothing happened"}).status_code == 405
+    assert client.post(LIST, {"end_reason": "term"}).status_code == 405
     for page in ("add/", f"{ended.pk}/change/", f"{ended.pk}/delete/"):
         assert client.post(f"{LIST}{page}", {"post": "yes"}).status_code == 404
     ended.refresh_from_db()
-    assert ended.end_note == "Sue Pervisor took over: a visitor in the way."
+    assert ended.end_reason == EndReason.TAKEN_OVER
+
+
+def test_the_words_go_with_whoever_is_erased(staff, supervisor, signed_in, ended):
+    account_erase(user=supervisor, actor=staff)
+    page = signed_in(staff).get(LIST).content.decode()
+    assert "taken over" in page
+    assert "Sue" not in page and "a visitor in the way" not in page
 
 
 def test_an_operator_has_no_business_there(operator, signed_in):

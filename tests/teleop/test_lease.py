@@ -14,7 +14,7 @@ from robots.wire import Refusal
 from teleop import services
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 from teleop.rules import Tab
-from teleop.selectors import holding_of
+from teleop.selectors import end_notes, holding_of
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -248,7 +248,8 @@ def test_a_supervisor_takes_over_with_a_reason_that_is_kept(robot, operator, sup
         now=NOW,
     )
     ended = ControlSession.objects.get(pk=before.session)
-    assert (ended.end_reason, ended.end_note) == (EndReason.TAKEN_OVER, "Sue Pervisor took over: fire drill")
+    assert ended.end_reason == EndReason.TAKEN_OVER
+    assert end_notes([before.session]) == {before.session: "Sue Pervisor took over: fire drill"}
     assert Record.objects.get(kind="control.take_over").details["text"] == "fire drill"
 
 

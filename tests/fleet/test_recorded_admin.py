@@ -1,0 +1,53 @@
+"""The admin keeps no log of its own: people's names would stay there for ever."""
+
+from importlib import import_module
+from types import SimpleNamespace
+
+import pytest
+from django.apps import apps
+from django.contrib import admin
+from django.contrib.admin.models import ADDITION, LogEntry
+from django.db import connection
+from django.urls import reverse
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from fleet.recorded_admin import RecordedAdmin
+from robots.models import RobotRole
+
+pytestmark = pytest.mark.django_db
+
+
+def test_every_page_of_the_admin_is_of_those_that_keep_no_log():
+    assert [page for page in admin.site._registry.values() if not isinstance(page, RecordedAdmin)] == []
+
+
+def test_what_is_added_changed_and_deleted_there_is_in_the_audit_log_alone(staff, robot, operator, signed_in):
+    client = signed_in(staff)
+    person = {"username": "olga", "full_name": "Olga New", "usable_password": "false"}
+    assert client.post(reverse("admin:accounts_user_add"), person).status_code == 302
+    olga = User.objects.get(username="olga")
+    change = reverse("admin:accounts_user_change", args=[olga.pk])
+    assert client.post(change, person | {"full_name": "Olga Newer", "is_active": "on"}).status_code == 302
+    role = RobotRole.objects.get(robot=robot, user=operator)
+    delete = reverse("admin:robots_robotrole_delete", args=[role.pk])
+    assert client.post(delete, {"post": "yes"}).status_code == 302
+    kinds = Record.objects.filter(actor=str(staff.pk)).values_list("kind", flat=True)
+    assert {"account.create", "account.change", "role.change"} <= set(kinds)
+    assert not LogEntry.objects.exists()
+
+
+def test_there_is_no_history_but_the_audit_log(staff, signed_in):
+    client = signed_in(staff)
+    history = reverse("admin:accounts_user_history", args=[staff.pk])
+    assert client.get(history).headers["Location"] == reverse("admin:audit_record_changelist")
+    assert history not in client.get(reverse("admin:accounts_user_change", args=[staff.pk])).content.decode()
+    assert "Recent actions" not in client.get(reverse("admin:index")).content.decode()
+
+
+def test_what_the_admin_s_log_had_is_deleted(staff):
+    LogEntry.objects.create(user=staff, object_repr="Olga", action_flag=ADDITION)
+    import_module("fleet.accounts.migrations.0003_no_admin_log").clear(
+        apps, SimpleNamespace(connection=connection)
+    )
+    assert not LogEntry.objects.exists()
