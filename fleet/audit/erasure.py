@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 import time
+import unicodedata
 from collections.abc import Callable, Collection, Iterator
+from itertools import chain
 from typing import Any
 
 from django.contrib.auth.models import AbstractUser
@@ -16,7 +18,7 @@ from django.utils import timezone
 
 from fleet.audit import SystemAccount, record
 from fleet.audit.models import Actor, Content, Record
-from fleet.audit.retention import take_out
+from fleet.audit.retention import empty_wal, take_out
 
 PAUSE_S = 0.02  # between two steps: other writers come in
 
@@ -51,7 +53,7 @@ def erase(
             name=pseudonym(person_id), erased_at=timezone.now()
         )
         forget()
-    for _ in take_out(_on_record(person_id)):
+    for _ in chain(take_out(_on_record(person_id)), empty_wal()):
         time.sleep(PAUSE_S)
     return told
 
@@ -76,7 +78,7 @@ def _by_or_about(person_id: str, names: Collection[str], contents: QuerySet[Cont
 
 def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int]:
     """The numbers of those contents in which one of the names stands, in these letters and as words of its own."""
-    known = [name for name in names if name.strip()]
+    known = {form for name in names if name.strip() for form in (name, unicodedata.normalize("NFC", name))}
     if not known:
         return
     might = Q()

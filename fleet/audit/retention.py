@@ -6,6 +6,7 @@ that do one step each time they are asked for the next.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime, timedelta, timezone
 from itertools import takewhile
@@ -25,6 +26,9 @@ RECORDS_KEPT_AT_LEAST = timedelta(
 CONTENTS_AT_ONCE = 500
 RECORDS_AT_ONCE = 2000
 INDEX_PAGES_AT_ONCE = 200
+WAL_TRIES = 50
+
+log = logging.getLogger(__name__)
 
 
 def keep_house(now: datetime) -> Iterator[None]:
@@ -32,6 +36,7 @@ def keep_house(now: datetime) -> Iterator[None]:
     today = now.astimezone(timezone.utc).date()
     yield from expire(today)
     yield from remove(today)
+    yield from empty_wal()
 
 
 # --- contents -----------------------------------------------------------------------------------
@@ -89,6 +94,33 @@ def _merge(pages: int) -> bool:
             "INSERT INTO audit_content_search (audit_content_search, rank) VALUES ('merge', %s)", [pages]
         )
     return bool(connection.connection.total_changes - before >= 2)  # as the documentation of FTS5 has it
+
+
+def empty_wal() -> Iterator[None]:
+    """SQLite's write-ahead log keeps what was taken out, until it is emptied. That waits for nobody, and nobody for it.
+
+    Where others read or write all the time it is tried again the next day.
+    """
+    for _ in range(WAL_TRIES):
+        if connection.vendor != "sqlite" or connection.in_atomic_block or _wal_emptied():
+            return
+        yield
+    log.warning("The write-ahead log of the database is in use; what was taken out stands in it for now.")
+
+
+def _wal_emptied() -> bool:
+    with connection.cursor() as cursor:
+        cursor.execute("PRAGMA busy_timeout")
+        [patience] = cursor.fetchone()
+        cursor.execute(
+            "PRAGMA busy_timeout = 0"
+        )  # else whoever writes would wait, with us, for whoever reads
+        try:
+            cursor.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            busy, *_frames = cursor.fetchone()
+        finally:
+            cursor.execute(f"PRAGMA busy_timeout = {patience}")
+        return not busy
 
 
 # --- whole records ------------------------------------------------------------------------------

@@ -1,10 +1,12 @@
 """A person can be forgotten, and the log stays whole."""
 
 import io
+from pathlib import Path
 from unittest import mock
 
 import pytest
 from django.core.management import CommandError, call_command
+from django.db import connection
 
 from fleet.accounts.models import User
 from fleet.audit import record
@@ -70,6 +72,19 @@ def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step
     erase(operator.username)
     assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
     assert verify_all().findings == []
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL's vacuum comes by itself, and later")
+@pytest.mark.django_db(transaction=True)
+def test_their_words_are_in_none_of_the_database_s_files(operator, staff):
+    record("speech.start", actor=operator, text="Zebrafisch im Aquarium.")
+    record("refusal", actor=staff, private={"words": "Olga Operator has control: ask for it."})
+    path = Path(connection.settings_dict["NAME"])
+    files = [path, path.with_name(f"{path.name}-wal")]
+    words = [b"Zebrafisch", b"Olga Operator"]
+    assert all(any(word in file.read_bytes() for file in files) for word in words)
+    erase()
+    assert not [(file.name, word) for file in files for word in words if word in file.read_bytes()]
 
 
 def test_the_log_still_verifies(operator):

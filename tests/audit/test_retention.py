@@ -1,6 +1,9 @@
 """Nothing is kept longer than the settings say, and the log verifies with what is left."""
 
+import sqlite3
+import time
 import uuid
+from contextlib import closing
 from datetime import date, datetime, timedelta, timezone
 from unittest import mock
 
@@ -95,6 +98,25 @@ def test_contents_go_in_small_steps(ago, monkeypatch):
             record("speech.start", text=f"Sentence {number}.")
     assert exhaust(expire(TODAY)) >= len(KINDS) + 3
     assert not Content.objects.filter(record__kind="speech.start").exists()
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="of SQLite's write-ahead log")
+@pytest.mark.django_db(transaction=True)
+def test_emptying_the_write_ahead_log_waits_for_nobody(caplog):
+    record("speech.start", text="Zebrafisch")
+    reader = sqlite3.connect(connection.settings_dict["NAME"], isolation_level=None)
+    with closing(reader):
+        reader.execute("BEGIN")
+        reader.execute("SELECT 1 FROM audit_record").fetchone()
+        record("speech.start", text="Later.")
+        began = time.monotonic()
+        assert exhaust(retention.empty_wal()) == retention.WAL_TRIES
+        assert time.monotonic() - began < 2
+        assert "is in use" in caplog.text
+    with connection.cursor() as cursor:
+        cursor.execute("PRAGMA busy_timeout")
+        assert cursor.fetchone() == (5000,)
+    assert exhaust(retention.empty_wal()) == 0
 
 
 # --- whole records ----------------------------------------------------------------------------------
