@@ -9,7 +9,7 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 
 from fleet.accounts.models import User
-from fleet.audit import record
+from fleet.audit import record, retention
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.verify import verify_all
 
@@ -61,8 +61,16 @@ def test_others_records_do_not_name_them_either(operator, staff, name):
     assert verify_all().findings == []
 
 
-@pytest.mark.parametrize("step", ["fleet.audit.erasure._by_or_about", "fleet.audit.erasure.take_out"])
-def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step):
+@pytest.mark.parametrize(
+    "step",
+    [
+        "fleet.audit.erasure._by_or_about",
+        "fleet.audit.erasure.take_out",
+        "fleet.audit.erasure.time.sleep",  # after the first content, which has the names that the account had
+    ],
+)
+def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step, monkeypatch):
+    monkeypatch.setattr(retention, "CONTENTS_AT_ONCE", 1)
     record("speech.start", actor=operator, text="Olga was here.")
     record("refusal", actor=staff, private={"words": "Olga Operator has control: ask for it."})
     with mock.patch(step, side_effect=KeyboardInterrupt), pytest.raises(KeyboardInterrupt):
