@@ -236,9 +236,10 @@ def test_nor_by_what_is_said_to_be_recorded_some_day(chain):
 @pytest.mark.parametrize("records", ["all", None, {}])
 def test_an_erasure_accounts_for_nothing_but_earlier_records_that_it_names(chain, records):
     record("audit.erase", parameters={} if records is None else {"records": records})
-    told = record("audit.erase", parameters={"records": [chain[2].pk, *range(chain[7].pk + 1, 1000)]})
+    to_come = range(chain[7].pk + 1, chain[7].pk + 100)
+    told = record("audit.erase", parameters={"records": [chain[2].pk, *to_come]})
     later = _one(8, None)
-    assert told.pk < later.pk < 1000
+    assert told.pk < later.pk in to_come
     for entry in (chain[2], chain[3], later):
         entry.content.delete()
     what = "has lost its content before its time."
