@@ -53,7 +53,8 @@ def lift_triggers(_apps, schema_editor):
 def make_triggers(_apps, schema_editor):
     for statement in triggers.CREATE[schema_editor.connection.vendor]:
         schema_editor.execute(statement, params=None)
-    if schema_editor.connection.vendor == "sqlite":  # the index knows nothing yet of the texts that were there before
+    if schema_editor.connection.vendor == "sqlite":
+        # The index knows nothing yet of the texts that were there before.
         schema_editor.execute("INSERT INTO audit_content_search (audit_content_search) VALUES ('rebuild')")
 
 
@@ -104,7 +105,8 @@ def _content(record):
     text = told.pop("text", "")
     data = {name: told.pop(name) for name in PRIVATE & set(told)}
     record.parameters = told
-    if record.kind == "drive.end" and record.outcome != "standstill":  # in words, which may name who stopped it
+    if record.kind == "drive.end" and record.outcome != "standstill":
+        # In words, which may name who stopped it.
         data["words"], record.outcome = record.outcome, "halted"
     if not text and not data:
         return None
