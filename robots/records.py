@@ -1,6 +1,7 @@
 """A bridge's records, in the audit log of the console.
 
-Of what the bridge tells, plain facts are kept for ever; figures, places and words are what may expire or be erased.
+Of what the bridge tells, plain facts are kept as long as the record, how long and how far a drive was among them;
+places, words and what the sensors saw are what may expire or be erased.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ from robots.bridge.sink import (
     Parameters,
     Place,
     RecordError,
+    TakenMap,
 )
+from robots.maps import map_seen
 from robots.models import BridgePulse
 
 P = ParamSpec("P")
@@ -110,17 +113,26 @@ class AuditSink:
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive, with what it came to."""
         figures = {
-            "words": summary.ended_by,
             "distance_m": round(summary.distance_m, 3),
             "duration_s": round(summary.duration_s, 2),
             "top_mps": round(summary.top_mps, 3),
             "top_radps": round(summary.top_radps, 3),
             "interventions": summary.interventions,
+        }
+        where = {
+            "words": summary.ended_by,
             "path": _path(summary.path),
             "path_tolerance_m": summary.tolerance_m,
+            **_place(summary.end),
         }
-        details = figures | _place(summary.end)
-        record("drive.end", of=drive, outcome=summary.outcome, private=details, **self._by(holder))
+        record(
+            "drive.end",
+            of=drive,
+            outcome=summary.outcome,
+            parameters=figures,
+            private=where,
+            **self._by(holder),
+        )
 
     @_or_record_error
     def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
@@ -173,6 +185,11 @@ class AuditSink:
             fence=holder.fence if holder else None,
             parameters={"number": number},
         )
+
+    @_or_record_error
+    def keep_map(self, taken: TakenMap) -> None:
+        """Commit that this is the robot's map now."""
+        map_seen(self._robot_id, taken, timezone.now())
 
     def _without_end(self, after: int) -> list[Record]:
         """This robot's records that lack their end, the newest first: what began last ended first."""

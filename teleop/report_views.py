@@ -84,7 +84,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
         "report": report,
         "days": days,
         "periods": robot_report.PERIODS_DAYS,
-        "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
+        "kept_days": settings.FLEET_AUDIT_KEEP_RECORDS_DAYS,
         "days_driven": [day for day in reversed(report.use.days) if day.hours],
         "busiest": _busiest(report.use),
         "use": {

@@ -9,14 +9,14 @@ from datetime import date, datetime, time, timedelta
 from datetime import timezone as zones
 from typing import Any
 
-from django.db.models import Count, F, FloatField, Max, Sum
+from django.db.models import Count, F, FloatField, Max, OuterRef, Subquery, Sum
 from django.db.models.fields.json import KeyTextTransform
-from django.db.models.functions import Cast, ExtractHour
+from django.db.models.functions import Cast, Coalesce, ExtractHour
 from msgspec import Struct
 
 from fleet.audit import wording
 from fleet.audit.listing import Selection, Wanted
-from fleet.audit.models import Record
+from fleet.audit.models import Content, Record
 from robots.models import Robot
 from teleop.durations import clock
 
@@ -125,8 +125,14 @@ def _driven(robot: Robot, since: date, until: date) -> list[Any]:
     )
 
 
-def _figure(name: str) -> Cast:
-    return Cast(KeyTextTransform(name, "content__data"), FloatField())
+def _figure(name: str) -> Coalesce:
+    """A figure of a drive. Until November 2026 it stood beside the path, which takes long to read and may expire."""
+    beside_the_path = Content.objects.filter(pk=OuterRef("pk")).values(figure=_number(name, "data"))
+    return Coalesce(_number(name, "parameters"), Subquery(beside_the_path))
+
+
+def _number(name: str, column: str) -> Cast:
+    return Cast(KeyTextTransform(name, column), FloatField())
 
 
 def _use(driven: list[Any], since: date, days: int) -> Use:

@@ -17,8 +17,9 @@ from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
 from teleop.durations import clock
 from teleop.models import ControlSession
-from teleop.path_plot import Leg, Plot, plotted
+from teleop.path_plot import Ground, Leg, Plot, plotted
 from teleop.services import supervises_robot
+from teleop.session_maps import maps_of
 
 MOST_ENTRIES = 1000  # of a timeline: the newest
 _CHUNK = 250
@@ -48,7 +49,7 @@ class Figures(Struct, frozen=True):
     distance_m: float
     stops: int
     interventions: int
-    complete: bool  # nothing of it has expired
+    complete: bool  # how far each drive was is known
 
 
 class SessionReport(Struct, frozen=True):
@@ -141,7 +142,7 @@ def _figures(rows: Sequence[Row], drives: Sequence[Row], lasted_s: float) -> Fig
         distance_m=sum(end.details.get("distance_m", 0.0) for end in ends),
         stops=kinds.count("stop.press"),
         interventions=kinds.count("gate.begin"),
-        complete=not any(wording.expired(end) for end in ends),
+        complete=not any(wording.expired(end) and "distance_m" not in end.parameters for end in ends),
     )
 
 
@@ -149,9 +150,10 @@ def _driven_s(drive: Row) -> float:
     """How long; nothing where nobody knows, because the bridge was killed or the drive goes on."""
     if drive.end is None:
         return 0.0
-    if wording.expired(drive.end):
-        return (drive.end.at - drive.record.at).total_seconds()
-    return float(drive.end.details.get("duration_s", 0.0))
+    if "duration_s" in drive.end.details:
+        return float(drive.end.details["duration_s"])
+    # Until November 2026 it expired with the path.
+    return (drive.end.at - drive.record.at).total_seconds() if wording.expired(drive.end) else 0.0
 
 
 # --- path -----------------------------------------------------------------------------------------
@@ -173,7 +175,16 @@ def _plot(rows: Sequence[Row], drives: Sequence[Row], session: ControlSession) -
         and row.record.of_id in legs
         and (pose := _told(row.record, "pose"))
     ]
-    return plotted(list(legs.values()), marks)
+    return plotted(list(legs.values()), marks, _ground(session))
+
+
+def _ground(session: ControlSession) -> Ground | None:
+    """The robot's map of then."""
+    found = maps_of(session).defer("picture").last()
+    if found is None:
+        return None
+    wide_m, high_m = found.width * found.resolution_m, found.height * found.resolution_m
+    return Ground(found.pk, wide_m, high_m, (found.origin_x_m, found.origin_y_m, found.origin_yaw))
 
 
 def _told(record: Record | None, name: str) -> Any:

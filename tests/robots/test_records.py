@@ -110,7 +110,8 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     assert [begin.of_id, end.of_id, finish.of_id] == [start.pk, begin.pk, start.pk]
     assert {(str(found.session_id), found.fence) for found in records} == {(holder.session, 5)}
     assert {found.actor_name for found in records} == {"Olga Operator"}
-    assert [found.parameters for found in records] == [{}] * 4  # all else may expire
+    figures = {"distance_m": 3.142, "duration_s": 12.5, "top_mps": 0.4, "top_radps": 0.1, "interventions": 1}
+    assert [found.parameters for found in records] == [{}, {}, {}, figures]  # all else may expire
     assert [found.outcome for found in records] == ["", "obstacle", "", "halted"]
     assert start.content.data == {"pose": [1.0, 2.0, 0.5], "map_to_odom": [10.0, 0.0, 0.0]}
     assert begin.content.data == FIGURES_OF_HELD | {
@@ -126,11 +127,6 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     }
     assert finish.content.data == {
         "words": "Ann took over.",
-        "distance_m": 3.142,
-        "duration_s": 12.5,
-        "top_mps": 0.4,
-        "top_radps": 0.1,
-        "interventions": 1,
         "path": [[0.0, 1.0, 2.0, 0.5, 0.0], [12.5, 4.142, 2.0, 0.5, 0.0]],
         "path_tolerance_m": 0.05,
         "pose": [4.142, 2.0, 0.5],

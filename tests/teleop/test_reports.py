@@ -68,9 +68,12 @@ def put(session, robot, operator):
 
 @pytest.fixture
 def drive(put):
-    """`drive(map_to_odom=None)`: a drive of 4 m in 8 s along `PATH`, held back once."""
+    """`drive(map_to_odom=None)`: a drive of 4 m in 8 s along `PATH`, held back once.
 
-    def drive_once(map_to_odom=None):
+    `as_once`: as it was recorded until November 2026, figures beside the path.
+    """
+
+    def drive_once(map_to_odom=None, as_once=False):
         start = put("drive.start", private={"pose": PATH[0][1:4], "map_to_odom": map_to_odom})
         held = put(
             "gate.begin",
@@ -79,8 +82,10 @@ def drive(put):
             private={"words": "A wall.", "t_s": 6.0, "pose": [3.0, 2.0, 0.0]},
         )
         put("gate.end", of=held)
-        figures = {"distance_m": 4.0, "duration_s": 8.0, "interventions": 1, "path": PATH}
-        put("drive.end", of=start, outcome="standstill", private=figures | {"map_to_odom": map_to_odom})
+        figures = {"distance_m": 4.0, "duration_s": 8.0, "interventions": 1}
+        where = {"path": PATH, "map_to_odom": map_to_odom}
+        told = {"private": figures | where} if as_once else {"parameters": figures, "private": where}
+        put("drive.end", of=start, outcome="standstill", **told)
         return start
 
     return drive_once
@@ -290,13 +295,36 @@ def test_a_robots_report_has_hours_distance_interventions_and_when(robot, drive,
     ]
 
 
+def test_how_far_and_long_drives_were_is_known_when_their_paths_have_expired(robot, session, drive, at):
+    at(TUESDAY)
+    drive()
+    list(take_out([*Record.objects.values_list("pk", flat=True)]))
+    report = robot_report.report_of(robot, 7, TUESDAY)
+    assert (report.driven, report.distance_m, report.drives) == ("0:00:08", 4.0, 1)
+    figures = session_report.report_of(session).figures
+    assert (figures.driven, figures.distance_m, figures.complete) == ("0:00:08", 4.0, True)
+
+
+def test_drives_of_older_versions_count_until_their_details_expire(robot, session, drive, at):
+    at(TUESDAY)
+    drive()
+    drive(as_once=True)
+    report = robot_report.report_of(robot, 7, TUESDAY)
+    assert (report.driven, report.distance_m, report.drives) == ("0:00:16", 8.0, 2)
+    figures = session_report.report_of(session).figures
+    assert (figures.driven, figures.distance_m, figures.complete) == ("0:00:16", 8.0, True)
+    list(take_out([*Record.objects.values_list("pk", flat=True)]))
+    assert robot_report.report_of(robot, 7, TUESDAY).distance_m == 4.0
+    assert not session_report.report_of(session).figures.complete
+
+
 def test_what_is_older_or_another_robots_does_not_count(robot, other_robot, drive, put, at):
     at(TUESDAY - timedelta(days=7))
     drive()
     at(TUESDAY)
     start = put("drive.start", robot_id=other_robot.pk)
     figures = {"distance_m": 1.0, "duration_s": 1.0}
-    put("drive.end", of=start, robot_id=other_robot.pk, private=figures)
+    put("drive.end", of=start, robot_id=other_robot.pk, parameters=figures)
     record("fault", robot_id=other_robot.pk, outcome="bridge_lost")
     report = robot_report.report_of(robot, 7, TUESDAY)
     assert (report.drives, report.driven_h, report.interventions, report.faults) == (0, 0.0, 0, [])
