@@ -4,10 +4,12 @@ Against mistakes and against an application that was broken into; somebody who m
 past, which the chain then shows. docs/deployment.md says what to grant the application's role on PostgreSQL.
 
 Records go only up to a checkpoint that their own chain has recorded later. Contents are put in and taken out, never
-changed.
+changed. Verification holds what is in the database against what stands here: who changes it here adds a migration.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from django.db.backends.base.base import BaseDatabaseWrapper
 
@@ -70,31 +72,41 @@ _POSTGRESQL = {
     "audit_chain_no_update": ("BEFORE UPDATE ON audit_chain FOR EACH ROW", "WHEN (NEW.id <> OLD.id)"),
 }
 
-_POSTGRESQL_FUNCTIONS = [
-    f"""
-    CREATE FUNCTION audit_refuse() RETURNS trigger LANGUAGE plpgsql AS $$
-    BEGIN RAISE EXCEPTION '% {APPEND_ONLY}', TG_TABLE_NAME USING ERRCODE = 'integrity_constraint_violation'; END $$
+# PostgreSQL: name of the function: what it does.
+_POSTGRESQL_FUNCTIONS = {
+    "audit_refuse": f"""
+    BEGIN RAISE EXCEPTION '% {APPEND_ONLY}', TG_TABLE_NAME USING ERRCODE = 'integrity_constraint_violation'; END
     """,
-    """
-    CREATE FUNCTION audit_record_refuse_delete() RETURNS trigger LANGUAGE plpgsql AS $$
+    "audit_record_refuse_delete": f"""
     BEGIN
         IF NOT EXISTS (
             SELECT 1 FROM audit_record AS later
             WHERE later.kind = 'audit.checkpoint' AND later.robot_id IS NOT DISTINCT FROM OLD.robot_id
             AND (later.parameters->>'through')::bigint BETWEEN OLD.seq AND later.seq - 1
         ) THEN
-            RAISE EXCEPTION 'audit_record is append-only' USING ERRCODE = 'integrity_constraint_violation';
+            RAISE EXCEPTION 'audit_record {APPEND_ONLY}' USING ERRCODE = 'integrity_constraint_violation';
         END IF;
         RETURN OLD;
-    END $$
-    """,
-    """
-    CREATE TRIGGER audit_record_no_delete BEFORE DELETE ON audit_record
-    FOR EACH ROW EXECUTE FUNCTION audit_record_refuse_delete()
-    """,
-]
+    END
+    """,  # noqa: S608  # nothing in it comes from outside
+}
 
-NAMES = {"sqlite": set(_SQLITE), "postgresql": {*_POSTGRESQL, "audit_record_no_delete"}}
+# The triggers that refuse, by their names.
+_REFUSING = {
+    "sqlite": {
+        name: f"CREATE TRIGGER {name} {when} WHEN {condition}"
+        f" BEGIN SELECT RAISE(ABORT, '{when.split()[-1]} {APPEND_ONLY}'); END"
+        for name, (when, condition) in _SQLITE.items()
+    },
+    "postgresql": {
+        **{
+            name: f"CREATE TRIGGER {name} {when} {condition} EXECUTE FUNCTION audit_refuse()"
+            for name, (when, condition) in _POSTGRESQL.items()
+        },
+        "audit_record_no_delete": "CREATE TRIGGER audit_record_no_delete BEFORE DELETE ON audit_record FOR EACH ROW"
+        " EXECUTE FUNCTION audit_record_refuse_delete()",
+    },
+}
 
 # The texts are searched by any three characters in a row (trigrams); shorter words by looking at every text.
 _SQLITE_SEARCH = [
@@ -121,31 +133,85 @@ _POSTGRESQL_SEARCH = [
 ]
 
 CREATE = {
-    "sqlite": [
-        *(
-            f"CREATE TRIGGER {name} {when} WHEN {condition}"
-            f" BEGIN SELECT RAISE(ABORT, '{when.split()[-1]} {APPEND_ONLY}'); END"
-            for name, (when, condition) in _SQLITE.items()
-        ),
-        *_SQLITE_SEARCH,
-    ],
+    "sqlite": [*_REFUSING["sqlite"].values(), *_SQLITE_SEARCH],
     "postgresql": [
-        *_POSTGRESQL_FUNCTIONS,
         *(
-            f"CREATE TRIGGER {name} {when} {condition} EXECUTE FUNCTION audit_refuse()"
-            for name, (when, condition) in _POSTGRESQL.items()
+            f"CREATE FUNCTION {name}() RETURNS trigger LANGUAGE plpgsql AS $${body}$$"
+            for name, body in _POSTGRESQL_FUNCTIONS.items()
         ),
+        *_REFUSING["postgresql"].values(),
         *_POSTGRESQL_SEARCH,
     ],
 }
 
 
-def missing(connection: BaseDatabaseWrapper) -> set[str]:
-    """The names of those triggers that refuse, and are not there."""
-    queries = {
-        "sqlite": "SELECT name FROM sqlite_master WHERE type = 'trigger'",
-        "postgresql": "SELECT tgname FROM pg_trigger WHERE tgenabled <> 'D'",
+# --- whether they are as they were made -------------------------------------------------------------
+
+
+class _Trigger(NamedTuple):
+    """One that is there."""
+
+    name: str
+    is_on: bool
+    definition: str
+
+
+def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
+    """What is wrong with the triggers that refuse, by their names; those that are as they were made are left out."""
+    vendor = connection.vendor
+    there = {"sqlite": _on_sqlite, "postgresql": _on_postgresql}[vendor](connection)
+    made = {name: _made(vendor, statement) for name, statement in _REFUSING[vendor].items()}
+    return {
+        name: wrong
+        for name, definition in made.items()
+        if (wrong := _wrong(definition, [trigger for trigger in there if trigger.name == name]))
     }
+
+
+def _wrong(definition: str, there: list[_Trigger]) -> str:
+    """What is wrong with those that have the name of the one that was made so; blank: nothing."""
+    if not there:
+        return "is missing"
+    switches = [trigger.is_on for trigger in there if trigger.definition == definition]
+    if not switches:
+        return "is another one than the console made"
+    return "" if any(switches) else "is switched off"
+
+
+def _made(vendor: str, statement: str) -> str:
+    """The definition that the database has of a trigger that was made by this statement."""
+    if vendor == "sqlite":
+        return _words(statement)
+    function = statement.rsplit(" ", 1)[1].removesuffix("()")
+    return _of_postgresql(statement, "plpgsql", _POSTGRESQL_FUNCTIONS[function], "")
+
+
+def _on_sqlite(connection: BaseDatabaseWrapper) -> list[_Trigger]:
     with connection.cursor() as cursor:
-        cursor.execute(queries[connection.vendor])
-        return NAMES[connection.vendor] - {name for (name,) in cursor.fetchall()}
+        cursor.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
+        return [_Trigger(name, True, _words(statement)) for name, statement in cursor.fetchall()]
+
+
+def _on_postgresql(connection: BaseDatabaseWrapper) -> list[_Trigger]:
+    with connection.cursor() as cursor:
+        cursor.execute(
+            """
+            SELECT tgname, tgenabled IN ('O', 'A'), pg_get_triggerdef(pg_trigger.oid, true),
+                lanname, prosrc, COALESCE(proconfig::text, '')
+            FROM pg_trigger
+            JOIN pg_proc ON pg_proc.oid = tgfoid
+            JOIN pg_language ON pg_language.oid = prolang
+            WHERE NOT tgisinternal
+            """
+        )
+        return [_Trigger(name, is_on, _of_postgresql(*parts)) for name, is_on, *parts in cursor.fetchall()]
+
+
+def _of_postgresql(trigger: str, language: str, body: str, settings: str) -> str:
+    """A trigger and what its function does. PostgreSQL writes the trigger's condition in its own way."""
+    condition_as_written = _words(trigger).lower().replace("::text", "")
+    return "\n".join((condition_as_written, language, _words(body), settings))
+
+
+def _words(statement: str) -> str:
+    return " ".join(statement.split())

@@ -11,7 +11,7 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 from django.utils import timezone as django_timezone
 
-from fleet.audit import record, triggers
+from fleet.audit import record
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.verify import Head, compare, verify, verify_all
 from tests.audit.support import past_the_triggers, tamper
@@ -335,18 +335,6 @@ def test_old_records_that_were_removed_fit_heads_of_their_time(chain):
     assert finding.what == "is another one in the checkpoint than when the heads were kept."
 
 
-# --- triggers -----------------------------------------------------------------------------------------
-
-
-def test_a_trigger_that_is_missing_is_named():
-    dropped = {"sqlite": "", "postgresql": " ON audit_record"}[connection.vendor]
-    with connection.cursor() as cursor:
-        cursor.execute(f"DROP TRIGGER audit_record_no_update{dropped}")
-    [finding] = verify_all().findings
-    assert str(finding) == "database: the trigger audit_record_no_update is missing."
-    assert triggers.missing(connection) == {"audit_record_no_update"}
-
-
 # --- heads ----------------------------------------------------------------------------------------
 
 
@@ -399,11 +387,28 @@ def test_the_command_ends_with_status_1_and_the_words_of_each_finding(chain):
     assert Record.objects.get(kind="audit.verify").outcome == "findings"
 
 
-def test_only_one_robot_is_verified_when_one_is_named(chain):
+def test_of_robots_only_one_is_verified_when_one_is_named(chain):
     tamper("UPDATE audit_record SET fence = 99 WHERE id = %s", chain[3].pk)
     words = io.StringIO()
     call_command("verify_audit", robot=str(uuid.UUID(int=9)), stdout=words)
-    assert "Chains: 1, records: 8. All are as written." in words.getvalue()
+    without_robot = Record.objects.filter(robot_id=None).exclude(kind="audit.verify").count()
+    assert f"Chains: 2, records: {8 + without_robot}. All are as written." in words.getvalue()
+
+
+def test_with_one_robot_goes_what_tells_which_of_its_contents_were_taken_out(chain):
+    """Whoever writes what is missing into an old record of an erasure is found, whichever robot is asked about."""
+    told = record("audit.erase", parameters={"person": "x", "records": [1]})
+    later = record("audit.erase", parameters={"person": "x", "records": []})
+    tamper(
+        "UPDATE audit_record SET parameters = %s WHERE id = %s",
+        json.dumps({"person": "x", "records": [chain[3].pk]}),
+        told.pk,
+    )
+    chain[3].content.delete()
+    words = io.StringIO()
+    with pytest.raises(SystemExit):
+        call_command("verify_audit", robot="TIAGo 1", stderr=words)
+    assert f"record #{told.pk}" in words.getvalue() and f"#{later.pk}" not in words.getvalue()
 
 
 def test_heads_on_standard_output_are_nothing_but_heads(chain, capsys):

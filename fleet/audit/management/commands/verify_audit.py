@@ -16,7 +16,7 @@ from django.db import DatabaseError
 from fleet import audit
 from fleet.audit.command_line import here
 from fleet.audit.models import Chain
-from fleet.audit.verify import Head, Verified, compare, verify, verify_all
+from fleet.audit.verify import Head, Verified, compare, verify_all, verify_one
 
 SHOWN = 50  # findings; the first are what matters
 
@@ -33,7 +33,9 @@ class Command(BaseCommand):
     def add_arguments(self, parser: CommandParser) -> None:
         """What to look through, and where the heads go or come from."""
         parser.add_argument(
-            "--robot", metavar="NAME", help="only this robot's records; its name or its identifier"
+            "--robot",
+            metavar="NAME",
+            help="only this robot's records, by its name or identifier, and those without robot",
         )
         parser.add_argument(
             "--heads", metavar="FILE", help="write the last record of each chain there; - is stdout"
@@ -43,7 +45,7 @@ class Command(BaseCommand):
     def handle(self, *args: Any, robot: str | None, heads: str | None, against: str | None, **_: Any) -> None:
         """Verify, tell, and put on record that it was done."""
         kept = _read(against) if against else []
-        told = verify([_chain(robot)]) if robot else verify_all()
+        told = verify_one(_chain(robot)) if robot else verify_all()
         told.findings += compare(kept)
         if heads:
             _write(heads, told.heads)
