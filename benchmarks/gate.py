@@ -22,7 +22,7 @@ from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, TakenMap
 from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Grant, Refusal
@@ -217,6 +217,8 @@ class _NoRecords:
         return 1
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None: ...
+
+    def keep_map(self, taken: TakenMap) -> None: ...
 
 
 def _drive_path() -> tuple[list[float], list[float]]:

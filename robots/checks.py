@@ -102,6 +102,8 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
     for what in ("battery", "charging"):
         if source := getattr(topics, what):
             yield Listened(what, source.name, source.type, stamped=source.type == "sensor_msgs/BatteryState")
+    if topics.map:
+        yield Listened("map", topics.map.name, topics.map.type, stamped=False)
     for what in ("speech", "motions"):
         action = getattr(topics, what)
         if action and action.type.endswith("Action"):  # a plain topic for texts tells nothing
@@ -225,7 +227,7 @@ def _named(what: str) -> str:
 _KINDS = (
     *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
     *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
-    *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions")),
+    *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions"), gettext_noop("map")),
 )
 _MISSING = gettext_noop(
     "Is the node running, and is the topic's name in the robot's profile right (rostopic list)?"

@@ -32,6 +32,7 @@ UNDERSTOOD_TYPES = {
     "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),
     "charging": ("std_msgs/Bool",),
     "camera": ("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
+    "map": ("nav_msgs/OccupancyGrid",),
 }
 
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47

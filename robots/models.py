@@ -159,8 +159,8 @@ class RobotProfile(models.Model):
         _("topics"),
         help_text=_(
             "The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
-            "charging, speech, languages, motions, camera, cancel_on_stop. Poses are [x, y, yaw] in the base frame, "
-            "metres and radians. Leave out what the robot does not have."
+            "charging, speech, languages, motions, camera, map, cancel_on_stop. Poses are [x, y, yaw] in the "
+            "base frame, metres and radians. Leave out what the robot does not have."
         ),
     )
     gate = models.JSONField(
@@ -621,6 +621,28 @@ class BridgeStatus(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.state}"
+
+
+class RobotMap(models.Model):
+    """What a robot's map was from one time to another, as a picture. One that stays the same is one row."""
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
+    digest = models.CharField(max_length=64)  # of what it shows and where
+    first_seen_at = models.DateTimeField()
+    last_seen_at = models.DateTimeField()
+    resolution_m = models.FloatField()  # of a cell, a pixel
+    origin_x_m = models.FloatField()  # lower left corner, in the map's frame
+    origin_y_m = models.FloatField()
+    origin_yaw = models.FloatField()
+    width = models.PositiveIntegerField()  # cells
+    height = models.PositiveIntegerField()
+    picture = models.BinaryField()  # PNG
+
+    class Meta:
+        indexes = [models.Index(fields=["robot", "first_seen_at"], name="robots_map_of_a_time")]
+
+    def __str__(self) -> str:
+        return f"map of {self.robot} from {self.first_seen_at}"
 
 
 class BridgePulse(models.Model):

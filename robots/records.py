@@ -38,7 +38,9 @@ from robots.bridge.sink import (
     Parameters,
     Place,
     RecordError,
+    TakenMap,
 )
+from robots.maps import map_seen
 from robots.models import BridgePulse
 
 P = ParamSpec("P")
@@ -183,6 +185,11 @@ class AuditSink:
             fence=holder.fence if holder else None,
             parameters={"number": number},
         )
+
+    @_or_record_error
+    def keep_map(self, taken: TakenMap) -> None:
+        """Commit that this is the robot's map now."""
+        map_seen(self._robot_id, taken, timezone.now())
 
     def _without_end(self, after: int) -> list[Record]:
         """This robot's records that lack their end, the newest first: what began last ended first."""

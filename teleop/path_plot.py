@@ -1,4 +1,5 @@
-"""The paths of drives as a picture: lines in colours of speed on a grid of metres, x to the right and y up.
+"""The paths of drives as a picture: lines in colours of speed on the robot's map and a grid of metres, x to the right
+and y up.
 
 Pure: poses in, numbers for an SVG out. Poses are [x, y, yaw] in metres and radians, samples [t_s, x, y, yaw, speed].
 """
@@ -14,6 +15,7 @@ from msgspec import Struct
 WIDTH, HEIGHT = 800, 600  # of the picture, in units of its own
 MARGIN = 40  # units around what is drawn
 SMALLEST_M = 2.0  # wide: a robot that hardly moved is not shown as under a microscope
+AROUND_M = 3.0  # of a map, about the path: enough to know the room
 MOST_LINES = 14  # of the grid, across
 STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 SPEEDS_MPS = (0.1, 0.2, 0.4, 0.7)  # where one colour ends and the next begins
@@ -27,6 +29,21 @@ class Leg(Struct, frozen=True):
     begins_s: float  # on the clock of the picture
     samples: Sequence[Numbers]
     frame: Numbers | None = None
+
+
+class Ground(Struct, frozen=True):
+    """What is drawn beneath: the picture of a map, which lies as nav_msgs/OccupancyGrid says."""
+
+    number: int  # of the picture
+    wide_m: float
+    high_m: float
+    origin: Numbers  # its lower left corner in the map's frame
+
+    @property
+    def corners(self) -> list[tuple[float, float, float]]:
+        """In the map's frame."""
+        across, up = (0.0, self.wide_m), (0.0, self.high_m)
+        return [_placed((x, y, 0.0), self.origin) for x in across for y in up]
 
 
 class Line(Struct, frozen=True):
@@ -45,6 +62,8 @@ class Plot(Struct, frozen=True):
     upright: list[float]  # x of each
     step_m: float  # between two of them
     on_map: bool  # whether places are the map's
+    ground: Ground | None
+    lay: str  # the transform that lays the ground, in metres from its upper left corner, onto the picture
     replay: list[list[list[float]]]  # of each drive its samples: s, x, y, degrees clockwise from the right
 
 
@@ -59,7 +78,9 @@ class _Scale(Struct, frozen=True):
         return round((x - self.left) * self.per_m, 1), round((self.top - y) * self.per_m, 1)
 
 
-def plotted(legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]]) -> Plot | None:
+def plotted(
+    legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]], ground: Ground | None = None
+) -> Plot | None:
     """The drives, and the poses where the gate held back, each with its frame; None if nothing is known of any path."""
     legs = [leg for leg in legs if leg.samples]
     if not legs:
@@ -69,7 +90,9 @@ def plotted(legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]]
     held = [
         _placed(pose, frame if on_map else None) for pose, frame in marks if frame is not None or not on_map
     ]
-    scale = _fitting([pose for path in paths for pose in path] + held)
+    ground = ground if on_map else None
+    shown = [pose for path in paths for pose in path] + held
+    scale = _fitting(shown + _surroundings(shown, ground))
     step_m = next((step for step in STEPS_M if WIDTH / scale.per_m / step <= MOST_LINES), STEPS_M[-1])
     return Plot(
         lines=[line for leg, path in zip(legs, paths, strict=True) for line in _lines(leg, path, scale)],
@@ -78,6 +101,8 @@ def plotted(legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]]
         upright=_grid(-scale.left * scale.per_m, step_m * scale.per_m, WIDTH),
         step_m=step_m,
         on_map=on_map,
+        ground=ground,
+        lay=_lay(ground, scale) if ground else "",
         replay=[
             [
                 [round(leg.begins_s + sample[0], 2), *scale(x, y), round(-math.degrees(yaw), 1)]
@@ -103,13 +128,38 @@ def _placed(pose: Numbers, frame: Numbers | None) -> tuple[float, float, float]:
     return left + c * x - s * y, up + s * x + c * y, yaw + turn
 
 
+def _surroundings(poses: Sequence[Numbers], ground: Ground | None) -> list[Numbers]:
+    """How far the ground reaches about these poses, but not more than `AROUND_M`."""
+    if ground is None:
+        return []
+    (west, east), (south, north) = _reach(poses, 0), _reach(poses, 1)
+    return [
+        [min(max(x, west - AROUND_M), east + AROUND_M), min(max(y, south - AROUND_M), north + AROUND_M)]
+        for x, y, _yaw in ground.corners
+    ]
+
+
+def _reach(poses: Sequence[Numbers], axis: int) -> tuple[float, float]:
+    along = [pose[axis] for pose in poses]
+    return min(along), max(along)
+
+
+def _lay(ground: Ground, scale: _Scale) -> str:
+    """As SVG takes it."""
+    turn = ground.origin[2]
+    c, s = scale.per_m * math.cos(turn), scale.per_m * math.sin(turn)
+    x, y, _yaw = _placed((0.0, ground.high_m, 0.0), ground.origin)
+    left, down = (x - scale.left) * scale.per_m, (scale.top - y) * scale.per_m
+    return f"matrix({c:.6g} {-s:.6g} {s:.6g} {c:.6g} {left:.6g} {down:.6g})"
+
+
 def _fitting(poses: Sequence[Numbers]) -> _Scale:
     """All of them in the picture, in its middle."""
-    xs, ys = [pose[0] for pose in poses], [pose[1] for pose in poses]
-    wide, high = max(max(xs) - min(xs), SMALLEST_M), max(max(ys) - min(ys), SMALLEST_M)
+    (west, east), (south, north) = _reach(poses, 0), _reach(poses, 1)
+    wide, high = max(east - west, SMALLEST_M), max(north - south, SMALLEST_M)
     per_m = min((WIDTH - 2 * MARGIN) / wide, (HEIGHT - 2 * MARGIN) / high)
-    left = (min(xs) + max(xs)) / 2 - WIDTH / per_m / 2
-    top = (min(ys) + max(ys)) / 2 + HEIGHT / per_m / 2
+    left = (west + east) / 2 - WIDTH / per_m / 2
+    top = (south + north) / 2 + HEIGHT / per_m / 2
     return _Scale(left, top, per_m)
 
 

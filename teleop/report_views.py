@@ -17,7 +17,7 @@ from django.utils.dateparse import parse_datetime
 from django.utils.dates import WEEKDAYS
 from django.utils.timezone import is_aware, now
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
+from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
@@ -29,6 +29,9 @@ from robots.selectors import robots_visible_to
 from teleop import own_data, path_plot, robot_report, session_report
 from teleop.selectors import end_notes
 from teleop.services import supervises_robot
+from teleop.session_maps import maps_of
+
+MAP_CACHED_S = 60 * 60  # by the browser of who may see it; what a number shows never changes
 
 
 class Line(Struct, frozen=True):
@@ -67,6 +70,17 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
         },
     }
     return render(request, "teleop/session.html", context)
+
+
+@cache_control(private=True, max_age=MAP_CACHED_S, immutable=True)
+@require_safe
+def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> HttpResponse:
+    """The picture of one of the robot's maps of that time, for whoever may see the session's page."""
+    session = session_report.session_seen_by(_person(request), session_id)
+    found = maps_of(session).filter(pk=number).first() if session else None
+    if found is None:
+        raise Http404("there is no such control session or map, or it is not yours to see")
+    return HttpResponse(bytes(found.picture), content_type="image/png")
 
 
 @never_cache

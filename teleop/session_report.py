@@ -17,8 +17,9 @@ from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
 from teleop.durations import clock
 from teleop.models import ControlSession
-from teleop.path_plot import Leg, Plot, plotted
+from teleop.path_plot import Ground, Leg, Plot, plotted
 from teleop.services import supervises_robot
+from teleop.session_maps import maps_of
 
 MOST_ENTRIES = 1000  # of a timeline: the newest
 _CHUNK = 250
@@ -174,7 +175,16 @@ def _plot(rows: Sequence[Row], drives: Sequence[Row], session: ControlSession) -
         and row.record.of_id in legs
         and (pose := _told(row.record, "pose"))
     ]
-    return plotted(list(legs.values()), marks)
+    return plotted(list(legs.values()), marks, _ground(session))
+
+
+def _ground(session: ControlSession) -> Ground | None:
+    """The robot's map of then."""
+    found = maps_of(session).defer("picture").last()
+    if found is None:
+        return None
+    wide_m, high_m = found.width * found.resolution_m, found.height * found.resolution_m
+    return Ground(found.pk, wide_m, high_m, (found.origin_x_m, found.origin_y_m, found.origin_yaw))
 
 
 def _told(record: Record | None, name: str) -> Any:

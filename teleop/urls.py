@@ -12,6 +12,11 @@ urlpatterns = [
     path("robots/<slug:slug>/stop/", views.stop, name="stop"),
     path("robots/<slug:slug>/report/", report_views.robot, name="robot-report"),
     path("sessions/<uuid:session_id>/", report_views.control_session, name="control-session"),
+    path(
+        "sessions/<uuid:session_id>/maps/<int:number>/",
+        report_views.control_session_map,
+        name="control-session-map",
+    ),
     path("your-data/", report_views.your_data, name="your-data"),
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
     path("stop-all/", views.stop_all, name="stop-all"),

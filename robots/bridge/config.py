@@ -95,6 +95,7 @@ class Topics(Struct, frozen=True):
     languages: list[str] = []  # in which it speaks, BCP 47, its own first
     motions: Topic | None = None
     camera: Topic | None = None
+    map: Topic | None = None  # nav_msgs/OccupancyGrid in the frame "map", latched
     cancel_on_stop: list[str] = []  # action names whose every goal an emergency stop cancels
 
 

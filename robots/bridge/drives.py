@@ -18,7 +18,16 @@ from functools import partial
 
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.path import Path, Track
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, RecordSink
+from robots.bridge.sink import (
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    RecordSink,
+    TakenMap,
+)
 from robots.bridge.writer import Writer
 from robots.wire import Refusal
 
@@ -170,6 +179,10 @@ class DriveLog:
     def stopped(self, holder: Holder | None, number: int, now_s: float) -> None:
         """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""
         self._writer.keep(lambda: self._sink.stopped(holder, number), now_s)
+
+    def keep_map(self, taken: TakenMap) -> None:
+        """Keep the robot's map, between two records."""
+        self._writer.aside(partial(self._sink.keep_map, taken))
 
     def end(self, outcome: str, ended_by: str, now_s: float) -> None:
         """End the drive under way, if any."""

@@ -22,6 +22,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.link import LinkServer
+from robots.bridge.maps import Maps
 from robots.bridge.reception import Reception
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
@@ -54,6 +55,7 @@ class Bridge:
         self._core = Core(
             config, self._base, gate, self._drives, left, self._announce, self._inspection, stops_before
         )
+        self._maps = Maps(config, self._drives.keep_map)
         self._leasing = Leasing(self._core, store, left.fence)
         door = Reception(self._core, self._leasing, self._inspection)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed)
@@ -81,6 +83,7 @@ class Bridge:
             now_s = time.monotonic()
             self._core.close(now_s)
             self._base.stop()
+            await self._maps.close()
             await asyncio.gather(
                 self._inspection.close(),
                 asyncio.to_thread(self._drives.close, now_s),  # after it, no record calls the loop
@@ -97,7 +100,9 @@ class Bridge:
         while not self._ended.is_set():
             now_s = time.monotonic()
             self._core.tick(now_s)
-            self._base.look(self._core.grants.current is not None)
+            grant = self._core.grants.current
+            self._base.look(grant is not None)
+            self._maps.look(grant.fence if grant else None, now_s)
             self._show(now_s, count)
             count += 1
             due_s = max(due_s + TICK_S, now_s)  # after a stall: on from here, no catching up

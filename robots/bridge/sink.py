@@ -73,6 +73,17 @@ class GateSummary(Struct, frozen=True):
     pose: Pose | None  # at its end
 
 
+class TakenMap(Struct, frozen=True, tag=True):
+    """The robot's map as a picture. It lies where nav_msgs/OccupancyGrid says: `origin` is its lower left corner."""
+
+    resolution_m: float  # of a cell, a pixel
+    origin: Pose  # in the map's frame
+    width: int  # cells
+    height: int
+    picture: bytes  # PNG; the first row is the upper edge
+    digest: str  # of what it shows and where
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge sees it. Tokens are opaque to the bridge."""
 
@@ -102,3 +113,6 @@ class RecordSink(Protocol):
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         """Commit that it ended, and what it came to."""
+
+    def keep_map(self, taken: TakenMap) -> None:
+        """Commit that this is the robot's map now. No record: the robot does not wait for it."""

@@ -13,6 +13,7 @@ from robots.simulator.body import Body
 from robots.simulator.faults import Faults
 from robots.simulator.frames import frames
 from robots.simulator.laser import Laser
+from robots.simulator.localisation import Localisation
 from robots.simulator.motions import Player, load_motions
 from robots.simulator.odometry import Drift, Odometry
 from robots.simulator.people import Walker
@@ -30,10 +31,12 @@ class Robot:
 
     def __init__(self, world: World, body: Body, start: Pose, seed: int, drift: Drift) -> None:
         random = np.random.default_rng(seed)
+        self.world = world
         self.body = body
         self.physics = Physics(world, body, start)
         self.controller = BaseController(body.limits)
         self.odometry = Odometry(drift, random)
+        self.localisation = Localisation(self.odometry, np.random.default_rng(seed))
         self.laser = Laser(body.laser, random)
         self.sonars = [Sonar(mount, random) for mount in body.sonars]
         self.battery = Battery()

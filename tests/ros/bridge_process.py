@@ -9,7 +9,7 @@ import msgspec
 
 from robots.bridge.config import BridgeConfig
 from robots.bridge.process import run
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, TakenMap
 
 
 class FileSink:
@@ -47,6 +47,9 @@ class FileSink:
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         self._record("gate.end")
+
+    def keep_map(self, taken: TakenMap) -> None:
+        self._record(f"map {taken.width} x {taken.height}")
 
 
 if __name__ == "__main__":

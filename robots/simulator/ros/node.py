@@ -23,6 +23,7 @@ from robots.simulator.ros.head import HeadServer
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
 from robots.simulator.ros.motions import MotionServer
+from robots.simulator.ros.navigation import NavigationTopics
 from robots.simulator.ros.power import PowerTopics
 from robots.simulator.ros.sensors import LaserTopics, SonarTopic
 from robots.simulator.ros.speech import SpeechServer
@@ -50,6 +51,7 @@ class SimulatorNode:
         self._truth = GroundTruth(robot)
         self._duties = [
             Duty(1, 0, BaseTopics(robot).publish),
+            Duty(TICK_HZ // 5, 6, NavigationTopics(robot).publish),
             Duty(1, 0, JointTopics(robot).publish),
             Duty(1, 0, InertialTopics(robot).publish),
             Duty(TICK_HZ, 7, PowerTopics(robot).publish),

@@ -21,7 +21,7 @@ from django.utils import timezone
 from fleet.audit import AuditUnavailable, retention
 from robots.ending import told_to_end
 from robots.faults import RobotWatch
-from teleop import rules, services, watching
+from teleop import rules, services, session_maps, watching
 from teleop.selectors import held_robots
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ class Command(BaseCommand):
 
     help = (
         "Ends leases and questions whose time is over, and records when a robot goes and comes back; once a day "
-        "forgets old sign-in sessions and what the audit log keeps no longer."
+        "forgets old sign-in sessions, what the audit log keeps no longer, and maps that no path is shown on."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
@@ -92,6 +92,7 @@ def chores() -> Iterator[None]:
     yield
     yield from watching.end_what_was_left(timezone.now())
     yield from retention.keep_house(timezone.now())
+    yield from session_maps.keep_house(timezone.now())
 
 
 def go_round() -> None:

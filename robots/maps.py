@@ -1,0 +1,34 @@
+"""Robots' maps: what each was from one time to another. They show rooms, no people."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from uuid import UUID
+
+from django.db import transaction
+
+from robots.bridge.sink import TakenMap
+from robots.models import RobotMap
+
+
+@transaction.atomic
+def map_seen(robot_id: UUID, taken: TakenMap, now: datetime) -> RobotMap:
+    """This is the robot's map now. Only the robot's one bridge says so: nobody else does at the same time."""
+    newest = RobotMap.objects.filter(robot_id=robot_id).defer("picture").order_by("first_seen_at").last()
+    if newest is not None and newest.digest == taken.digest:
+        newest.last_seen_at = max(now, newest.last_seen_at)
+        newest.save(update_fields=["last_seen_at"])
+        return newest
+    return RobotMap.objects.create(
+        robot_id=robot_id,
+        digest=taken.digest,
+        first_seen_at=now,
+        last_seen_at=now,
+        resolution_m=taken.resolution_m,
+        origin_x_m=taken.origin.x,
+        origin_y_m=taken.origin.y,
+        origin_yaw=taken.origin.yaw,
+        width=taken.width,
+        height=taken.height,
+        picture=taken.picture,
+    )

@@ -1,0 +1,140 @@
+"""A robot's map becomes a picture that lies right, and what is no map becomes none."""
+
+from __future__ import annotations
+
+import math
+import struct
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from robots.bridge.occupancy import LARGEST_SIDE, MOST_CELLS, BadMap, taken
+
+NORTH = (0.0, 0.0, math.sin(math.pi / 4.0), math.cos(math.pi / 4.0))
+UNKNOWN, FREE, OCCUPIED = ((127, 135, 131, opacity) for opacity in (0, 34, 255))
+
+# Row 0 is the lower edge: a corner of walls at the lower left, one free cell at the upper right.
+CORNER = [
+    [100, 100, 100],
+    [100, 0, 0],
+    [100, 0, -1],
+    [-1, -1, 10],
+]
+
+
+def grid(
+    cells=CORNER,
+    *,
+    resolution_m=0.05,
+    origin=(-1.0, 2.0, 0.0),
+    rotation=(0.0, 0.0, 0.0, 1.0),
+    frame=b"map",
+    size=None,
+    count=None,
+):
+    """A serialized nav_msgs/OccupancyGrid."""
+    percent = np.array(cells, np.int8)
+    height, width = size or percent.shape
+    return b"".join(
+        (
+            struct.pack("<IIII", 7, 1, 2, len(frame)),
+            frame,
+            struct.pack("<IIfII7d", 1, 2, resolution_m, width, height, *origin, *rotation),
+            struct.pack("<I", percent.size if count is None else count),
+            percent.tobytes(),
+        )
+    )
+
+
+def pixels(told):
+    """Rows of the picture, the upper one first."""
+    with Image.open(BytesIO(told.picture)) as picture:
+        picture.load()
+        rgba = np.array(picture.convert("RGBA"))
+    assert rgba.shape[:2] == (told.height, told.width)
+    return [[tuple(pixel) for pixel in row] for row in rgba.tolist()]
+
+
+def test_the_first_row_of_cells_is_the_lower_edge_of_the_picture():
+    told = taken(grid())
+    upper, *_, lower = pixels(told)
+    assert lower == [OCCUPIED, OCCUPIED, OCCUPIED]
+    assert upper == [UNKNOWN, UNKNOWN, FREE]
+    assert (told.resolution_m, told.origin, told.width, told.height) == (0.05, (-1.0, 2.0, 0.0), 3, 4)
+
+
+def test_what_is_unknown_all_around_is_cut_away_and_the_origin_moves_with_it():
+    sheet = np.full((40, 60), -1)
+    sheet[10:14, 20:23] = CORNER
+    told = taken(grid(sheet, origin=(5.0, 5.0, 0.0), rotation=NORTH))
+    assert pixels(told) == pixels(taken(grid()))
+    # North is along the rows: 20 columns of 5 cm go there, 10 rows go west.
+    assert told.origin == pytest.approx((5.0 - 0.5, 5.0 + 1.0, math.pi / 2.0))
+
+
+def test_a_map_with_too_many_cells_for_a_picture_is_thinned_and_a_thin_wall_stays():
+    cells = np.zeros((3, 2 * LARGEST_SIDE), np.int8)
+    cells[0, 5] = 100
+    told = taken(grid(cells))
+    assert (told.width, told.height, told.resolution_m) == (LARGEST_SIDE, 2, 0.1)
+    upper, lower = pixels(told)
+    assert [index for index, pixel in enumerate(lower) if pixel == OCCUPIED] == [2]
+    assert set(upper) == {FREE}
+
+
+def test_one_map_has_one_digest_and_a_door_or_a_step_aside_another():
+    door = [row.copy() for row in CORNER]
+    door[0][1] = 0
+    maps = [grid(), grid(), grid(door), grid(origin=(-1.0, 2.05, 0.0)), grid(rotation=NORTH)]
+    first, again, *others = [taken(raw).digest for raw in maps]
+    assert first == again
+    assert len({first, *others}) == 4
+
+
+def test_what_is_neither_free_nor_occupied_is_not_known():
+    assert pixels(taken(grid([[0, 50, -1, 101, -128, 100]]))) == [
+        [FREE, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, OCCUPIED]
+    ]
+
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("raw", "why"),
+    [
+        (b"", "cut short"),
+        (grid()[:40], "cut short"),
+        (grid()[:-1], "tells 12"),
+        (grid() + b"x", "tells 12"),
+        (grid(count=2**32 - 1), "tells 4294967295"),
+        (grid(size=(4, 4)), "4 x 4 cells and tells 12"),
+        (grid(size=(0, 12)), "12 x 0 cells"),
+        (grid(size=(2**32 - 1, 2**32 - 1)), "4294967295 x 4294967295 cells"),
+        (grid(size=(MOST_CELLS + 1, 1)), "cells"),
+        (grid(resolution_m=NAN), "nan m wide"),
+        (grid(resolution_m=0.0), "0.0 m wide"),
+        (grid(resolution_m=-0.05), "m wide"),
+        (grid(resolution_m=math.inf), "inf m wide"),
+        (grid(origin=(NAN, 0.0, 0.0)), "begins at nan"),
+        (grid(origin=(0.0, math.inf, 0.0)), "begins at 0.0, inf"),
+        (grid(origin=(0.0, NAN, 0.0)), "begins at 0.0, nan"),
+        (grid(rotation=(0.0, 0.0, 0.0, 0.0)), "not lie flat"),
+        (grid(rotation=(0.0, 0.0, NAN, 1.0)), "not lie flat"),
+        (grid(rotation=(NAN, 0.0, 0.0, 1.0)), "not lie flat"),
+        (grid(rotation=(0.7071, 0.0, 0.0, 0.7071)), "not lie flat"),
+        (grid(frame=b"odom"), "in the frame 'odom'"),
+        (grid(frame=b"x" * 100_000), "in the frame 'xxx"),
+        (grid(np.full((5, 5), -1)), "nothing is known"),
+    ],
+)
+def test_what_is_no_map_is_refused_in_words(raw, why):
+    with pytest.raises(BadMap, match=why) as refused:
+        taken(raw)
+    assert len(str(refused.value)) < 300
+
+
+def test_an_old_publishers_slash_before_the_frame_means_nothing():
+    assert taken(grid(frame=b"/map")).digest == taken(grid()).digest

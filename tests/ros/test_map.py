@@ -1,0 +1,127 @@
+"""The robot's map, taken from ROS while somebody has control, until it stands in the console's table."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import math
+from io import BytesIO
+
+import msgspec
+import numpy as np
+import pytest
+import rospy
+from geometry_msgs.msg import Pose2D
+from nav_msgs.msg import OccupancyGrid
+from PIL import Image
+from tf2_msgs.msg import TFMessage
+
+from robots.bridge.config import Topic
+from robots.bridge.maps import MapWanted, NoMap
+from robots.bridge.ros.map import take
+from robots.bridge.sink import TakenMap
+from robots.models import RobotMap
+from robots.records import AuditSink
+from tests.ros.bridge_support import BridgeProcess, tiago_config
+from tests.ros.support import Master, until
+
+MAP = Topic("/map", "nav_msgs/OccupancyGrid")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def simulated(ros, simulator):
+    return simulator(world="office", pose="2.0,1.8,0", seed=3)
+
+
+def opacity(told: TakenMap | RobotMap, x: float, y: float) -> int:
+    """The picture's at a place of the world, of which the simulated map has the axes: 34 free, 255 occupied."""
+    origin = told.origin if isinstance(told, TakenMap) else (told.origin_x_m, told.origin_y_m)
+    with Image.open(BytesIO(told.picture)) as picture:
+        pixels = np.array(picture.convert("RGBA"))
+    row, column = (y - origin[1]) / told.resolution_m, (x - origin[0]) / told.resolution_m
+    return int(pixels[told.height - 1 - math.floor(row), math.floor(column), 3])
+
+
+@pytest.mark.django_db(transaction=True)
+def test_the_simulated_map_reaches_the_table_and_lies_where_walls_are(rosmaster, robot):
+    taken = take(MapWanted(rosmaster.uri, MAP))
+    assert isinstance(taken, TakenMap)
+    sink = AuditSink(robot.pk, robot.name)
+    sink.keep_map(taken)
+    sink.keep_map(taken)  # five minutes later
+    [told] = RobotMap.objects.filter(robot=robot)
+    assert told.last_seen_at > told.first_seen_at
+    # The hall, its west wall, the cupboard's side and its inside, which no laser saw.
+    places = [(2.0, 1.8), (0.03, 3.0), (0.58, 1.0), (0.35, 1.0)]
+    assert [opacity(told, *place) for place in places] == [34, 255, 255, 0]
+
+
+def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
+    config = tiago_config(rosmaster, tmp_path)
+    topics = msgspec.structs.replace(config.topics, map=MAP)
+    bridge = BridgeProcess(msgspec.structs.replace(config, topics=topics), rosmaster, tmp_path)
+    try:
+        hand = bridge.link()
+        hand.state_until(lambda state: state.phase == "online", "a robot")
+        assert "map" not in bridge.records.read_text()
+        hand.take_control(7)
+        until(lambda: "map 200 x 138" in bridge.records.read_text(), "a map")
+        hand.close()
+    finally:
+        bridge.stop()
+
+
+def test_the_simulated_robot_believes_to_be_where_it_is_within_a_few_centimetres(ros, simulated):
+    with ros.listen("/tf", TFMessage) as tf, ros.speak("/ground_truth/teleport", Pose2D) as teleport:
+
+        def believed():
+            while True:
+                for told in tf.next().transforms:
+                    if (told.header.frame_id, told.child_frame_id) == ("map", "odom"):
+                        place, turn = told.transform.translation, told.transform.rotation
+                        return place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)
+
+        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry began here
+        teleport.publish(Pose2D(3.0, 1.8, 0.0))
+        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # and does not notice
+
+
+@pytest.mark.parametrize(
+    ("topic", "why"),
+    [
+        (Topic("/nowhere", MAP.type), "nobody publishes /nowhere"),
+        (Topic("/mobile_base_controller/odom", MAP.type), "tells a nav_msgs/Odometry"),
+    ],
+)
+def test_where_there_is_no_map_it_says_why(rosmaster, topic, why):
+    found = take(MapWanted(rosmaster.uri, topic))
+    assert isinstance(found, NoMap)
+    assert why in found.why
+
+
+def test_a_map_that_makes_no_sense_and_one_that_never_comes_are_refused(ros, rosmaster, monkeypatch):
+    monkeypatch.setattr("robots.bridge.ros.map.MESSAGE_S", 0.5)
+    wanted = MapWanted(rosmaster.uri, Topic("/hostile_map", MAP.type))
+    hostile = rospy.Publisher("/hostile_map", OccupancyGrid, queue_size=1, latch=True)
+    try:
+        silent = take(wanted)
+        assert isinstance(silent, NoMap)
+        assert "timed out" in silent.why
+        grid = OccupancyGrid()
+        grid.header.frame_id = "map"
+        grid.info.resolution, grid.info.width, grid.info.height = math.nan, 2, 2
+        grid.info.origin.orientation.w = 1.0
+        grid.data = [0] * 4
+        hostile.publish(grid)
+        refused = take(wanted)
+        assert isinstance(refused, NoMap)
+        assert "nan m wide" in refused.why
+    finally:
+        hostile.unregister()
+
+
+def test_without_a_master_it_says_so(tmp_path):
+    found = take(MapWanted(Master(tmp_path).uri, MAP))
+    assert isinstance(found, NoMap)
+    assert "No ROS master answers" in found.why
