@@ -109,6 +109,7 @@ KINDS: dict[str, Kind] = {
     "audit.verify": Kind(_("log verified")),
     "audit.expire": Kind(_("details expired")),
     "audit.checkpoint": Kind(_("checkpoint: what is older may be removed")),
+    "audit.clock": Kind(_("clock of the console judged")),
     "audit.erase": Kind(_("person erased")),
 }
 

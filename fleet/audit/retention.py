@@ -12,17 +12,22 @@ from datetime import date, datetime, timedelta, timezone
 from itertools import takewhile
 
 from django.conf import settings
+from django.contrib.auth.models import AbstractUser
 from django.db import connection, transaction
+from django.db.models import Max, Min, QuerySet
 
-from fleet.audit import record
+from fleet.audit import SystemAccount, record
 from fleet.audit.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import lock_chain
 
-RECORDS_KEPT_AT_LEAST = timedelta(
-    days=365
-)  # whatever the settings say: verification believes no other checkpoint
+# Whatever the settings say: verification believes no other checkpoint.
+RECORDS_KEPT_AT_LEAST = timedelta(days=365)
+# Clocks differ by no more: what is of a later day than that was recorded by one that was wrong.
+CLOCKS_DIFFER = timedelta(days=1)
+# With nothing on record; what comes then may be by a clock that is wrong.
+SILENCE = timedelta(days=40)
 CONTENTS_AT_ONCE = 500
 RECORDS_AT_ONCE = 2000
 INDEX_PAGES_AT_ONCE = 200
@@ -32,11 +37,54 @@ log = logging.getLogger(__name__)
 
 
 def keep_house(now: datetime) -> Iterator[None]:
-    """Take out what is older than it may be. Whoever does this twice finds nothing the second time."""
+    """Take out what is older than it may be, unless the clock is doubted: nothing that went comes back.
+
+    Whoever does this twice finds nothing the second time.
+    """
     today = now.astimezone(timezone.utc).date()
+    if clock_is_doubted(today):
+        _tell_doubt(today)
+        return
     yield from expire(today)
     yield from remove(today)
     yield from empty_wal()
+
+
+# --- the clock ----------------------------------------------------------------------------------
+
+
+def clock_is_doubted(today: date) -> bool:
+    """Whether the log was silent for long, goes on since less than that, and nobody has said that the clock is right.
+
+    By a clock that is years ahead everything looks old. A laboratory that was closed looks the same, so this waits:
+    until the log has gone on for as long (that there is doubt is on record day by day), or until somebody says so.
+    """
+    edge = today - SILENCE
+    since = _recent(today).aggregate(first=Min("day"))["first"] or today
+    before = Record.objects.filter(day__lte=edge).aggregate(last=Max("day"))["last"]
+    if before is None or since - before <= SILENCE:
+        return False
+    return not _recent(today).filter(kind="audit.clock", outcome="confirmed").exists()
+
+
+def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
+    """Put on record that somebody says the clock is right: what is too old by it may go."""
+    record("audit.clock", actor=actor, outcome="confirmed")
+
+
+def _tell_doubt(today: date) -> None:
+    log.error(
+        "nothing is taken out of the audit log: it was silent for more than %d days, so the clock (today is %s) may be"
+        " wrong. If it is right: manage.py confirm_clock",
+        SILENCE.days,
+        today,
+    )
+    if not Record.objects.filter(kind="audit.clock", day=today).exists():
+        record("audit.clock", outcome="doubted")
+
+
+def _recent(today: date) -> QuerySet[Record]:
+    return Record.objects.filter(day__gt=today - SILENCE, day__lte=today)
 
 
 # --- contents -----------------------------------------------------------------------------------
@@ -44,7 +92,8 @@ def keep_house(now: datetime) -> Iterator[None]:
 
 def expire(today: date) -> Iterator[None]:
     """Take out contents whose time is over; the record that says so comes first."""
-    due: list[int] = []
+    due = _misdated(today)
+    beside = {"misdated": list(due)} if due else {}
     expired = {}
     for kind in KINDS:
         since = _kept_since(kind, today)
@@ -52,8 +101,8 @@ def expire(today: date) -> Iterator[None]:
             due += numbers
             expired[kind] = {"before": since.isoformat(), "removed": len(numbers)}
         yield
-    if expired:
-        record("audit.expire", parameters={"kinds": expired})
+    if due:
+        record("audit.expire", parameters={"kinds": expired, **beside})
         yield from take_out(due)
 
 
@@ -75,6 +124,22 @@ def _due(kind: str, since: date) -> list[int]:
     midnight = datetime(since.year, since.month, since.day, tzinfo=timezone.utc)
     contents = Content.objects.filter(record__kind=kind, record__at__lt=midnight)
     return list(contents.values_list("pk", flat=True))
+
+
+def _misdated(today: date) -> list[int]:
+    """The numbers of records of days to come that have content, and after which something is recorded that is due.
+
+    The clock was ahead when they were recorded; by their own day they would be kept until then.
+    """
+    contents = Content.objects.filter(record__day__gt=today + CLOCKS_DIFFER)
+    kinds = dict(contents.values_list("pk", "record__kind"))
+    last_due = {since: _last_before(since) for since in {_kept_since(kind, today) for kind in kinds.values()}}
+    return [number for number, kind in kinds.items() if number < last_due[_kept_since(kind, today)]]
+
+
+def _last_before(day: date) -> int:
+    """The highest number of the records of earlier days."""
+    return Record.objects.filter(day__lt=day).aggregate(last=Max("pk"))["last"] or 0
 
 
 def _tidy_search() -> Iterator[None]:
@@ -132,24 +197,26 @@ def remove(today: date) -> Iterator[None]:
     for chain in Chain.objects.all():
         more = True
         while more:
-            more = _remove_some(chain, since)
+            more = _remove_some(chain, since, today)
             yield
 
 
 @transaction.atomic
-def _remove_some(chain: Chain, since: date) -> bool:
+def _remove_some(chain: Chain, since: date, today: date) -> bool:
     """Append a checkpoint and remove what is before it, in one transaction: so a chain always begins where one says.
 
-    Whether there may be more of them.
+    What is of days to come goes with what was recorded after it. Whether there may be more of them.
     """
     robot_id = None if chain.pk == NO_ROBOT else chain.pk
     records = Record.objects.filter(robot_id=robot_id)
     lock_chain(chain.pk)
-    oldest = list(records.order_by("seq").values_list("seq", "digest", "day")[:RECORDS_AT_ONCE])
+    dated = records.filter(day__lte=today + CLOCKS_DIFFER).order_by("seq")
+    oldest = list(dated.values_list("seq", "digest", "day")[:RECORDS_AT_ONCE])
     old = list(takewhile(lambda row: row[2] < since, oldest))
     if not old:
         return False
     through, digest, _day = old[-1]
+    gone = records.filter(seq__lte=through)
     record(
         "audit.checkpoint",
         robot_id=robot_id,
@@ -157,11 +224,10 @@ def _remove_some(chain: Chain, since: date) -> bool:
         parameters={
             "through": through,
             "digest": digest,
-            "removed": len(old),
+            "removed": gone.count(),
             "before": since.isoformat(),
         },
     )
-    gone = records.filter(seq__lte=through)
     Content.objects.filter(record__in=gone).delete()
     gone._raw_delete(gone.db)
     return len(old) == RECORDS_AT_ONCE

@@ -8,7 +8,7 @@ checkpoint that the console did not make, shows against heads kept elsewhere.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from datetime import date, datetime, timedelta, timezone
+from datetime import date, datetime, timezone
 from typing import Annotated, Any, TypeVar
 from uuid import UUID
 
@@ -21,10 +21,9 @@ from msgspec import Struct
 from fleet.audit import triggers
 from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest
 from fleet.audit.models import Chain, Record
-from fleet.audit.retention import RECORDS_KEPT_AT_LEAST
+from fleet.audit.retention import CLOCKS_DIFFER, RECORDS_KEPT_AT_LEAST
 
 AT_ONCE = 5000  # records in memory
-CLOCKS_DIFFER = timedelta(days=1)  # by no more
 NOT_AS_WRITTEN = "is not what was written: it was changed or put in."
 # What comes of cells in which no console ever wrote what stands there. SQLite keeps anything in any column.
 UNREADABLE = (ValueError, TypeError, AttributeError, OverflowError, OperationalError)
@@ -103,9 +102,10 @@ class Expired(Struct, frozen=True):
 
 
 class Expiry(Struct, frozen=True):
-    """What the log says of contents that expired, by kind."""
+    """What the log says of contents that expired."""
 
     kinds: dict[str, Expired]
+    misdated: list[int] = []  # also these, of days to come: the clock had been ahead
 
 
 class Erasure(Struct, frozen=True):
@@ -114,15 +114,24 @@ class Erasure(Struct, frozen=True):
     records: list[int]  # whose contents went
 
 
-class Taken(Struct, frozen=True):
+class Taken(Struct):
     """Which contents were lawfully taken out, by what the log itself says."""
 
-    before: dict[str, date]  # by kind: those of earlier days had expired
-    erased: frozenset[int]  # of these records, with a person
+    before: dict[str, date] = msgspec.field(
+        default_factory=dict
+    )  # by kind: those of earlier days had expired
+    erased: set[int] = msgspec.field(default_factory=set)  # of these records, with a person
+    misdated: dict[int, date] = msgspec.field(
+        default_factory=dict
+    )  # of these, if they are of later days than these
 
     def covers(self, record: Any) -> bool:
         """Whether it is right that the content of a record is gone."""
-        return record.day < self.before.get(record.kind, date.min) or record.id in self.erased
+        return (
+            record.day < self.before.get(record.kind, date.min)
+            or record.id in self.erased
+            or record.day > self.misdated.get(record.id, date.max)
+        )
 
 
 T = TypeVar("T")
@@ -172,7 +181,8 @@ def _how_removed(head: Head, removal: Removal | None) -> str:
     was_of = f"it was of {_time(head.at)}"
     if removal is None:
         return f"was removed, and no checkpoint that counts says so: {was_of}."
-    if head.at.astimezone(timezone.utc).date() >= removal.before:
+    day = head.at.astimezone(timezone.utc).date()
+    if day >= removal.before and not _is_to_come(day):
         return (
             f"was removed before its time: {was_of}, and the checkpoint is for days before {removal.before}."
         )
@@ -306,25 +316,29 @@ def _expiry(row: Any) -> Expiry | None:
 
 
 def _taken() -> Taken:
-    before: dict[str, date] = {}
+    taken = Taken()
     for row in _rows(Record.objects.filter(kind="audit.expire").order_by("id")):
-        expiry = _expiry(row)
-        for kind, expired in expiry.kinds.items() if expiry else ():
-            before[kind] = max(before.get(kind, date.min), expired.before)
-    erased: set[int] = set()
+        if (expiry := _expiry(row)) is None:
+            continue
+        for kind, expired in expiry.kinds.items():
+            taken.before[kind] = max(taken.before.get(kind, date.min), expired.before)
+        taken.misdated.update((number, row.day) for number in expiry.misdated if number < row.id)
     for row in _rows(Record.objects.filter(kind="audit.erase").order_by("id")):
         erasure = _told(row, Erasure)
-        erased.update(number for number in (erasure.records if erasure else ()) if number < row.id)
-    return Taken(before, frozenset(erased))
+        taken.erased.update(number for number in (erasure.records if erasure else ()) if number < row.id)
+    return taken
 
 
 def _told(row: Any, kind: type[T]) -> T | None:
     """What a record says, if it says it at all, and is not of days to come, when much could have expired."""
     if isinstance(row, Unreadable) or not isinstance(row.day, date):
         return None
-    if row.day > django_timezone.now().date() + CLOCKS_DIFFER:
-        return None
-    return _computed(msgspec.convert, row.parameters, kind)
+    return None if _is_to_come(row.day) else _computed(msgspec.convert, row.parameters, kind)
+
+
+def _is_to_come(day: date) -> bool:
+    """Whether it is a day that no clock that is right can have shown."""
+    return day > django_timezone.now().date() + CLOCKS_DIFFER
 
 
 # --- reading what may hold anything -------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Nothing is kept longer than the settings say, and the log verifies with what is left."""
 
+import io
 import sqlite3
 import time
 import uuid
@@ -16,7 +17,7 @@ from fleet.audit import record, retention
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Content, Record
 from fleet.audit.retention import expire, remove
-from fleet.audit.verify import verify_all
+from fleet.audit.verify import compare, verify_all
 
 pytestmark = pytest.mark.django_db
 
@@ -200,6 +201,129 @@ def test_a_checkpoint_of_another_robot_lets_nothing_go():
         Record.objects.filter(pk=mine.pk)._raw_delete("default")
 
 
+def test_records_of_days_to_come_go_with_what_was_recorded_after_them(ago, five_years, monkeypatch):
+    """The clock was ahead for a while; that ends neither removal nor expiry for ever."""
+    monkeypatch.setattr(retention, "RECORDS_AT_ONCE", 2)
+    days = (1900, -20000, -20000, -20000, 1850, 10, -20000)
+    for before in days:
+        with ago(before):
+            record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text="Hello.")
+    exhaust(remove(TODAY))
+    left = Record.objects.filter(robot_id=ROBOT).order_by("seq").values_list("seq", flat=True)
+    assert list(left) == [6, 7, 8]
+    told = Record.objects.get(robot_id=ROBOT, kind="audit.checkpoint").parameters
+    assert (told["through"], told["removed"]) == (5, 5)
+    assert verify_all().findings == []
+
+
+def test_so_do_their_contents(ago):
+    with ago(-20000):
+        first = record("speech.start", text="by a clock that was ahead")
+    with ago(91):
+        record("stop.press")
+    with ago(-20000):
+        second = record("speech.start", text="by a clock that was ahead again")
+    exhaust(expire(TODAY))
+    assert Record.objects.get(kind="audit.expire").parameters["misdated"] == [first.pk]
+    assert list(Content.objects.filter(record__kind="speech.start").values_list("pk", flat=True)) == [
+        second.pk
+    ]
+    assert verify_all().findings == []
+    exhaust(expire(TODAY))
+    assert Record.objects.filter(kind="audit.expire").count() == 1
+
+
+def test_no_other_contents_can_be_said_to_be_of_days_to_come(ago):
+    with ago(10):
+        young = record("speech.start", text="young")
+    record("audit.expire", parameters={"kinds": {}, "misdated": [young.pk]})
+    young.content.delete()
+    [finding] = verify_all().findings
+    assert (finding.number, finding.what) == (young.pk, "has lost its content before its time.")
+
+
+def test_what_was_of_days_to_come_and_is_removed_fits_heads_of_its_time(ago, five_years):
+    with ago(1900):
+        record("stop.press", robot_id=ROBOT)
+    with ago(-20000):
+        record("stop.press", robot_id=ROBOT)
+    heads = verify_all().heads
+    with ago(1850):
+        record("stop.press", robot_id=ROBOT)
+    exhaust(remove(TODAY))
+    assert list(compare(heads)) == []
+
+
+# --- the clock ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def spoken(ago):
+    """`spoken(days, …)`: so many days ago a sentence was said."""
+
+    def speak(*days: int) -> None:
+        for before in days:
+            with ago(before):
+                record("speech.start", text=f"{before} days ago")
+
+    return speak
+
+
+def kept() -> list[str]:
+    return list(Content.objects.exclude(text="").order_by("pk").values_list("text", flat=True))
+
+
+def keep_house(at=TODAY) -> None:
+    exhaust(retention.keep_house(datetime(at.year, at.month, at.day, 12, tzinfo=timezone.utc)))
+
+
+def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
+    """Neither before nor after somebody has done something by it."""
+    spoken(4000, 3999)
+    for _ in range(2):
+        keep_house()
+        assert kept()[:2] == ["4000 days ago", "3999 days ago"]
+        spoken(0)
+    assert "manage.py confirm_clock" in caplog.text
+    [doubt] = Record.objects.filter(kind="audit.clock")  # one a day
+    assert doubt.outcome == "doubted"
+
+
+def test_after_a_silence_it_goes_once_somebody_says_that_the_clock_is_right(spoken):
+    spoken(150, 0)
+    words = io.StringIO()
+    call_command("confirm_clock", stdout=words)
+    assert "it is 2033-06-01 12:00" in words.getvalue()
+    told = Record.objects.get(kind="audit.clock")
+    assert (told.outcome, told.actor_id[:7]) == ("confirmed", "system:")
+    keep_house()
+    assert kept() == ["0 days ago"]
+
+
+def test_or_once_the_log_has_gone_on_for_as_long(spoken, ago):
+    """Nobody does anything, the console runs: that it doubts is on record day by day, and so is no silence."""
+    spoken(150)
+    for before in range(retention.SILENCE.days, 0, -1):
+        with ago(before):
+            keep_house(TODAY - timedelta(days=before))
+    assert kept() == ["150 days ago"]
+    keep_house()
+    assert kept() == []
+
+
+@pytest.mark.parametrize("days", [(100, 60, 20), (100, 61, 41, 1), (91, 80, 40)])
+def test_no_silence_no_doubt(spoken, days):
+    spoken(*days)
+    keep_house()
+    assert f"{days[0]} days ago" not in kept()
+
+
+def test_a_record_of_days_to_come_is_no_sign_that_the_clock_is_right(spoken):
+    spoken(150, -20000)
+    keep_house()
+    assert "150 days ago" in kept()
+
+
 # --- housekeeping -------------------------------------------------------------------------------------
 
 
@@ -208,5 +332,6 @@ def test_housekeeping_does_it(ago):
         record("speech.start", text="young")
     old = Content.objects.get(text="young").record
     with mock.patch.object(django_timezone, "now", return_value=datetime(2033, 12, 24, tzinfo=timezone.utc)):
+        call_command("confirm_clock", stdout=io.StringIO())
         call_command("run_housekeeping", "--once")
     assert Record.objects.get(pk=old.pk).details == {}
