@@ -11,3 +11,9 @@ export function coloursOf(element, names) {
   tried.remove();
   return found;
 }
+
+/** Whenever the page turns light or dark, by its menu or with the device. @param {AbortSignal} signal until then */
+export function onNewColours(repaint, signal) {
+  document.addEventListener("fleet:theme", repaint, { signal });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint, { signal });
+}

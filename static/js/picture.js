@@ -3,6 +3,7 @@
  * Forward is up. Drawn when there is something new, once per frame.
  */
 
+import { onNewColours } from "./colours.js";
 import { arc, carried, reach, spanFor } from "./path.js";
 
 const PATH_S = 2;
@@ -51,10 +52,7 @@ export class Picture {
     this.#pen = canvas.getContext("2d");
     this.#observer = new ResizeObserver(() => this.#fit());
     this.#observer.observe(canvas);
-    const { signal } = this.#listening;
-    const repaint = () => this.#readColours();
-    document.addEventListener("fleet:theme", repaint, { signal });
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint, { signal });
+    onNewColours(() => this.#readColours(), this.#listening.signal);
     this.#readColours();
   }
 

@@ -1,6 +1,6 @@
 /** The report of a robot: when it was driven, as bars. The same figures stand on the page in words. */
 
-import { Bars } from "./bars.js";
+import { drawBars } from "./bars.js";
 import { parts } from "./dom.js";
 
 const A_MONDAY = Date.UTC(2024, 0, 1);
@@ -18,17 +18,17 @@ function named(format) {
 const dayName = named({ day: "numeric", month: "short" });
 const weekdayName = named({ weekday: "short" });
 
-new Bars(
+drawBars(
   page.days,
   days.map(([midnightS]) => dayName(midnightS * 1000)),
   days.map(([, driven]) => driven),
 );
-new Bars(
+drawBars(
   page.hours,
   hours.map((_, hour) => String(hour)),
   hours,
 );
-new Bars(
+drawBars(
   page.weekdays,
   weekdays.map((_, i) => weekdayName(A_MONDAY + i * DAY_MS)),
   weekdays,

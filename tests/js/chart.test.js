@@ -1,12 +1,15 @@
 import { describe, expect, it } from "vitest";
-import { SpeedTrace } from "../../static/js/chart.js";
+import { speedsOf } from "../../static/js/chart.js";
 
-describe("the trace of speeds", () => {
-  it("keeps the last twenty seconds", () => {
-    const trace = new SpeedTrace();
-    const state = { verdict: { asked: [0.4, 0, 0], allowed: [0.3, 0, 0] }, odometry: null };
-    for (let second = 0; second <= 30; second += 1) trace.add(second, state);
-    expect(trace.columns[0][0]).toBe(10);
-    expect(trace.columns.map((column) => column.at(-1))).toEqual([30, 0.4, 0.3, null]);
+describe("the speeds on the chart", () => {
+  it("are those forward, and none where there is no odometry", () => {
+    const verdict = { asked: [0.4, 0, 1], allowed: [0.3, 0, 0.5] };
+    const told = speedsOf({ verdict, odometry: { vx: 0.25, w: 0.4 } });
+    expect([...told]).toEqual([
+      ["asked", 0.4],
+      ["allowed", 0.3],
+      ["measured", 0.25],
+    ]);
+    expect(speedsOf({ verdict, odometry: null }).get("measured")).toBeUndefined();
   });
 });

@@ -32,7 +32,8 @@ describe("velocities that the page repeats", () => {
 
   it("end at once", () => {
     repeater.begin(TWIST, 10);
-    expect(repeater.end()).toBe(true);
+    expect(repeater.end("/other")).toBe(false);
+    expect(repeater.end("/key_vel")).toBe(true);
     vi.advanceTimersByTime(1000);
     expect(sent).toEqual([TWIST]);
     expect(repeater.end()).toBe(false);

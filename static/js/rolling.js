@@ -1,0 +1,98 @@
+/** Numbers over the last seconds, as lines: now is at the right edge. */
+
+import { Plot } from "./uplot.js";
+
+/** Columns of the last seconds, as uPlot wants them: [times, first line, second line, ...]. Pure. */
+export class Trace {
+  columns = [[]];
+  #names = [];
+  #windowS;
+
+  /** @param {number} windowS what is older is forgotten */
+  constructor(windowS) {
+    this.#windowS = windowS;
+  }
+
+  /** @param {string[]} names of the lines; what is new begins empty, what is gone is forgotten */
+  set names(names) {
+    const [times] = this.columns;
+    const kept = names.map((name) => {
+      const before = this.#names.indexOf(name);
+      return before < 0 ? times.map(() => null) : this.columns[before + 1];
+    });
+    this.columns = [times, ...kept];
+    this.#names = [...names];
+  }
+
+  get names() {
+    return this.#names;
+  }
+
+  /** @param {Map<string, ?number>} values by name; lines that are not in it keep a gap */
+  add(timeS, values) {
+    const [times, ...lines] = this.columns;
+    times.push(timeS);
+    for (const [i, line] of lines.entries()) line.push(values.get(this.#names[i]) ?? null);
+    while (times[0] < timeS - this.#windowS) for (const column of this.columns) column.shift();
+  }
+}
+
+/** A trace on a page, with a legend. */
+export class RollingPlot {
+  #trace;
+  #windowS;
+  #plot;
+
+  /**
+   * @param {HTMLElement} element
+   * @param {number} windowS
+   * @param {(given: object) => object} look as for `Plot`, with `lines` in place of series: their label, colour, dash
+   */
+  constructor(element, windowS, look) {
+    this.#trace = new Trace(windowS);
+    this.#windowS = windowS;
+    this.#plot = new Plot(
+      element,
+      () => this.#trace.columns,
+      (given) => {
+        const { lines, scales, ...options } = look(given);
+        const strokes = given.colours(lines.map(({ colour }) => colour));
+        return {
+          legend: { live: false },
+          scales: { x: { time: false }, ...scales },
+          series: [
+            {},
+            ...lines.map(({ label, dash }, i) => ({
+              label,
+              stroke: strokes[i],
+              width: 2,
+              dash,
+              points: { show: false },
+            })),
+          ],
+          ...options,
+        };
+      },
+    );
+  }
+
+  get names() {
+    return this.#trace.names;
+  }
+
+  set names(names) {
+    this.#trace.names = names;
+    this.#plot.redraw();
+  }
+
+  /** @param {Map<string, ?number>} values of now, by name */
+  add(values) {
+    const now = performance.now() / 1000;
+    this.#trace.add(now, values);
+    this.#plot.slide(now - this.#windowS, now);
+  }
+
+  close() {
+    this.#plot.close();
+  }
+}
