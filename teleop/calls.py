@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit.canonical import TEXT_BYTES
 from fleet.audit.models import Record
 from robots import wire
 from robots.link import LinkRefused
@@ -27,8 +28,6 @@ from teleop.standing import Rights
 log = logging.getLogger(__name__)
 
 Call = CallService | SetParameter
-
-RECORDED_BYTES = 4096  # of a service's fields or a parameter's value
 
 _STAFF_ONLY = Refusal("role_too_low", "Only staff call services and set parameters.", "account")
 
@@ -59,9 +58,9 @@ def _why_not(call: Call, room: Room, rights: Rights) -> Refusal | None:
 def _record(call: Call, room: Room, user: User) -> Record:
     try:
         if isinstance(call, CallService):
-            kind, facts, given = "service.call", {"service": call.service}, {"fields": _bounded(call.fields)}
+            kind, facts, given = "service.call", {"service": call.service}, {"fields": _recorded(call.fields)}
         else:
-            kind, facts, given = "parameter.set", {"name": call.name}, {"value": _bounded(call.value)}
+            kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
         held = holding_of(room.robot_id)  # staff may call while somebody else has control
         own = held if held and held.user == user.pk else None
         return audit.record(
@@ -88,10 +87,10 @@ def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
         log.error("the outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)
 
 
-def _bounded(given: Any) -> Any:
-    """What was given, or if it is long the beginning of it, as text."""
+def _recorded(given: Any) -> Any:
+    """What was given; if it is long its text, of which the log takes the beginning."""
     text = msgspec.json.encode(given)
-    return given if len(text) <= RECORDED_BYTES else text[:RECORDED_BYTES].decode(errors="ignore")
+    return given if len(text) <= TEXT_BYTES else text.decode()
 
 
 class _Answered(Struct):

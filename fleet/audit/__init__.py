@@ -48,6 +48,7 @@ def record(
 
     `parameters` stay for ever: plain facts, persons by their identifier, no free text. `text` is what a person wrote
     or a robot said; it can be searched. `private` has the other details. Both expire, and go when a person is erased.
+    Of a text of more than 4 KiB the beginning is kept, and how long it was.
 
     Raises `AuditUnavailable` when the database cannot be written: what was to be recorded must not be done then.
     `ValueError` for an unknown kind or what is no JSON.

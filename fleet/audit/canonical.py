@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from typing import Any, Protocol
 from uuid import UUID
@@ -18,6 +18,7 @@ from uuid import UUID
 from fleet.audit.errors import NotPlain
 
 NO_ROBOT = UUID(int=0)  # the chain of records without robot
+TEXT_BYTES = 4096  # of a text in a record, in UTF-8
 
 _UNSTORABLE = re.compile("[\0\ud800-\udfff]")  # PostgreSQL keeps no NUL, and UTF-8 no half of a pair
 _REPLACEMENT = "\ufffd"
@@ -47,30 +48,41 @@ class Chained(Protocol):
 # --- values -----------------------------------------------------------------------------------------
 
 
-def plain(value: Any) -> Any:
+def plain_text(text: str) -> str:
+    """`text` without what a database cannot keep."""
+    return _UNSTORABLE.sub(_REPLACEMENT, text)
+
+
+def bounded_text(text: str) -> str:
+    """The same; of what would be longer than `TEXT_BYTES` the beginning, and how long it was."""
+    whole = plain_text(text)
+    size = len(whole.encode())
+    if size <= TEXT_BYTES:
+        return whole
+    rest = f"… [cut: {size} bytes]"
+    return whole.encode()[: TEXT_BYTES - len(rest.encode())].decode(errors="ignore") + rest
+
+
+def plain(value: Any, as_text: Callable[[str], str] = plain_text) -> Any:
     """`value` as both databases give it back: integral numbers are integers, text is valid text.
 
-    `NotPlain` for what is no JSON: infinities, NaN, objects, keys that are no text.
+    `as_text` says what becomes of the texts in it. `NotPlain` for what is no JSON: infinities, NaN, objects, keys that
+    are no text.
     """
     match value:
         case None | bool():
             return value
         case str():
-            return plain_text(value)
+            return as_text(value)
         case int():
             return int(value)
         case float():
             return _plain_number(value)
         case Mapping():
-            return {_plain_key(key): plain(item) for key, item in value.items()}
+            return {_plain_key(key): plain(item, as_text) for key, item in value.items()}
         case list() | tuple():
-            return [plain(item) for item in value]
+            return [plain(item, as_text) for item in value]
     raise NotPlain(value)
-
-
-def plain_text(text: str) -> str:
-    """`text` without what a database cannot keep."""
-    return _UNSTORABLE.sub(_REPLACEMENT, text)
 
 
 def _plain_number(number: float) -> float | int:

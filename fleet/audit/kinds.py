@@ -114,11 +114,6 @@ KINDS: dict[str, Kind] = {
 }
 
 
-def kinds_kept(kept: Kept) -> list[str]:
-    """The kinds of a retention class."""
-    return [name for name, kind in KINDS.items() if kind.kept == kept]
-
-
 def kinds_listed(listing: Listing) -> list[str]:
     """The kinds that a list shows."""
     return [name for name, kind in KINDS.items() if kind.listing == listing]

@@ -18,7 +18,15 @@ from django.db import InterfaceError, InternalError, OperationalError, connectio
 from django.utils import timezone
 
 from fleet.audit import SystemAccount
-from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain, plain_text
+from fleet.audit.canonical import (
+    NO_ROBOT,
+    bounded_text,
+    content_digest,
+    first_digest,
+    next_digest,
+    plain,
+    plain_text,
+)
 from fleet.audit.errors import AuditUnavailable, UnknownKind
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Actor, Chain, Content, Record
@@ -56,7 +64,7 @@ def write(
         session_id=session_id,
         fence=fence,
         outcome=_short(outcome),
-        parameters=plain(parameters),
+        parameters=plain(parameters, bounded_text),
     )
     content = _content(text, private)
     if content is not None:
@@ -106,7 +114,10 @@ def _numbered(number: int) -> Record:
 
 
 def _append(new: Record, people: dict[str, AbstractUser | SystemAccount]) -> None:
-    """Give the record its place in its chain, and insert it. Time and number grow with the places."""
+    """Give the record its place in its chain, and insert it.
+
+    Numbers grow with the places; so do times, unless somebody sets the clock back.
+    """
     chain_id = new.robot_id or NO_ROBOT
     lock_chain(chain_id, new.robot_name)
     _know(people)
@@ -151,8 +162,8 @@ def _content(text: str, private: dict[str, Any]) -> Content | None:
     if not text and not private:
         return None
     # Composed, as what is searched for: the same word is the same letters, whatever keyboard it came from.
-    said = unicodedata.normalize("NFC", plain_text(text))
-    return Content(text=said, data=plain(private), salt=secrets.token_hex(SALT_BYTES))
+    said = bounded_text(unicodedata.normalize("NFC", text))
+    return Content(text=said, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
 
 
 def _id_of(person: AbstractUser | SystemAccount) -> str:

@@ -14,7 +14,6 @@ from robots.bridge.drives import Answer, DriveLog, not_recorded
 from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
-RECORDED_CHARACTERS = 2000  # of a message's fields
 HALTED = Refusal(
     "halted", "It was not done: control ended, or the robot was stopped, before it was on record.", "robot"
 )
@@ -59,12 +58,11 @@ class Publishings:
 
     def begin(self, order: wire.Publish, holder: Holder, now_s: float, answer: Answer) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
-        fields = msgspec.json.encode(order.fields).decode()[:RECORDED_CHARACTERS]
         parameters: Parameters = {
             "topic": order.topic,
             "type": order.type,
             "rate_hz": order.rate_hz,
-            "fields": fields,
+            "fields": msgspec.json.encode(order.fields).decode(),
         }
         number = self._log.request(holder, "publish.start", parameters, now_s)
         self._waiting.append(_Publishing(order, holder, number, now_s, answer))

@@ -9,7 +9,6 @@ from robots import wire
 from robots.bridge.commands import stick_of, velocity_of
 from robots.bridge.config import Allowed
 from robots.bridge.gate.values import STILL, Limits, Velocity
-from robots.bridge.publishings import RECORDED_CHARACTERS
 from robots.bridge.twists import velocity_from
 from robots.wire import Refusal
 from tests.bridge.support import CONFIG, Bench, Outcome
@@ -103,14 +102,6 @@ def test_what_is_published_at_a_rate_gives_way_to_the_next_message_there(bench):
     assert bench.sink.kinds == ["publish.start", "publish.start", "publish.end", "publish.end"]
     assert [end.outcome for _, end in bench.sink.records[-2:]] == ["replaced", "sent"]
     assert shown(bench) == []
-
-
-def test_of_a_long_message_the_beginning_is_on_record(bench):
-    bench.order(wire.Publish(1, "/notes", "std_msgs/String", {"data": "x" * 50_000}))
-    settled(bench)
-    _, parameters = bench.sink.records[0]
-    assert parameters["fields"] == '{"data":"' + "x" * (RECORDED_CHARACTERS - 9)
-    assert len(bench.publisher.published[0].fields["data"]) == 50_000
 
 
 @pytest.mark.parametrize(
