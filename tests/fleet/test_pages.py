@@ -77,3 +77,15 @@ def test_health_says_that_migrations_are_missing(monkeypatch):
     response = Client().get("/healthz")
     assert response.status_code == 503
     assert "manage.py migrate" in response.json()["text"]
+
+
+def test_a_name_that_the_console_does_not_go_by_is_refused_in_words():
+    answer = Client().get("/", headers={"host": "elsewhere.example"})
+    assert answer.status_code == 400
+    assert "which address you used" in answer.text
+
+
+def test_a_form_from_another_sign_in_is_refused_in_words():
+    answer = Client(enforce_csrf_checks=True).post("/accounts/sign-in/", {"username": "somebody"})
+    assert answer.status_code == 403
+    assert "reload the page" in answer.text
