@@ -261,7 +261,7 @@ def _line(row: Row) -> Line:
         what=wording.label(record.kind),
         subject=wording.subject(record),
         expired=wording.expired(record),
-        outcome=row.outcome,
+        outcome=row.outcome.replace("_", " "),
         facts=wording.facts([record, row.end] if row.end else [record]),
         session_url=session_url_of(record.session_id),
     )
