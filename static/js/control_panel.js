@@ -61,8 +61,10 @@ export class ControlPanel extends EventTarget {
       show(button, actions.includes(button.dataset.action));
   }
 
+  /** One's own is told above already. */
   #showRequests(requests) {
-    const items = requests.map(({ id, name }) => {
+    const others = requests.filter(({ id }) => id !== this.#control.asking);
+    const items = others.map(({ id, name }) => {
       const children = [
         make("span", { text: interpolate(gettext("%s asks for control"), [name]) }),
       ];

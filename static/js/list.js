@@ -6,7 +6,7 @@
 import { make, show } from "./dom.js";
 
 /** Text as it is compared: without accents, in small letters. */
-export function folded(text) {
+function folded(text) {
   return text.normalize("NFD").replace(/\p{M}/gu, "").toLocaleLowerCase();
 }
 
@@ -46,7 +46,7 @@ export class SearchList {
     this.#settings = settings;
     lists += 1;
     const id = `list-${lists}`;
-    this.#field = make("input", { className: "search" });
+    this.#field = make("input");
     this.#field.type = "search";
     this.#field.placeholder = settings.label;
     this.#field.autocomplete = "off";

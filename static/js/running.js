@@ -73,7 +73,8 @@ export class Running {
     say(this.#parts["speech-before"], before);
     say(this.#parts["speech-word"], spoken);
     say(this.#parts["speech-after"], after);
-    const { offsetLeft, offsetWidth } = this.#parts["speech-word"];
+    const { offsetLeft, offsetWidth, offsetTop, offsetHeight } = this.#parts["speech-word"];
     line.scrollLeft = spoken ? offsetLeft + offsetWidth / 2 - line.clientWidth / 2 : 0;
+    line.scrollTop = spoken ? offsetTop + offsetHeight / 2 - line.clientHeight / 2 : 0;
   }
 }
