@@ -13,6 +13,7 @@ from robots.simulator.physics import Physics
 from robots.simulator.scene import ROBOT_GROUP
 
 RESOLUTION_M = 0.05
+HALF_CELL_M = 0.499 * RESOLUTION_M  # a wall that ends where a cell does is not in the next one, whatever is rounded
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # percent, as nav_msgs/OccupancyGrid has them
 
 Cells = NDArray[np.int8]  # row 0 is the south edge
@@ -56,7 +57,7 @@ def _covers(physics: Physics, geom: int, x: NDArray[np.float64], y: NDArray[np.f
     """The cells of which an upright box covers a part, be it as thin as the leg of a chair."""
     from_x, from_y, _ = physics.data.geom_xpos[geom]
     axis_x, _, _, axis_y, *_ = physics.data.geom_xmat[geom]
-    half_x, half_y, _ = physics.model.geom_size[geom] + RESOLUTION_M / 2.0
+    half_x, half_y, _ = physics.model.geom_size[geom] + HALF_CELL_M
     along = axis_x * (x - from_x) + axis_y * (y - from_y)
     across = axis_x * (y - from_y) - axis_y * (x - from_x)
     covered: NDArray[np.bool_] = (np.abs(along) < half_x) & (np.abs(across) < half_y)

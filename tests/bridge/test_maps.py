@@ -1,0 +1,147 @@
+"""The bridge takes the robot's map while somebody has control; the process that does may be as broken as it likes."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robots.bridge import maps
+from robots.bridge.config import BridgeConfig, Topic
+from robots.bridge.gate.values import Pose
+from robots.bridge.maps import AGAIN_S, FRESH_S, Maps, MapWanted, NoMap
+from robots.bridge.sink import TakenMap
+from tests.bridge.support import CONFIG
+
+MAP = Topic("/map", "nav_msgs/OccupancyGrid")
+TAKEN = TakenMap(0.05, Pose(1.0, 2.0, 0.5), 3, 4, b"PNG", "digest")
+
+
+def with_map(topic: Topic | None) -> BridgeConfig:
+    return msgspec.structs.replace(CONFIG, topics=msgspec.structs.replace(CONFIG.topics, map=topic))
+
+
+class Taker:
+    """`Maps`, and a process that notes what it is asked and gives the answer of now."""
+
+    def __init__(self, folder: Path, topic: Topic | None = MAP) -> None:
+        self.kept: list[TakenMap] = []
+        self._asked = folder / "asked"
+        self._asked.touch()
+        self._answer = folder / "answer"
+        script = (
+            "import pathlib, sys\n"
+            "asked, answer = map(pathlib.Path, sys.argv[1:])\n"
+            "asked.open('ab').write(sys.stdin.buffer.read() + b'\\n')\n"
+            "sys.stdout.buffer.write(answer.read_bytes())\n"
+        )
+        command = (sys.executable, "-S", "-c", script, str(self._asked), str(self._answer))
+        self.maps = Maps(with_map(topic), self.kept.append, command)
+
+    def answers(self, answer: TakenMap | NoMap | bytes) -> None:
+        raw = answer if isinstance(answer, bytes) else msgspec.msgpack.encode(answer)
+        self._answer.write_bytes(raw)
+
+    @property
+    def asked(self) -> list[MapWanted]:
+        return [msgspec.json.decode(line, type=MapWanted) for line in self._asked.read_bytes().splitlines()]
+
+    async def look(self, fence: int | None, now_s: float) -> None:
+        """And until the process, if there is one, is done."""
+        self.maps.look(fence, now_s)
+        await settled()
+
+
+async def settled() -> None:
+    """All that goes on beside this."""
+    others = asyncio.all_tasks() - {asyncio.current_task()}
+    if others:
+        await asyncio.wait(others, timeout=20.0)
+
+
+@pytest.fixture
+def taker(tmp_path):
+    taker = Taker(tmp_path)
+    taker.answers(TAKEN)
+    return taker
+
+
+async def test_nothing_is_asked_of_the_robot_while_nobody_has_control_nor_of_one_without_a_map(
+    taker, tmp_path
+):
+    await taker.look(None, 0.0)
+    await Taker(tmp_path, topic=None).look(1, 0.0)
+    assert taker.asked == []
+
+
+async def test_a_map_is_taken_for_each_control_session_and_every_few_minutes_of_it(taker):
+    for now_s in (0.0, 1.0, FRESH_S - 1.0):
+        await taker.look(7, now_s)
+    assert taker.kept == [TAKEN]
+    assert taker.asked == [MapWanted(CONFIG.master_uri, MAP)]
+    await taker.look(7, FRESH_S)
+    assert len(taker.kept) == 2
+    await taker.look(8, FRESH_S + 1.0)
+    assert len(taker.kept) == 3
+
+
+async def test_while_one_is_taken_no_other_is(taker):
+    taker.maps.look(7, 0.0)
+    taker.maps.look(8, 0.1)
+    await settled()
+    assert len(taker.asked) == 1
+    await taker.look(8, 0.2)
+    assert len(taker.kept) == 2
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (NoMap("nobody publishes /map"), "nobody publishes /map"),
+        (b"", "failed"),
+        (b"\xff\xff", "failed"),
+        (msgspec.msgpack.encode(TAKEN)[:-1], "failed"),
+        (msgspec.msgpack.encode({"type": "TakenMap", "resolution_m": "x"}), "failed"),
+        (bytes(maps.LARGEST_ANSWER + 1), "failed"),
+    ],
+)
+async def test_without_a_map_it_is_tried_again_after_a_while_and_said_once(answer, why, taker, caplog):
+    caplog.set_level(logging.INFO, maps.__name__)
+    taker.answers(answer)
+    for now_s in (0.0, AGAIN_S - 1.0, AGAIN_S, 2.0 * AGAIN_S):
+        await taker.look(7, now_s)
+    assert taker.kept == []
+    assert len(taker.asked) == 3
+    [said] = caplog.messages
+    assert why in said
+    taker.answers(TAKEN)
+    await taker.look(7, 3.0 * AGAIN_S)
+    assert taker.kept == [TAKEN]
+
+
+async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
+    caplog.set_level(logging.INFO, maps.__name__)
+    monkeypatch.setattr(maps, "END_S", 0.2)
+    hanging = Maps(with_map(MAP), lambda taken: None, ("sleep", "60"))
+    hanging.look(7, 0.0)
+    await settled()
+    assert "failed" in caplog.text
+
+
+async def test_a_bridge_that_ends_waits_for_no_map():
+    hanging = Maps(with_map(MAP), lambda taken: None, ("sleep", "60"))
+    hanging.look(7, 0.0)
+    await asyncio.sleep(0)  # it begins
+    await asyncio.wait_for(hanging.close(), 5.0)
+
+
+async def test_a_process_that_cannot_be_started_harms_nobody(caplog):
+    caplog.set_level(logging.INFO, maps.__name__)
+    broken = Maps(with_map(MAP), lambda taken: None, ("/nowhere/nothing",))
+    broken.look(7, 0.0)
+    await settled()
+    assert "failed" in caplog.text

@@ -1,0 +1,101 @@
+"""The map that the simulated robot has of its world, and where it believes to be on it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.simulator.base import Twist
+from robots.simulator.localisation import SIGMA_M
+from robots.simulator.odometry import Drift
+from robots.simulator.physics import Pose
+from robots.simulator.survey import FREE, OCCUPIED, RESOLUTION_M, UNKNOWN, surveyed
+from robots.simulator.worlds import Box, Chair, Person, Table
+from tests.simulator.conftest import ORIGIN, room
+
+HEIGHT_M = 0.0945
+
+
+@pytest.fixture
+def at(robot_in):
+    """`at(**things)(x, y)`: what the map of a room with these things has there."""
+
+    def of_room(pose=ORIGIN, **things):
+        world = room(**things)
+        survey = surveyed(robot_in(world, pose).robot.physics, world.size, HEIGHT_M)
+
+        def cell(x, y):
+            row, column = (y - survey.south_m) / RESOLUTION_M, (x - survey.west_m) / RESOLUTION_M
+            return int(survey.cells[math.floor(row), math.floor(column)])
+
+        return cell
+
+    return of_room
+
+
+def test_floor_is_free_the_faces_of_walls_are_occupied_and_what_is_behind_is_unknown(at):
+    cell = at()
+    assert cell(0.0, 0.0) == cell(1.98, -1.98) == FREE
+    assert cell(2.02, 0.5) == cell(-2.02, 0.5) == cell(0.5, 2.02) == OCCUPIED
+    assert cell(2.08, 0.5) == cell(2.7, 0.5) == UNKNOWN
+
+
+def test_of_furniture_there_is_what_the_laser_meets(at):
+    cell = at(
+        tables=[Table("table", (1.0, 1.0), (1.0, 0.6))],
+        chairs=[Chair("chair", (-1.0, 1.0))],
+        boxes=[
+            Box("cupboard", (-1.0, -1.0), (0.6, 0.4, 1.8), yaw=90.0),
+            Box("wall board", (1.0, -1.0), (0.5, 0.5, 0.1), z=0.5),
+        ],
+        people=[Person("person", (0.0, 1.2))],
+    )
+    assert cell(1.0, 1.0) == FREE  # below the top
+    assert cell(1.45, 1.25) == cell(0.55, 0.75) == OCCUPIED  # its legs
+    assert cell(-1.0, 1.0) == FREE
+    assert cell(-0.803, 1.197) == OCCUPIED  # the chair's, 2.5 cm thick
+    assert cell(-1.0, -1.0) == UNKNOWN
+    assert cell(-1.18, -1.0) == cell(-1.0, -1.28) == OCCUPIED  # turned: 0.4 m wide, 0.6 m long
+    assert cell(-1.23, -1.0) == FREE
+    assert cell(1.0, -1.0) == FREE  # above the laser
+    assert cell(0.0, 1.2) == FREE  # people go
+
+
+def test_a_room_where_the_robot_cannot_get_to_is_unknown(at):
+    partition = [Box("partition", (0.0, 1.0), (4.2, 0.1, 2.0))]
+    south = at(boxes=partition)
+    assert (south(0.0, 0.0), south(0.0, 1.5), south(1.5, 0.97)) == (FREE, UNKNOWN, OCCUPIED)
+    north = at(Pose(0.0, 1.5, 0.0), boxes=partition)
+    assert (north(0.0, 0.0), north(0.0, 1.5)) == (UNKNOWN, FREE)
+
+
+def test_odometry_drifts_and_its_place_on_the_map_makes_up_for_it(robot_in):
+    driven = robot_in(room(), Pose(-1.0, -0.5, 1.0), drift=Drift().times(10.0))
+    robot = driven.robot
+
+    def believed():
+        """Where the robot is on the map, by odometry and that one's place there."""
+        x, y, yaw = robot.localisation.map_to_odom(robot.physics.pose)
+        told = robot.odometry
+        c, s = math.cos(yaw), math.sin(yaw)
+        return x + c * told.x - s * told.y, y + s * told.x + c * told.y, yaw + told.yaw
+
+    def error():
+        return math.dist(believed()[:2], robot.physics.pose[:2])
+
+    assert error() < 5 * SIGMA_M
+    for twist in (Twist(0.5), Twist(0.0, 0.0, 1.0), Twist(0.5), Twist(0.0, 0.0, -1.0)) * 2:
+        driven.drive(twist, 1.5)
+    assert math.dist((robot.odometry.x, robot.odometry.y), (0.0, 0.0)) > 0.0
+    assert error() < 5 * SIGMA_M
+    turned = believed()[2] - robot.physics.pose.yaw
+    assert math.remainder(turned, math.tau) == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_robot_that_stands_believes_the_same_all_the_time(robot_in):
+    robot = robot_in(room()).robot
+    before = robot.localisation.map_to_odom(robot.physics.pose)
+    assert {robot.localisation.map_to_odom(robot.physics.pose) for _ in range(20)} == {before}
+    assert np.isfinite(before).all()
