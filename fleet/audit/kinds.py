@@ -34,6 +34,7 @@ class Kind(Struct, frozen=True):
     label: str | Promise
     kept: Kept = Kept.OTHER
     listing: Listing = Listing.OTHER
+    former: bool = False  # nothing records it any more, and old logs have it
 
 
 def _speech(label: str | Promise) -> Kind:
@@ -44,8 +45,8 @@ def _motion(label: str | Promise) -> Kind:
     return Kind(label, Kept.DRIVING, Listing.MOTION)
 
 
-def _control(label: str | Promise) -> Kind:
-    return Kind(label, Kept.OTHER, Listing.CONTROL)
+def _control(label: str | Promise, *, former: bool = False) -> Kind:
+    return Kind(label, Kept.OTHER, Listing.CONTROL, former)
 
 
 def _refusal(label: str | Promise) -> Kind:
@@ -71,8 +72,8 @@ KINDS: dict[str, Kind] = {
     "control.ask": _control(_("control asked for")),
     "control.renew": _control(_("control renewed")),
     "control.resume": _control(_("control resumed")),
-    "control.release": _control(_("control given back")),
-    "control.expire": _control(_("control ran out")),
+    "control.release": _control(_("control given back"), former=True),
+    "control.expire": _control(_("control ran out"), former=True),
     "control.end": _control(_("control ended")),
     "stop.press": _control(_("stop pressed")),
     "stop.latch": _control(_("robot stopped")),

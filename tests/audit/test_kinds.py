@@ -1,0 +1,103 @@
+"""What the code records, what `kinds.py` knows, and what docs/audit.md says are the same kinds."""
+
+import ast
+import re
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+
+from fleet.audit import wording
+from fleet.audit.kinds import KINDS
+from robots.records import ENDS
+
+ROOT = Path(__file__).parents[2]
+RECORDING = {
+    "record",
+    "_record",
+    "request",
+    "outcome",
+}  # what functions are called that put something on record
+KIND = re.compile(r"[a-z]+\.[a-z_]+|refusal|fault")
+
+# Where no kind is written out: file, as it is written there, and which kinds that can be.
+INDIRECT = {
+    ("fleet/accounts/throttle.py", "KIND"): {"account.sign_in_failed"},
+    ("robots/services.py", "f'{entry._meta.model_name}.{verb}'"): {
+        "phrase.create",
+        "phrase.delete",
+        "allowance.create",
+        "allowance.delete",
+    },
+    ("teleop/calls.py", "kind"): {"service.call", "parameter.set"},
+    ("teleop/orders.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
+    ("robots/records.py", "kind"): {end for end, _ in ENDS.values()},
+    # Those hand on what is written out where they are called, or the kind of what is on record already.
+    ("fleet/accounts/changes.py", "kind"): set(),
+    ("teleop/services.py", "kind"): set(),
+    ("robots/stops.py", "record.kind"): set(),
+    ("teleop/calls.py", "begun.kind"): set(),
+}
+
+
+def calls() -> Iterator[tuple[str, str, list[ast.expr]]]:
+    """File, called function and arguments of each call that records something."""
+    for folder in ("fleet", "robots", "teleop"):
+        for path in (ROOT / folder).rglob("*.py"):
+            if "migrations" in path.parts:
+                continue
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Call) and node.args:
+                    name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+                    if name in RECORDING:
+                        yield path.relative_to(ROOT).as_posix(), name, node.args
+
+
+def written_out(arguments: list[ast.expr]) -> set[str]:
+    values = {argument.value for argument in arguments if isinstance(argument, ast.Constant)}
+    return {value for value in values if isinstance(value, str) and KIND.fullmatch(value)}
+
+
+@pytest.fixture(scope="module")
+def recorded() -> set[str]:
+    return set().union(*INDIRECT.values(), *(written_out(arguments) for _, _, arguments in calls()))
+
+
+def test_the_kinds_that_are_not_written_out_where_they_are_recorded_stand_above():
+    found = {
+        (file, ast.unparse(arguments[0]))
+        for file, name, arguments in calls()
+        if name == "record" and not written_out(arguments)
+    }
+    assert found == INDIRECT.keys()
+
+
+def test_every_kind_that_is_recorded_is_known_and_every_known_one_is_recorded(recorded):
+    assert recorded == {name for name, kind in KINDS.items() if not kind.former}
+
+
+def test_what_a_killed_bridge_leaves_open_ends_as_a_known_kind():
+    assert {*ENDS, *(end for end, _ in ENDS.values())} <= KINDS.keys()
+
+
+def test_every_kind_has_words_of_its_own():
+    labels = [wording.label(name) for name in KINDS]
+    assert len(set(labels)) == len(labels)
+    assert all(label and "." not in label for label in labels)
+
+
+def test_every_kind_has_a_row_in_the_docs_and_every_row_a_kind():
+    section = (ROOT / "docs/audit.md").read_text().split("## What is recorded")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (`.*?) \| .*\|$", section, re.MULTILINE)
+    named = [whole for row in rows for whole in _in_full(re.findall(r"`([^`]+)`", row))]
+    assert [name for name in KINDS if not any(fnmatch(name, pattern) for pattern in named)] == []
+    assert [pattern for pattern in named if not any(fnmatch(name, pattern) for name in KINDS)] == []
+
+
+def _in_full(names: list[str]) -> Iterator[str]:
+    """`control.take`, `.hand_over`: the second begins as the one before it."""
+    group = ""
+    for name in names:
+        group = name.split(".")[0] or group
+        yield name if not name.startswith(".") else group + name
