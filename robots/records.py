@@ -18,6 +18,7 @@ from django.db import (
     InternalError,
     OperationalError,
     close_old_connections,
+    connection,
     transaction,
 )
 from django.db.models import Exists, Max, OuterRef
@@ -60,7 +61,10 @@ _EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentenc
 
 
 def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
-    """Whatever kept the record from being written, in words; the next call finds a fresh connection."""
+    """Whatever kept the record from being written, in words.
+
+    A connection may be kept from call to call; after a failure the next call makes a fresh one.
+    """
 
     @functools.wraps(method)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -68,13 +72,12 @@ def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
             close_old_connections()
             return method(*args, **kwargs)
         except AuditUnavailable as error:
-            close_old_connections()
+            connection.close()
             raise RecordError(cause_of(error.__cause__ or error)[1]) from error
         except (OperationalError, InternalError, InterfaceError) as error:
-            close_old_connections()
+            connection.close()
             raise RecordError(cause_of(error)[1]) from error
         except (DatabaseError, ValidationError, ValueError) as error:
-            close_old_connections()
             raise BadRecord("the audit log does not take it") from error
 
     return call

@@ -1,10 +1,14 @@
-"""One recorded motion at a time: asked for, put on record, begun, watched, ended, and that put on record."""
+"""One recorded motion at a time: asked for, put on record, begun, watched, ended, and that put on record.
+
+While it is put on record, the robot is asked for its points; it begins when both are there.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Struct
@@ -18,6 +22,7 @@ from robots.bridge.sink import Holder, Parameters
 from robots.wire import Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
+PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
 
 
 class _Point(Struct):
@@ -111,14 +116,15 @@ class Player(Protocol):
         """Cancel this goal and no other."""
 
 
-class _Piece(NamedTuple):
-    """What is performed: a motion, and the space that its arm sweeps."""
+@dataclass
+class Piece:
+    """What is performed: a motion, and the space that its arm sweeps; None: the robot has not told yet."""
 
     name: str
-    space: Sequence[Disc]
+    space: Sequence[Disc] | None = None
 
 
-class Motions(Goals[_Piece]):
+class Motions(Goals[Piece]):
     """The motion under way, if any."""
 
     def __init__(self, player: Player, log: DriveLog) -> None:
@@ -137,35 +143,60 @@ class Motions(Goals[_Piece]):
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
         return None
 
-    def begin(
-        self,
-        name: str,
-        action: str,
-        holder: Holder,
-        space: Sequence[Disc],
-        now_s: float,
-        answer: Answer,
-    ) -> None:
-        """Put it on record; `start` follows once that is done, and answers."""
+    def begin(self, name: str, action: str, holder: Holder, now_s: float, answer: Answer) -> Goal[Piece]:
+        """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
         number = self._log.request(holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._current = Goal(_Piece(name, space), action, holder, now_s, number, answer)
+        self._current = Goal(Piece(name), action, holder, now_s, number, answer)
+        return self._current
+
+    def told(self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float) -> None:
+        """What the arm sweeps by the points that the robot has now; None: it has no such motion."""
+        if goal is not self._current:
+            return
+        goal.what.space = space
+        if space is None:
+            name = goal.what.name
+            text = f"The robot has no motion “{name}”."
+            self.deny(Refusal("unknown_motion", text, "robot", {"motion": name}), now_s)
 
     @property
     def due(self) -> bool:
-        """Whether a motion is on record and waits to be started."""
+        """Whether a motion waits for nothing more: it is on record, and its points are known or not needed."""
         goal = self._current
-        return goal is not None and goal.id is None and goal.number.done()
+        if goal is None or goal.id is not None or not goal.number.done():
+            return False
+        return goal.what.space is not None or goal.cancelled is not None
 
     @property
     def space(self) -> Sequence[Disc]:
         """What the arm of this console's motion sweeps; nothing once it is cancelled."""
         goal = self._current
-        return goal.what.space if goal is not None and goal.cancelled is None else ()
+        return goal.what.space or () if goal is not None and goal.cancelled is None else ()
+
+    @property
+    def begun(self) -> bool:
+        """Whether a motion was sent to the robot, and has not ended."""
+        return self._current is not None and self._current.id is not None
+
+    def deny(self, refusal: Refusal, now_s: float) -> None:
+        """What was asked for is not begun: that is the answer, and what came of it."""
+        goal, self._current = self._current, None
+        if goal is not None:
+            goal.answer(refusal)
+            self._record(goal, refusal.code, refusal.text, now_s)
 
     def start(self, now_s: float) -> None:
         """Send the goal of what is due; what could not be recorded, or was cancelled meanwhile, is not done."""
         if goal := self._recorded(now_s):
             self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
+
+    def tick(self, now_s: float) -> None:
+        """Give up what the robot does not speak of: a goal, or its points."""
+        goal = self._current
+        if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
+            text = "The robot took too long to tell how it would move: ask again."
+            self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
+        super().tick(now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """The robot says which goals are under way."""
@@ -185,8 +216,11 @@ class Motions(Goals[_Piece]):
             return None
         return wire.Motion(goal.what.name, goal.holder.holder, round(now_s - goal.since_s, 1))
 
-    def _over(self, goal: Goal[_Piece], outcome: str, text: str, now_s: float) -> None:
-        name = goal.what.name
-        self.last = wire.MotionEnd(goal.number.result(), name, outcome, text)
-        figures: Parameters = {"motion": name, "duration_s": round(now_s - goal.since_s, 2), "text": text}
+    def _over(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
+        self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)
+        self._record(goal, outcome, text, now_s)
+
+    def _record(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
+        duration_s = round(now_s - goal.since_s, 2)
+        figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
         self._log.outcome(goal.number, goal.holder, "motion.end", outcome, figures, now_s)

@@ -6,7 +6,6 @@ after that. Nothing here waits, and nothing that ended begins again by itself.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import NamedTuple, Protocol
@@ -32,7 +31,6 @@ from robots.bridge.sink import Holder
 from robots.bridge.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
 from robots.wire import Grant, Refusal
 
-MOTION_PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
 
@@ -109,7 +107,6 @@ class Orders:
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
         self._looks: list[_Look] = []
-        self._asking_until_s = -math.inf  # for the points of a motion
 
     def take(self, order: wire.Order, link: int, now_s: float, answer: Answer) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
@@ -122,7 +119,7 @@ class Orders:
             case wire.Publish():
                 self._publish(order, grant, link, now_s, answer)
             case wire.Play():
-                self._play(order, link, now_s, answer)
+                self._play(order, grant, now_s, answer)
             case wire.LookAhead():
                 self._look_ahead(grant, now_s, answer)
             case wire.Say():
@@ -306,44 +303,22 @@ class Orders:
 
     # --- motions --------------------------------------------------------------------------------------
 
-    def _play(self, order: wire.Play, link: int, now_s: float, answer: Answer) -> None:
-        """Have its points read, as the robot has them now; the rest follows with them."""
-        refusal = self._why_not_play(order, link, now_s)
-        if refusal is None and now_s < self._asking_until_s:
-            refusal = Refusal("motion_running", "The robot is being asked for another motion.", "robot")
+    def _play(self, order: wire.Play, grant: Grant, now_s: float, answer: Answer) -> None:
+        """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
+        refusal = (
+            self.choices.refuse("motions", None) or self.motions.refuse(now_s) or self._why_no_motion(now_s)
+        )
         if refusal is not None:
             answer(refusal)
             return
         action = self.choices.topic("motions")
-        until_s = self._asking_until_s = now_s + MOTION_PATIENCE_S
+        goal = self.motions.begin(order.motion, action, holder_of(grant), now_s, answer)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
-            self._asking_until_s = -math.inf
-            # Meanwhile control may have gone elsewhere, the stop been pressed, another motion been begun.
-            refusal = self._why_not_play(order, link, now_s)
-            if refusal is None and now_s >= until_s:
-                text = "The robot took too long to tell how it would move: ask again."
-                refusal = Refusal("robot_silent", text, "robot", {"limit_s": MOTION_PATIENCE_S})
-            if refusal is None and (space is None or action != self.choices.topic("motions")):
-                text = f"The robot has no motion “{order.motion}”."
-                refusal = Refusal("unknown_motion", text, "robot", {"motion": order.motion})
-            grant = self._rules.grants.current
-            refusal = refusal or self._room.why_none(space or (), now_s)
-            if refusal is None and grant is not None:
-                self.motions.begin(order.motion, action, holder_of(grant), space or (), now_s, answer)
-            else:
-                answer(refusal)
+            self.motions.told(goal, space, now_s)
+            self._watch_motion(now_s)
 
         self._performer.sweep(order.motion, action, swept)
-
-    def _why_not_play(self, order: wire.Play, link: int, now_s: float) -> Refusal | None:
-        """The first rule against it, the arm's room apart."""
-        return (
-            self._rules.grants.refuse_drive(order.fence, link)
-            or self.choices.refuse("motions", None)
-            or self.motions.refuse(now_s)
-            or self._why_no_motion(now_s)
-        )
 
     def _cancel_motion(self, why: str) -> Refusal | None:
         if self.motions.cancel("cancelled", why):
@@ -355,15 +330,16 @@ class Orders:
         return self._rules.why_closed(now_s) or self._rules.why_not_still(now_s)
 
     def _watch_motion(self, now_s: float) -> None:
-        """Begin what is on record, if nothing has come in between; cancel what must not go on."""
-        due, space = self.motions.due, self.motions.space
-        refusal = self._why_no_motion(now_s) if due else None
-        refusal = refusal or self._room.why_none(space, now_s, running=not due)
-        if refusal is not None:
-            self.motions.cancel(OUTCOMES.get(refusal.code, "cancelled"), refusal.text)
-        if due:
-            self.motions.start(now_s)
-        self.motions.tick(now_s)
+        """Begin what is due, if nothing stands against it; cancel what must not go on."""
+        motions = self.motions
+        if motions.due:
+            refusal = self._why_no_motion(now_s) or self._room.why_none(motions.space, now_s)
+            if refusal is not None:
+                motions.deny(refusal, now_s)
+            motions.start(now_s)
+        elif motions.begun and (refusal := self._room.why_none(motions.space, now_s, running=True)):
+            motions.cancel(OUTCOMES[refusal.code], refusal.text)
+        motions.tick(now_s)
 
     # --- speech ---------------------------------------------------------------------------------------
 

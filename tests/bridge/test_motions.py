@@ -32,6 +32,21 @@ def begun(bench, motion="wave"):
     return goal_id
 
 
+def denied(bench, motion="wave"):
+    """Why it was not begun, which is what came of it on record; nothing was asked of the robot."""
+    answers = bench.ask(wire.Play(1, motion))
+    settled(bench)
+    bench.recorded()
+    [refusal] = answers
+    assert [kind for kind, _ in bench.sink.records[-2:]] == ["motion.start", "motion.end"]
+    end = bench.sink.records[-1][1]
+    assert (end.outcome, end.text) == (refusal.code, refusal.text)
+    assert bench.base.played == []
+    state = bench.core.state(bench.now_s, [])
+    assert (state.motion, state.motion_ended) == (None, None)
+    return refusal
+
+
 def settled(bench):
     bench.recorded()
     bench.core.tick(bench.now_s)
@@ -88,8 +103,6 @@ def test_what_cannot_be_recorded_is_not_done(bench):
         ),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
         (lambda bench: bench.driving(), "base_moving"),
-        (lambda bench: bench.gate.seen.append((0.6, 0.1)), "motion_blocked"),
-        (lambda bench: bench.base.sweeps.clear(), "unknown_motion"),
     ],
 )
 def test_a_motion_that_must_not_be_is_refused_and_not_recorded(bench, spoil, code):
@@ -98,6 +111,18 @@ def test_a_motion_that_must_not_be_is_refused_and_not_recorded(bench, spoil, cod
     settled(bench)
     assert bench.base.played == []
     assert "motion.start" not in bench.sink.kinds
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda bench: bench.gate.seen.append((0.6, 0.1)), "motion_blocked"),
+        (lambda bench: bench.base.sweeps.clear(), "unknown_motion"),
+    ],
+)
+def test_a_motion_that_is_refused_for_its_points_is_on_record_with_why(bench, spoil, code):
+    spoil(bench)
+    assert denied(bench).code == code
 
 
 def test_a_base_that_still_rolls_is_moving(bench):
@@ -112,7 +137,7 @@ def test_only_the_holder_is_obeyed(bench):
 
 def test_a_refusal_for_want_of_room_says_where(bench):
     bench.gate.seen = [(0.5, 0.12), (0.6, 0.1), (2.0, 0.0)]
-    refusal = ask(bench)
+    refusal = denied(bench)
     assert refusal.rule == "gate"
     assert refusal.figures == {"sensor": "laser", "distance_m": 0.24, "side": "ahead"}
     assert refusal.text == "The arm would sweep where there is something: laser, 0.2 m ahead."
@@ -121,10 +146,10 @@ def test_a_refusal_for_want_of_room_says_where(bench):
 @pytest.mark.parametrize("kind", ["scan", "depth"])
 def test_an_arm_does_not_move_where_nobody_looks(bench, kind):
     bench.gate.health = [SensorHealth("eye", kind, False, None, "nothing has come yet")]
-    refusal = ask(bench)
+    refusal = denied(bench)
     assert refusal.code == "not_watched"
     assert refusal.text == "What stands around the arm is not known: eye: nothing has come yet."
-    assert ask(bench, "nod") is None  # which moves no arm
+    begun(bench, "nod")  # which moves no arm
 
 
 def test_a_laser_that_falls_silent_cancels_it(bench):
@@ -140,12 +165,9 @@ def test_a_laser_that_falls_silent_cancels_it(bench):
 
 def test_what_stands_elsewhere_is_no_matter_nor_is_anything_to_a_motion_of_the_head(bench):
     bench.gate.seen = [(-0.6, 0.0), (1.5, 0.0)]
-    assert ask(bench) is None
-    bench = bench.__class__().online()
-    bench.base.sweeps = {"nod": ()}
-    bench.granted().pass_time(0.3)
+    ends(bench, begun(bench), "succeeded")
     bench.gate.seen = [(0.6, 0.0)]
-    assert ask(bench, "nod") is None
+    begun(bench, "nod")
 
 
 def test_a_second_motion_is_refused_with_who_runs_which(bench):
@@ -210,32 +232,55 @@ def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
     bench.gate.seen = [(-0.6, 0.0)]
     answers = bench.ask(wire.Play(1, "wave"))
     bench.pass_time(0.1)
-    assert answers == []
+    assert bench.sink.kinds == ["motion.start"]
+    assert (answers, bench.base.played) == ([], [])
     bench.base.sweeps["wave"] = ((-0.6, 0.0, 0.2),)  # it was recorded anew
     bench.base.asked.pop()()
     assert [refusal.code for refusal in answers] == ["motion_blocked"]
-    bench.recorded()
-    assert "motion.start" not in bench.sink.kinds
+    assert bench.base.played == []
+
+
+def test_points_that_come_before_the_record_wait_for_it(bench):
+    bench.sink.open.clear()
+    answers = bench.ask(wire.Play(1, "wave"))
+    bench.pass_time(0.1)
+    assert (answers, bench.base.played) == ([], [])
+    bench.sink.open.set()
+    settled(bench)
+    assert answers == [None]
+    assert [motion for _, motion in bench.base.played] == ["wave"]
 
 
 @pytest.mark.parametrize(
-    ("happens", "code"),
+    ("happens", "outcome"),
     [
-        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
+        (lambda bench: bench.order(wire.PlayCancel(1)), "cancelled"),
+        (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.driving(), "base_moving"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
+        (lambda bench: bench.odometry(Velocity(0.3, 0.0, 0.0)), "base_moving"),
         (lambda bench: bench.pass_time(3.1), "robot_silent"),
     ],
 )
-def test_what_comes_in_between_request_and_points_keeps_it_off_the_record(bench, happens, code):
+def test_what_comes_in_between_request_and_points_keeps_it_from_starting(bench, happens, outcome):
     bench.base.asked = []
     answers = bench.ask(wire.Play(1, "wave"))
+    bench.recorded()
     happens(bench)
     bench.base.asked.pop()()
     settled(bench)
-    assert [refusal.code for refusal in answers] == [code]
+    bench.recorded()
     assert bench.base.played == []
-    assert "motion.start" not in bench.sink.kinds
+    assert len(answers) == 1
+    assert bench.sink.kinds == ["motion.start", "motion.end"]
+    assert bench.sink.records[-1][1].outcome == outcome
+
+
+def test_the_base_stands_while_the_robot_is_asked_for_points(bench):
+    bench.base.asked = []
+    bench.ask(wire.Play(1, "wave"))
+    assert bench.stick(0.5).code == "motion_running"
+    assert bench.last == STILL
 
 
 def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_does_not_answer(bench):
@@ -244,8 +289,11 @@ def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_do
     assert ask(bench, "nod").code == "motion_running"
     bench.pass_time(3.1)
     answers = bench.ask(wire.Play(1, "nod"))
+    late, points = bench.base.asked
+    late()
+    settled(bench)
     assert answers == []
-    bench.base.asked.pop()()
+    points()
     settled(bench)
     assert answers == [None]
     assert [motion for _, motion in bench.base.played] == ["nod"]
@@ -254,15 +302,17 @@ def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_do
 @pytest.mark.parametrize(
     ("happens", "outcome"),
     [
-        (lambda bench: setattr(bench.gate, "seen", [(0.6, 0.0)]), "intruder"),
-        (lambda bench: setattr(bench.base, "listeners", 0), "cancelled"),
-        (lambda bench: bench.odometry(Velocity(0.3, 0.0, 0.0)), "cancelled"),
+        (lambda bench: setattr(bench.gate, "seen", [(0.6, 0.0)]), "motion_blocked"),
+        (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
+        (lambda bench: bench.odometry(Velocity(0.3, 0.0, 0.0)), "base_moving"),
+        (lambda bench: bench.order(wire.PlayCancel(1)), "cancelled"),
     ],
 )
 def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench, happens, outcome):
     bench.sink.open.clear()
     ask(bench)
     happens(bench)
+    bench.core.tick(bench.now_s)
     bench.sink.open.set()
     settled(bench)
     bench.recorded()

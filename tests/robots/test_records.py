@@ -252,6 +252,21 @@ def test_on_a_full_disk_a_drive_is_not_recorded_and_says_why(
     assert Record.objects.get(pk=sink.begin_drive(holder, START)).kind == "drive.start"
 
 
+def test_a_connection_that_is_kept_is_made_anew_after_a_failure(sink: AuditSink, holder: Holder) -> None:
+    with mock.patch.dict(connection.settings_dict, CONN_MAX_AGE=None):
+        connection.close()
+        sink.begin_drive(holder, START)
+        kept = connection.connection
+        sink.begin_drive(holder, START)
+        assert connection.connection is kept
+        full = AuditUnavailable("audit_disk_full", "The disk is full.")
+        with mock.patch("robots.records.record", side_effect=full), pytest.raises(RecordError):
+            sink.begin_drive(holder, START)
+        sink.begin_drive(holder, START)
+        assert connection.connection is not kept
+    connection.close()
+
+
 @contextmanager
 def locked_database() -> Iterator[None]:
     """Another process has begun to write and does not finish."""

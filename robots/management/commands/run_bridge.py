@@ -38,5 +38,7 @@ class Command(BaseCommand):
             config = bridge_config(robot)
         except Problems as problems:
             raise CommandError(f"The entry of {robot.slug} is wrong: {problems}") from problems
-        connections.close_all()  # records are written from a thread with a connection of its own
+        connections.close_all()
+        # Records are written from a thread that keeps a connection of its own: to make one takes longer than a record.
+        connections.settings["default"].update(CONN_MAX_AGE=None, CONN_HEALTH_CHECKS=True)
         sys.exit(run(config, AuditSink(robot.id, robot.name)))
