@@ -290,6 +290,7 @@ def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_do
     bench.pass_time(3.1)
     answers = bench.ask(wire.Play(1, "nod"))
     late, points = bench.base.asked
+    del bench.base.sweeps["wave"]
     late()
     settled(bench)
     assert answers == []
