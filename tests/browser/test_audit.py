@@ -13,7 +13,7 @@ from playwright.sync_api import Browser
 from script.stack.stack import Stack
 from tests.browser.people import Person
 from tests.browser.test_console import go_to, notice
-from tests.browser.test_pages import SIZES, found_by_axe
+from tests.browser.test_pages import A_LONG_NAME, SIZES, found_by_axe
 
 Arrive = Callable[..., Person]
 
@@ -60,6 +60,7 @@ def test_staff_find_a_sentence_in_three_steps_and_follow_the_path_of_who_said_it
     page.get_by_role("button", name="Show", exact=True).click()
     found = page.locator(".audit-table tr", has_text=SENTENCE)
     assert found.count() == 1
+    outcomes_stay_whole_words(staff)
 
     with page.expect_download() as download:
         page.get_by_role("button", name="JSON Lines").click()
@@ -77,6 +78,20 @@ def test_staff_find_a_sentence_in_three_steps_and_follow_the_path_of_who_said_it
     page.emulate_media(color_scheme="dark")
     assert found_by_axe(staff) == []
     assert staff.complaints == []
+
+
+def outcomes_stay_whole_words(staff: Person) -> None:
+    """However long the names beside them are."""
+    torn = """name => {
+      for (const who of document.querySelectorAll(".audit-who")) who.textContent = name;
+      const words = [...document.querySelectorAll(".audit-table thead th:nth-child(5), .audit-outcome")];
+      const text = document.createRange();
+      return words.map((cell) => cell.textContent.trim()).filter((word, i) => {
+        text.selectNodeContents(words[i]);
+        return word && !word.includes(" ") && text.getClientRects().length > 1;
+      });
+    }"""
+    assert staff.page.evaluate(torn, A_LONG_NAME) == []
 
 
 def scrub_the_path(staff: Person) -> None:

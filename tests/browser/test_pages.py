@@ -34,6 +34,7 @@ PAGES = [
     "/nowhere/",
 ]
 SIZES = [(360, 640), (844, 390), (1440, 900)]
+A_LONG_NAME = "Wilhelmina-Konstantinopoulou van den Bergh-Featherstonehaugh"
 
 
 def found_by_axe(person: Person) -> list[str]:
@@ -129,11 +130,41 @@ def test_nothing_that_opens_covers_the_stop(person: Arrive, width: int, height: 
         staff.page.keyboard.press("Escape")
     staff.page.locator("summary").click()
     assert is_free()
+    menu = box_of(staff.page.locator(".menu-list"))
+    assert menu["y"] + menu["height"] <= height  # what does not fit is scrolled to
     staff.page.locator("summary").click()
     staff.press("Take over…")
     assert is_free()
     staff.page.keyboard.press("Escape")
     assert not staff.page.get_by_role("dialog").is_visible()
+    operator.release()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_long_names_cover_nothing_and_crush_nothing(person: Arrive, width: int, height: int) -> None:
+    operator, staff = person("operator"), person("staff", width=width, height=height)
+    operator.take("tiago-1")
+    staff.watch("tiago-1")
+    staff.press("Ask for control")
+    staff.page.get_by_role("button", name="Withdraw").wait_for()
+    # The page's own script writes the name again soon: it is measured at once.
+    boxes = staff.page.evaluate(
+        """name => {
+          for (const place of ["h1", ".menu-name", "[data-part=who]"])
+            document.querySelector(place).textContent = name;
+          const boxes = [".back", ".menu svg", ".who", ".who-actions", ".drive", ".stop-button"].map((place) => {
+            const { x, y, width, height } = document.querySelector(place).getBoundingClientRect();
+            return { x, y, width, height };
+          });
+          return boxes;
+        }""",
+        A_LONG_NAME,
+    )
+    back, burger, who, actions, drive, stop = boxes
+    assert (back["width"], burger["width"]) == (44, 20)
+    assert not overlap(who, drive)
+    assert not overlap(who, stop)
+    assert actions["y"] + actions["height"] <= who["y"] + who["height"] <= height
     operator.release()
 
 
