@@ -1,18 +1,42 @@
-"""What the console has of a person, as they may read it and take it along."""
+"""What the console has of a person, as they may read it and take it along: what they did, and what others did to them.
+
+Of others' records they see what happened, when and with which robot; not who did it, nor what somebody else wrote.
+"""
 
 from __future__ import annotations
 
+import heapq
+import json
+from collections.abc import Iterator
 from datetime import datetime
+from itertools import islice
+from typing import Any
 
+from django.db.models import Q, QuerySet
+from django.db.models.functions import Coalesce
 from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit import exports
 from fleet.audit.listing import Page, Selection, Wanted
+from fleet.audit.models import Record
 from teleop.models import ControlSession
 
 SESSIONS = 20  # of a page
 RECORDS = 30
+CHUNK = 500  # others' records in memory
+
+# Kinds of others' records that are about a person, whose identifier stands in this parameter.
+_ABOUT = {
+    "account.create": "user",
+    "account.change": "user",
+    "role.change": "user",
+    "control.take_over": "holder",
+    "audit.export": "person",
+}
+# Those of which the details, too, are about nobody else: names and addresses of the account.
+_DETAILED = {"account.create", "account.change", "role.change"}
+PERSONS = {"holder", "person", "to", "user"}  # parameters that are somebody's identifier
 
 
 class Sessions(Struct, frozen=True):
@@ -36,11 +60,80 @@ def own_records(user: User, *, before: int | None, after: int | None) -> Page:
     return Selection(_of(user)).page(before=before, after=after, size=RECORDS)
 
 
+class About(Struct, frozen=True):
+    """Others' records of a person, newest first."""
+
+    shown: list[Record]
+    older: bool
+
+
+def recorded_by_others(user: User, before: int | None) -> About:
+    """The newest, or those below a number."""
+    numbers = _numbers_about(user, before, RECORDS + 1)
+    return About(_about(numbers[:RECORDS]), older=len(numbers) > RECORDS)
+
+
+def told_of(record: Record, user: User) -> dict[str, Any]:
+    """The details of another's record that this person may see."""
+    whole = record.details if record.kind in _DETAILED else record.parameters
+    return {name: value for name, value in whole.items() if name not in PERSONS or value == str(user.pk)}
+
+
 def export_of(user: User) -> exports.ExportResponse:
     """All of that as a file. Raises `AuditUnavailable`: what cannot be recorded is not told."""
     return exports.response(
-        Selection(_of(user)), _of(user), actor=user, name="your-data", format_=exports.Format.JSON_LINES
+        Selection(_of(user)),
+        _of(user),
+        actor=user,
+        name="your-data",
+        format_=exports.Format.JSON_LINES,
+        besides=_lines_about(user),
     )
+
+
+def _lines_about(user: User) -> Iterator[tuple[str, int]]:
+    before = None
+    while numbers := _numbers_about(user, before, CHUNK):
+        records = _about(numbers)
+        lines = (json.dumps(_exported(record, user), ensure_ascii=False) for record in records)
+        yield "".join(f"{line}\n" for line in lines), len(records)
+        before = numbers[-1]
+
+
+def _exported(record: Record, user: User) -> dict[str, Any]:
+    return {
+        "number": record.pk,
+        "time": record.at.isoformat(),
+        "kind": record.kind,
+        "robot": {"id": str(record.robot_id), "name": record.robot_name} if record.robot_id else None,
+        "by": "somebody else" if record.actor_id else "the console",
+        "control_session": str(record.session_id) if record.session_id else None,
+        "outcome": record.outcome,
+        "details": told_of(record, user),
+    }
+
+
+def _numbers_about(user: User, before: int | None, limit: int) -> list[int]:
+    """At most so many, newest first: of each source by an index of its own, and merged."""
+    person = str(user.pk)
+    sessions = ControlSession.objects.filter(user=user).values("pk")
+    sources = [
+        Q(session_id__in=sessions),
+        *(Q(kind=kind, **{f"parameters__{name}": person}) for kind, name in _ABOUT.items()),
+    ]
+    others = Record.objects.exclude(actor=person).exclude(real_actor=person).order_by("-pk")
+    # Requests alone; not by the index of outcomes, by which SQLite would look at half of the log.
+    others = others.alias(request=Coalesce("of_id", 0)).filter(request=0)
+    if before is not None:
+        others = others.filter(pk__lt=before)
+    found = [others.filter(source).values_list("pk", flat=True)[:limit] for source in sources]
+    merged = dict.fromkeys(heapq.merge(*found, reverse=True))  # some are of two sources
+    return list(islice(merged, limit))
+
+
+def _about(numbers: list[int]) -> list[Record]:
+    records: QuerySet[Record] = Record.objects.filter(pk__in=numbers).select_related("content")
+    return list(records.order_by("-pk"))
 
 
 def _of(user: User) -> Wanted:

@@ -25,6 +25,7 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.admin import number
 from fleet.audit.listing import Row
+from fleet.audit.models import Record
 from robots.selectors import robots_visible_to
 from teleop import own_data, path_plot, robot_report, session_report
 from teleop.selectors import end_notes
@@ -35,7 +36,7 @@ MAP_CACHED_S = 60 * 60  # by the browser of who may see it; what a number shows 
 
 
 class Line(Struct, frozen=True):
-    """One's own record, as the page shows it."""
+    """A record of a person, as the page shows it; `subject` is what was said, of others' records the facts."""
 
     at: datetime
     robot: str
@@ -44,6 +45,7 @@ class Line(Struct, frozen=True):
     outcome: str
     expired: bool
     session_url: str
+    by: str = ""
 
 
 @never_cache
@@ -117,6 +119,7 @@ def your_data(request: HttpRequest) -> HttpResponse:
     person = _person(request)
     page = own_data.own_records(person, before=number(request, "before"), after=number(request, "after"))
     sessions = own_data.own_sessions(person, _moment(request, "began_before"))
+    about = own_data.recorded_by_others(person, number(request, "about_before"))
     context = {
         "sessions": sessions,
         "lines": [_line(row) for row in page.rows],
@@ -124,6 +127,8 @@ def your_data(request: HttpRequest) -> HttpResponse:
         "oldest_session": sessions.shown[-1].started_at.isoformat() if sessions.shown else "",
         "newest_number": page.rows[0].number if page.rows else None,
         "oldest_number": page.rows[-1].number if page.rows else None,
+        "about": [_line_about(record, person) for record in about.shown],
+        "oldest_about": about.shown[-1].pk if about.older else None,
     }
     return render(request, "teleop/your_data.html", context)
 
@@ -144,6 +149,21 @@ def _line(row: Row) -> Line:
         outcome=row.outcome.replace("_", " "),
         expired=wording.expired(record),
         session_url=reverse("control-session", args=[record.session_id]) if record.session_id else "",
+    )
+
+
+def _line_about(record: Record, person: User) -> Line:
+    told = own_data.told_of(record, person)
+    facts = wording.lines({name: value for name, value in told.items() if name not in own_data.PERSONS})
+    return Line(
+        at=record.at,
+        robot=record.robot_name,
+        what=wording.label(record.kind),
+        subject=" · ".join(f"{name} {value}" for name, value in facts),
+        outcome=record.outcome.replace("_", " "),
+        expired=wording.expired(record),
+        session_url="",
+        by=_("by somebody else") if record.actor_id else _("by the console itself"),
     )
 
 

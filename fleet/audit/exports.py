@@ -6,7 +6,8 @@ import csv
 import io
 import json
 import logging
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from itertools import chain
 from typing import Any
 from urllib.parse import quote
 
@@ -44,26 +45,21 @@ class Format(TextChoices):
 
 
 class Export:
-    """One export: what it tells piece by piece, and how many rows it has told."""
+    """One export: what it tells piece by piece, and how many rows it has told. `pieces` are texts of so many rows."""
 
-    def __init__(
-        self, selection: Selection, begun: Record, actor: AbstractUser, to_text: Callable[[list[Row]], str]
-    ) -> None:
-        self._chunks = selection.chunks(CHUNK)
+    def __init__(self, pieces: Iterator[tuple[str, int]], begun: Record, actor: AbstractUser) -> None:
+        self._pieces = pieces
         self._begun = begun
         self._actor = actor
-        self._to_text = to_text
         self._count = 0
         self._complete = self._is_on_record = False
 
     def piece(self) -> str | None:
         """The next rows, None after the last."""
-        rows = next(self._chunks, None)
-        if rows is None:
-            self._complete = True
-            return None
-        self._count += len(rows)
-        return self._to_text(rows)
+        text, count = next(self._pieces, (None, 0))
+        self._complete = text is None
+        self._count += count
+        return text
 
     def ended(self) -> None:
         """Put on record what came of it, once."""
@@ -105,9 +101,18 @@ async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
 
 
 def response(
-    selection: Selection, wanted: Wanted, *, actor: AbstractUser, name: str, format_: Format
+    selection: Selection,
+    wanted: Wanted,
+    *,
+    actor: AbstractUser,
+    name: str,
+    format_: Format,
+    besides: Iterable[tuple[str, int]] = (),
 ) -> ExportResponse:
-    """The answer to who wants a file. Raises `AuditUnavailable`: what cannot be recorded is not told."""
+    """The answer to who wants a file. Raises `AuditUnavailable`: what cannot be recorded is not told.
+
+    `besides` are texts of so many rows that follow on what is selected.
+    """
     head, media_type, to_text = _TOLD[format_]
     asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
     begun = record(
@@ -122,9 +127,10 @@ def response(
         private={"words": " ".join(wanted.words)} if wanted.words else None,
     )
     file = f"{name}-{timezone.now():%Y-%m-%d}.{format_.value}"
+    pieces = ((to_text(rows), len(rows)) for rows in selection.chunks(CHUNK))
     return ExportResponse(
         head,
-        Export(selection, begun, actor, to_text),
+        Export(chain(pieces, besides), begun, actor),
         content_type=media_type,
         headers={
             "Content-Disposition": f"attachment; filename=\"{file}\"; filename*=UTF-8''{quote(file)}",

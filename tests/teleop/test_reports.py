@@ -406,6 +406,72 @@ def test_a_link_alone_exports_nothing(operator, signed_in):
     assert signed_in(operator).get(reverse("your-data-export")).status_code == 405
 
 
+@pytest.fixture
+def meddled(session, robot, other_robot, operator, staff, supervisor, second_operator, put):
+    """What others did to the operator, and to others. All of it names somebody or has somebody's words."""
+    secret = "Sam Staff's own words, sam@lab.example"
+    mine, theirs = str(operator.pk), str(second_operator.pk)
+    told = {"actor": staff, "text": secret, "private": {"words": secret, "holder_name": "Sue Pervisor"}}
+    for user, name in ((mine, "Olga Operator"), (theirs, "Sue Pervisor")):
+        changes = [{"field": "email", "from": "", "to": f"{name}@lab.example"}]
+        record(
+            "account.change",
+            actor=staff,
+            parameters={"user": user, "changes": [{"field": "email"}]},
+            private={"name": name, "changes": changes},
+        )
+        record("control.take_over", **told, session_id=other_robot.pk, parameters={"holder": user})
+        record("audit.export", **told, parameters={"list": f"speech of {name}", "person": user})
+    put("stop.press", **told, parameters={"through": "page"})
+    put("control.end", **told, outcome="taken_over", parameters={"holder": mine, "to": theirs})
+    put("control.end", actor=None, outcome="term", parameters={"holder": mine})
+    return "Sam", "sam@", "Sue", theirs, str(staff.pk)
+
+
+def test_ones_data_has_what_others_did_that_concerns_one_and_nothing_of_them(meddled, operator, signed_in):
+    page = signed_in(operator).get(reverse("your-data"))
+    assert [(line.what, line.by) for line in page.context["about"]][:6] == [
+        ("control ended", "by the console itself"),
+        ("control ended", "by somebody else"),
+        ("stop pressed", "by somebody else"),
+        ("log exported", "by somebody else"),
+        ("control taken over", "by somebody else"),
+        ("account changed", "by somebody else"),
+    ]
+    words = page.content.decode()
+    assert "Olga Operator@lab.example" in words
+    assert not [word for word in meddled if word in words]
+
+
+def test_others_records_come_page_by_page(operator, staff, signed_in, put):
+    for number in range(70):
+        put("stop.press", actor=staff, parameters={"through": f"number {number}."})
+    client, found, query = signed_in(operator), [], ""
+    while query is not None:
+        context = client.get(reverse("your-data") + query).context
+        found += [line.subject for line in context["about"]]
+        query = f"?about_before={context['oldest_about']}" if context["oldest_about"] else None
+    assert found[:70] == [f"through number {number}." for number in reversed(range(70))]
+    assert (
+        len(found)
+        == len(Record.objects.filter(kind="account.create", parameters__user=str(operator.pk))) + 70
+    )
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_so_has_the_export(meddled, operator):
+    client = AsyncClient()
+    await client.aforce_login(operator)
+    answer = await client.post(reverse("your-data-export"))
+    told = b"".join([piece async for piece in answer.streaming_content]).decode()
+    entries = [json.loads(line) for line in told.splitlines()]
+    kinds = [entry["kind"] for entry in entries if "by" in entry]
+    assert kinds[:3] == ["control.end", "control.end", "stop.press"]
+    assert not [word for word in meddled if word in told]
+    ended = await Record.objects.aget(kind="audit.export", outcome="done")
+    assert ended.parameters["rows"] == len(entries)
+
+
 @pytest.mark.django_db(transaction=True)
 async def test_the_export_has_ones_own_records_alone_and_is_itself_on_record(operator, supervisor, said):
     client = AsyncClient()
@@ -414,6 +480,7 @@ async def test_the_export_has_ones_own_records_alone_and_is_itself_on_record(ope
     lines = b"".join([piece async for piece in answer.streaming_content]).decode().splitlines()
     told = [json.loads(line) for line in lines]
     assert SAID in [entry["details"].get("text") for entry in told]
-    assert {entry["person"]["id"] for entry in told} == {str(operator.pk)}
+    assert {entry["person"]["id"] for entry in told if "by" not in entry} == {str(operator.pk)}
+    assert {entry["by"] for entry in told if "by" in entry} == {"somebody else"}  # who made the account
     begun = await Record.objects.aget(kind="audit.export", of=None)
     assert (begun.actor_id, begun.parameters["list"]) == (str(operator.pk), "your-data")
