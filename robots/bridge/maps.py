@@ -96,7 +96,7 @@ class Maps:
             answer: TakenMap | NoMap = _answer.decode(await _up_to(process.stdout, LARGEST_ANSWER))
             return answer
         finally:
-            with suppress(ProcessLookupError):
+            if not process.stdout.at_eof():  # else it ends by itself, and may have done so by now
                 process.kill()
             await process.wait()
 

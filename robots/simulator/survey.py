@@ -13,7 +13,7 @@ from robots.simulator.physics import Physics
 from robots.simulator.scene import ROBOT_GROUP
 
 RESOLUTION_M = 0.05
-HALF_CELL_M = 0.499 * RESOLUTION_M  # a wall that ends where a cell does is not in the next one, whatever is rounded
+HALF_CELL_M = 0.499 * RESOLUTION_M  # less than half: what ends where a cell does is not in the next one
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # percent, as nav_msgs/OccupancyGrid has them
 
 Cells = NDArray[np.int8]  # row 0 is the south edge
