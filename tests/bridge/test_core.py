@@ -218,6 +218,13 @@ def test_a_clear_of_a_stop_that_was_pressed_again_since_is_refused(bench):
     assert bench.core.stop_state.state == "clear"
 
 
+def test_who_pressed_a_stop_is_kept_until_it_is_cleared(bench):
+    bench.core.stop("Ann", "a child on the floor", bench.now_s)
+    assert (bench.core.persisted().by, bench.core.persisted().reason) == ("Ann", "a child on the floor")
+    assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
+    assert (bench.core.persisted().by, bench.core.persisted().reason) == ("", "")
+
+
 def test_a_number_that_was_cleared_once_clears_no_later_stop(bench):
     bench.core.stop("Ann", "", bench.now_s)
     number = bench.core.stop_state.number
