@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
 from pathlib import Path
@@ -18,6 +19,20 @@ from tests.browser.test_pages import A_LONG_NAME, SIZES, found_by_axe
 Arrive = Callable[..., Person]
 
 SENTENCE = "The cat sat on the warm charger."
+STARTED = (2.0, 1.8)  # where tiago-2's odometry began, in the office
+ROOMS = (10.0, 7.0)  # metres from the lower left corner of the office's map to its upper right one
+DRIFT_M = 0.5
+
+MARKER_ON_THE_MAP = """marker => {
+  const map = document.querySelector(".path-plot image");
+  const { e, f } = marker.getScreenCTM();
+  const { x, y } = new DOMPoint(e, f).matrixTransform(map.getScreenCTM().inverse());
+  return [x, y];
+}"""
+SIZE_OF_THE_MAP = """async image => {
+  const { width, height } = await createImageBitmap(await (await fetch(image.href.baseVal)).blob());
+  return [width, height];
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +90,7 @@ def test_staff_find_a_sentence_in_three_steps_and_follow_the_path_of_who_said_it
     assert said.is_visible()
     assert found_by_axe(staff) == []
     scrub_the_path(staff)
+    the_robot_is_where_it_was_on_the_map(staff, spoken.place)
     page.emulate_media(color_scheme="dark")
     assert found_by_axe(staff) == []
     assert staff.complaints == []
@@ -114,6 +130,17 @@ def scrub_the_path(staff: Person) -> None:
     assert "standing" in staff.part("moment-words").inner_text()
     staff.page.get_by_role("button", name="To the entry before").click()
     assert entries.last.get_attribute("aria-current") is None
+
+
+def the_robot_is_where_it_was_on_the_map(staff: Person, stands: tuple[float, float]) -> None:
+    """At the session's end it stands where it stands now: `stands`, by its odometry."""
+    image, marker = staff.page.locator(".path-plot image"), staff.part("marker")
+    assert image.evaluate(SIZE_OF_THE_MAP) == [20 * metres for metres in ROOMS]  # cells of 5 cm
+    staff.part("moment").press("End")
+    right, down = marker.evaluate(MARKER_ON_THE_MAP)
+    on_the_map = right, ROOMS[1] - down
+    by_odometry = STARTED[0] + stands[0], STARTED[1] + stands[1]
+    assert math.dist(on_the_map, by_odometry) < DRIFT_M
 
 
 def test_a_person_finds_their_own_control_session_by_their_menu_and_takes_their_data_along(
