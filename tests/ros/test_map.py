@@ -17,9 +17,14 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from tf2_msgs.msg import TFMessage
 
+from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.maps import MapWanted, NoMap
+from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.map import take
+from robots.bridge.ros.map_place import MapPlace
+from robots.bridge.ros.master import BRIDGE
+from robots.bridge.ros.master import Master as RosMaster
 from robots.bridge.sink import TakenMap
 from robots.models import RobotMap
 from robots.records import AuditSink
@@ -57,6 +62,20 @@ def test_the_simulated_map_reaches_the_table_and_lies_where_walls_are(rosmaster,
     assert [opacity(told, *place) for place in places] == [34, 255, 255, 0]
 
 
+def hears_tf(master):
+    subscribers = RosMaster(master.uri, "/test").system_state().subscribers
+    return [BRIDGE in subscribers.get(topic, []) for topic in ("/tf", "/tf_static")] == [True, True]
+
+
+def test_where_the_odometry_is_on_the_map_is_known_without_a_depth_camera(ros):
+    place = MapPlace(Errands("topics"))
+    place.look(True)
+    until(place.map_to_odom, "a place")
+    assert place.map_to_odom() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)
+    place.look(False)
+    until(lambda: place.map_to_odom() is None, "nothing is known any more")
+
+
 def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
     config = tiago_config(rosmaster, tmp_path)
     topics = msgspec.structs.replace(config.topics, map=MAP)
@@ -65,8 +84,12 @@ def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
         hand = bridge.link()
         hand.state_until(lambda state: state.phase == "online", "a robot")
         assert "map" not in bridge.records.read_text()
+        assert not hears_tf(rosmaster)
         hand.take_control(7)
-        until(lambda: "map 200 x 138" in bridge.records.read_text(), "a map")
+        until(lambda: "map 200 x 140" in bridge.records.read_text(), "a map")
+        until(lambda: hears_tf(rosmaster), "it hears where the odometry is on the map")
+        hand.send(wire.Revoke(7, "the test is over"))
+        until(lambda: not hears_tf(rosmaster), "it leaves the robot alone")
         hand.close()
     finally:
         bridge.stop()

@@ -22,7 +22,7 @@ from robots.bridge.gate.depth import Cloud, DepthImage, Lens, Picture, picture_o
 from robots.bridge.gate.depth_camera import Frame, frame_of
 from robots.bridge.gate.scan import Malformed
 from robots.bridge.gate.values import DepthView, Pose
-from robots.bridge.ros.frames import Frames, PoseUnknown
+from robots.bridge.ros.frames import MAP, ODOM, Frames, PoseUnknown
 
 log = logging.getLogger(__name__)
 
@@ -63,8 +63,8 @@ class DepthTopics:
             self._turn.set()
 
     def map_to_odom(self) -> Pose | None:
-        """The odometry frame in the map's, by their usual names (REP 105), if the robot tells it."""
-        return self._frames.flat("odom", "map")
+        """The odometry frame in the map's, if the robot tells it."""
+        return self._frames.flat(ODOM, MAP)
 
     def close(self) -> None:
         """End the thread."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Pose
 
+MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
 KEPT = 100  # of each frame: 2 s at 50 Hz
 PATIENCE_S = 0.15  # that a picture waits for the frames of its stamp
 LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated

@@ -39,6 +39,7 @@ from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands
+from robots.bridge.ros.map_place import MapPlace
 from robots.bridge.ros.master import BRIDGE, DeathWatch, Master, MasterError, SystemState, is_own, node_alive
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
@@ -81,6 +82,7 @@ class RosBase:
         self._publishers: list[rospy.Publisher] = []
         self._subscribers: list[rospy.Subscriber] = []
         self._depth: DepthTopics | None = None
+        self._map_place: MapPlace | None = None
         self._head: rospy.Publisher | None = None
         self._arm: PostureTopics | None = None
         self._motions: MotionTopics | None = None
@@ -196,12 +198,14 @@ class RosBase:
 
     def look(self, wanted: bool) -> None:
         """Whether anybody drives: what is costly to the robot is asked of it only then."""
-        if self._depth is not None:
-            self._depth.look(wanted)
+        for part in (self._depth, self._map_place):
+            if part is not None:
+                part.look(wanted)
 
     def map_to_odom(self) -> Pose | None:
         """The odometry frame in the map's, if the robot has a map and somebody drives."""
-        return None if self._depth is None else self._depth.map_to_odom()
+        knows = self._depth or self._map_place
+        return knows.map_to_odom() if knows else None
 
     # --- life ----------------------------------------------------------------------------------------
 
@@ -318,6 +322,8 @@ class RosBase:
             self._subscribers += self._arm.subscribe(topics.joint_states, topics.motions)
         if topics.depth and self._config.gate.depth:
             self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
+        elif topics.map:
+            self._map_place = MapPlace(self._connecting)
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
@@ -349,7 +355,9 @@ class RosBase:
             self._arm.describe(rospy.get_param("/robot_description", None))
         parts = [part for part in (self._motions, self._speech) if part is not None]
         publishers = [*self._publishers, *self._drives.values()]
-        subscribers = self._subscribers + (self._depth.subscribers if self._depth else [])
+        subscribers = list(self._subscribers)
+        for listening in (self._depth, self._map_place):
+            subscribers += listening.subscribers if listening else []
         for part in parts:
             publishers += part.publishers
             subscribers += part.subscribers
