@@ -468,7 +468,7 @@ class MotionEnd(Struct, frozen=True):
     """How such a motion ended. `number` tells one from the next.
 
     `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
-    link_lost, unheard.
+    link_lost, not_recorded, unheard.
     """
 
     number: int

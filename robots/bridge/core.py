@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from robots import wire
 from robots.bridge.commands import COMMAND_LIFE_S, Stick, stick_of, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
-from robots.bridge.drives import WAITING, DriveLog
+from robots.bridge.drives import WAITING, DriveLog, unrecorded
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
@@ -101,6 +101,7 @@ class Core:
         self._twists = Stick()  # velocities that the holder's tools ask for, where the stick asks for none
         self._page_gone_s: float | None = None
         self._neutral: str | None = None  # why the stick must return to neutral first
+        self._unrecorded: Refusal | None = None  # why nothing goes on: it could not be recorded
         self._asked = STILL  # by the stick
         self._passed = STILL  # what of it reached the gate
         self._sent = STILL
@@ -205,7 +206,9 @@ class Core:
         still = self._gate.standstill(now_s)
         if still is None:
             self._drives.halted("nothing new came from odometry")
-        self._drives.tick(now_s, self._passed == STILL and still is not False)
+        busy = bool(self.orders.under_way)
+        self._drives.tick(now_s, self._passed == STILL and still is not False, busy)
+        self._watch_records(now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
@@ -352,13 +355,13 @@ class Core:
     # --- what orders must know (orders.Rules) ------------------------------------------------------
 
     def why_closed(self, now_s: float) -> Refusal | None:
-        """Why nothing is passed on to the robot, whoever asks: the stop is latched, or it is away."""
+        """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
         if self.stop_state.state != "clear":
             return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
         phase, text = self._phase(now_s)
         if phase != "online":
             return Refusal("robot_offline", text, "robot")
-        return None
+        return self._unrecorded
 
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
@@ -397,12 +400,21 @@ class Core:
                 self._need_neutral(verdict.text)
         if refusal and refusal.code in _HALTING:
             self._need_neutral(_HALTING[refusal.code])
-        if refusal:
-            verdict = verdict._replace(asked=asked, code=refusal.code, text=refusal.text)
+        if told := refusal or self._unrecorded:
+            verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
         stopped = self.stop_state.state != "clear"
         self._verdict = self._verdict._replace(limits=verdict.limits) if stopped else verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
+
+    def _watch_records(self, now_s: float) -> None:
+        """What cannot be recorded does not go on, nor does what waited for its record begin late."""
+        why = self._drives.overdue(now_s)
+        if why is None:
+            self._unrecorded = None
+        elif self._unrecorded is None:
+            self._unrecorded = unrecorded(why, self.orders.under_way)
+            self.orders.unrecorded(self._unrecorded, now_s)
 
     def _wanted(self, grant: Grant, now_s: float) -> Velocity | None:
         """What the holder asks for: with the stick, or, where that rests, as a twist. None: no command holds."""
@@ -425,7 +437,7 @@ class Core:
         """The first rule that forbids motion, lease and age apart."""
         if closed := self.why_closed(now_s):
             return closed
-        if standing := self.orders.why_stand(now_s) or self._drives.why_not(now_s):
+        if standing := self.orders.why_stand(now_s) or self._drives.why_not:
             return standing
         if self._neutral is not None:
             return Refusal(

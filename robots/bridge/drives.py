@@ -11,7 +11,7 @@ than two records a second; only a stop after which the stick must return to neut
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
@@ -100,13 +100,15 @@ class DriveLog:
             self._begin(holder, now_s)
         return None if self._committed else WAITING
 
-    def why_not(self, now_s: float) -> Refusal | None:
-        """Why the robot must stand: what it does cannot be recorded. A drive under way may go on for a while."""
+    def overdue(self, now_s: float) -> str | None:
+        """Why nothing could be recorded for so long that nothing may go on."""
+        return self._writer.overdue(now_s)
+
+    @property
+    def why_not(self) -> Refusal | None:
+        """Why no drive begins: what was to be recorded last was not. One under way goes on until that is overdue."""
         trouble = self._writer.trouble
-        why = self._writer.overdue(now_s)
-        if why is None and trouble is not None and not self._committed:
-            why = trouble.why
-        return _unrecorded(why) if why is not None else None
+        return unrecorded(trouble.why) if trouble is not None and not self._committed else None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
         """Odometry: where the robot is, and what the drive's figures and path are made of."""
@@ -137,10 +139,10 @@ class DriveLog:
         else:
             current.also.add(verdict.code)
 
-    def tick(self, now_s: float, still: bool) -> None:
-        """Once per period. `still`: zero is sent and odometry shows standstill."""
+    def tick(self, now_s: float, still: bool, busy: bool = False) -> None:
+        """Once per period. `still`: zero is sent and odometry shows standstill; `busy`: something else goes on."""
         drive = self._drive
-        self._writer.tick(now_s, watched=drive is not None)
+        self._writer.tick(now_s, watched=busy or drive is not None)
         if drive is None or not drive.number.done():
             return
         if not self._committed:
@@ -263,6 +265,9 @@ def _distance_m(verdict: Verdict) -> float:
     return math.inf if verdict.distance_m is None else verdict.distance_m
 
 
-def _unrecorded(why: str) -> Refusal:
+def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:
+    """Why the robot stands. `ended`: what else was under way, in words."""
     text = f"The robot stands still: what it does cannot be recorded ({why})."
+    if ended:
+        text += f" Ended: {', '.join(ended)}."
     return Refusal("not_recorded", text, "audit")

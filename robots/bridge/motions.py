@@ -178,6 +178,18 @@ class Motions(Goals[Piece]):
         """Whether a motion was sent to the robot, and has not ended."""
         return self._current is not None and self._current.id is not None
 
+    @property
+    def under_way(self) -> list[str]:
+        """The motion that was asked for here and is not over, in words."""
+        return [f"the motion “{self._current.what.name}”"] if self._current is not None else []
+
+    def halt(self, refusal: Refusal, now_s: float) -> None:
+        """What runs is cancelled, what has not begun will not be."""
+        if self.begun:
+            self.cancel(refusal.code, refusal.text)
+        else:
+            self.deny(refusal, now_s)
+
     def deny(self, refusal: Refusal, now_s: float) -> None:
         """What was asked for is not begun: that is the answer, and what came of it."""
         goal, self._current = self._current, None

@@ -44,7 +44,7 @@ class Rules(Protocol):
     grants: Grants
 
     def why_closed(self, now_s: float) -> Refusal | None:
-        """Why nothing is passed on to the robot, whoever asks: the stop is latched, or it is away."""
+        """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
 
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
@@ -158,6 +158,11 @@ class Orders:
         """Why the base must stand: a motion runs."""
         return self.motions.refuse(now_s)
 
+    @property
+    def under_way(self) -> list[str]:
+        """What was asked for and is not over, in words. A text that is said is not in it: it ends by itself."""
+        return self.motions.under_way + self.publishings.under_way
+
     # --- what happens meanwhile ---------------------------------------------------------------------
 
     def tick(self, sent: Velocity, page_gone_s: float | None, now_s: float) -> None:
@@ -182,6 +187,12 @@ class Orders:
         self.publishings.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
+
+    def unrecorded(self, refusal: Refusal, now_s: float) -> None:
+        """Nothing can be recorded. A text that is being said already is said to its end."""
+        self._forget_looks(now_s, refusal)
+        self.publishings.halt(refusal.code, now_s, refusal)
+        self.motions.halt(refusal, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""
@@ -211,11 +222,11 @@ class Orders:
         number = self._log.request(holder, "head.look_ahead", {}, now_s)
         self._looks.append(_Look(number, holder, answer))
 
-    def _forget_looks(self, now_s: float) -> None:
+    def _forget_looks(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """What is not on record yet will not be done."""
         looks, self._looks = self._looks, []
         for look in looks:
-            self._tell_look(look, HALTED, now_s)
+            self._tell_look(look, refusal, now_s)
 
     def _tell_look(self, look: _Look, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""

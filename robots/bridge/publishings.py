@@ -91,15 +91,21 @@ class Publishings:
         self._end(topic, "stopped by its holder", now_s)
         return None
 
-    def halt(self, why: str, now_s: float) -> None:
-        """All of it ends, also what waits for its record, or for its listeners."""
+    def halt(self, why: str, now_s: float, refusal: Refusal = HALTED) -> None:
+        """All of it ends, also what waits for its record, or for its listeners; `refusal` answers who waits."""
         self._publisher.halt()
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
-            publishing.answer(HALTED)
+            publishing.answer(refusal)
             self._tell_end(publishing, why, now_s)
         for topic in list(self._running):
             self._end(topic, why, now_s)
+
+    @property
+    def under_way(self) -> list[str]:
+        """What is published at a rate, or waits for its record, in words."""
+        topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
+        return [f"publishing on {topic}" for topic in sorted(topics)]
 
     @property
     def view(self) -> list[wire.Publishing]:

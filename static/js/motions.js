@@ -15,6 +15,7 @@ export function endNotice({ outcome, text }, title) {
     not_watched: gettext("cancelled, because no sensor watched the space."),
     control_ended: gettext("cancelled, because control ended."),
     link_lost: gettext("cancelled, because the page was out of reach."),
+    not_recorded: gettext("cancelled."),
     unheard: gettext("nothing more was heard of it."),
   };
   const levels = { succeeded: "success", cancelled: "success", rejected: "error", failed: "error" };

@@ -88,6 +88,8 @@ describe("motions in words", () => {
       level: "warning",
       text: "Wave: cancelled, because something came near. Laser, 0.3 m ahead.",
     });
+    const unrecorded = { outcome: "not_recorded", text: "The robot stands still." };
+    expect(endNotice(unrecorded, "Wave").text).toBe("Wave: cancelled. The robot stands still.");
     expect(endNotice({ outcome: "succeeded", text: "" }, "Wave").level).toBe("success");
     expect(endNotice({ outcome: "failed", text: "Code -7." }, "Wave")).toMatchObject({
       level: "error",

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 
 from benchmarks.parts.killed import Person, Witness, read_log
 from benchmarks.parts.reckoning import unrecorded
+from robots import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import Stack
 
@@ -15,19 +16,27 @@ STANDS_S = 3.0  # 2.5 s without the database, and what two busy cores add
 NOTICED_S = 10.0
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
+NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
 
 
 async def stands_while(stack: Stack, database_away: AbstractContextManager[object]) -> None:
-    """The robot stops and says why, stays where it is, and can be driven again through a neutral stick."""
+    """The robot stops and says why, stays where it is, and can be driven again through a neutral stick.
+
+    What is published at a rate ends with it.
+    """
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     async with Witness(stack) as witness:
         driver = await Person(stack, cookie).sit_down()
+        note = wire.Publish(driver.fence or 1, NOTES, "std_msgs/String", {"data": "Here."}, NOTES_HZ)
+        assert isinstance(await driver.order(note), wire.Accepted)
         await hold(driver, TURN, 10.0, until=lambda: turning(driver))
         with database_away:
             away_s = time.time()
             await hold(driver, TURN, NOTICED_S, until=lambda: code(driver) == "not_recorded")
             assert driver.state
             assert "cannot be recorded" in driver.state.verdict.text
+            assert f"Ended: publishing on {NOTES}." in driver.state.verdict.text
+            assert driver.state.publishing == []
             await hold(driver, TURN, NOTICED_S, until=lambda: not turning(driver))
             assert away_s < witness.last_velocity_s < away_s + STANDS_S
 
@@ -43,12 +52,14 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
         await hold(driver, 0.0, NOTICED_S, until=lambda: not turning(driver))
         await driver.__aexit__(None, None, None)
         log = await asyncio.to_thread(read_log, stack)
-        assert log.findings + unrecorded(witness.received, log.entries) == []
-        ended = [
-            entry.details["words"]
-            for entry in log.entries
-            if entry.outcome == "halted" and entry.at_s > away_s
-        ]
+        notes_s = [one.at_s for one in witness.received if one.kind == "publish.start"]
+        assert notes_s[-1] < away_s + STANDS_S, "the robot was told something when nothing could be recorded"
+        # Of what is published at a rate there is one record, but a message now and then.
+        received = [one for one in witness.received if one.kind != "publish.start"]
+        assert log.findings + unrecorded(received, log.entries) == []
+        since = [entry for entry in log.entries if entry.at_s > away_s]
+        assert "not_recorded" in [entry.outcome for entry in since if entry.kind == "publish.end"]
+        ended = [entry.details["words"] for entry in since if entry.outcome == "halted"]
         assert "what the robot did could not be recorded" in ended, ended
 
 

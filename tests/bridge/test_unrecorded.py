@@ -1,0 +1,125 @@
+"""Where nothing can be recorded for two seconds nothing goes on, and nothing begins late."""
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge.config import Allowed, HeadSource
+from robots.bridge.gate.values import STILL
+from tests.bridge.support import CONFIG, Bench
+
+ALLOWED = Allowed("publish", "/notes", "std_msgs/String")
+HEAD = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint")
+TOPICS = msgspec.structs.replace(CONFIG.topics, head=HEAD)
+ORDERS = {
+    "motion": wire.Play(1, "wave"),
+    "message": wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}),
+    "look": wire.LookAhead(1),
+}
+NOTE = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}, 5.0)
+
+
+@pytest.fixture
+def bench():
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS, allowed=(ALLOWED,))).online()
+    bench.base.sweeps = {"wave": ()}
+    bench.granted().pass_time(0.3)
+    return bench
+
+
+def begun(bench, order):
+    assert bench.order(order) is None
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+
+
+def passes(bench, seconds):
+    """Time in which the robot speaks of its motion."""
+    for _ in range(round(seconds / 0.1)):
+        goals = [goal_id for goal_id, _ in bench.base.played]
+        bench.core.orders.motions.running("/play_motion", goals, bench.now_s)
+        bench.pass_time(0.1)
+
+
+def verdict(bench):
+    return bench.core.state(bench.now_s, []).verdict
+
+
+def test_motion_and_publishing_end_after_two_seconds_with_the_reason_and_their_outcomes_follow(bench):
+    begun(bench, NOTE)
+    begun(bench, ORDERS["motion"])
+    [(goal_id, _)] = bench.base.played
+    bench.sink.fails = "disk full"
+    passes(bench, 1.9)
+    assert (bench.base.cancelled_goals, bench.publisher.stopped) == ([], [])
+    passes(bench, 0.8)
+    assert (set(bench.base.cancelled_goals), bench.publisher.stopped) == ({goal_id}, ["/notes"])
+    assert bench.core.state(bench.now_s, []).publishing == []
+    told = verdict(bench)
+    assert (told.code, told.text) == (
+        "not_recorded",
+        "The robot stands still: what it does cannot be recorded (disk full)."
+        " Ended: the motion “wave”, publishing on /notes.",
+    )
+    bench.core.orders.motions.ended(goal_id, "cancelled", "", bench.now_s)
+    assert bench.core.state(bench.now_s, []).motion_ended.text == told.text
+    bench.sink.fails = None
+    bench.pass_time(0.6)
+    ends = [(kind, end.outcome) for kind, end in bench.sink.records if kind.endswith(".end")]
+    assert ends == [("publish.end", "not_recorded"), ("motion.end", "not_recorded")]
+    assert verdict(bench).code == "idle"
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_meanwhile_nothing_is_begun_and_the_answer_is_the_same_reason(bench, what):
+    begun(bench, NOTE)
+    bench.sink.fails = "disk full"
+    bench.pass_time(2.7)
+    refusal = bench.order(ORDERS[what])
+    assert (refusal.code, refusal.text) == ("not_recorded", verdict(bench).text)
+    bench.sink.fails = None
+    bench.pass_time(0.6)
+    begun(bench, ORDERS[what])
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_what_waits_for_a_database_that_hangs_is_refused_and_does_not_begin_late(bench, what):
+    bench.sink.open.clear()
+    answers = bench.ask(ORDERS[what])
+    bench.pass_time(1.9)
+    assert answers == []
+    bench.pass_time(0.3)
+    assert [refusal.code for refusal in answers] == ["not_recorded"]
+    bench.sink.open.set()
+    bench.recorded()
+    bench.pass_time(0.2)
+    assert (bench.base.played, bench.publisher.published, bench.base.aims) == ([], [], [])
+    kinds = bench.sink.kinds
+    assert len(kinds) == 2
+    assert bench.sink.records[1][1].outcome == "not_recorded"
+
+
+def test_a_text_is_said_to_its_end(bench):
+    begun(bench, wire.Say(1, "Hello", "en-GB"))
+    [(goal_id, _)] = bench.base.said
+    bench.sink.fails = "disk full"
+    bench.order(wire.Play(1, "wave"))  # which notices that nothing can be recorded
+    for _ in range(28):
+        bench.core.orders.speaking.running("/tts", {goal_id: "speaking"}, bench.now_s)
+        bench.pass_time(0.1)
+    assert verdict(bench).code == "not_recorded"
+    assert bench.base.cancelled_goals == []
+    assert bench.order(wire.Say(1, "More", "en-GB")).code == "not_recorded"
+
+
+def test_a_stick_that_was_out_meanwhile_returns_to_neutral_before_the_robot_drives(bench):
+    begun(bench, NOTE)
+    bench.sink.fails = "disk full"
+    bench.pass_time(2.7)
+    assert bench.stick(0.5).code == "not_recorded"
+    bench.sink.fails = None
+    bench.pass_time(0.2)
+    assert bench.stick(0.5).code == "neutral_needed"
+    assert bench.last == STILL
+    bench.stick(0.0)
+    bench.driving()
