@@ -114,7 +114,12 @@ def test_clocks_that_disagree_are_a_warning(
 def test_what_is_wrong_with_a_topic_is_said_and_what_to_do(
     config: BridgeConfig, well: Findings, changes: dict[str, Any], said: str
 ) -> None:
-    for what, level in (("odometry", "fail"), ("scan /scan_raw", "fail"), ("camera", "warn")):
+    for what, level in (
+        ("odometry", "fail"),
+        ("scan /scan_raw", "fail"),
+        ("camera", "warn"),
+        ("map", "warn"),
+    ):
         check = answer(config, with_topic(well, what, **changes), what)
         assert (check.level, bool(check.advice)) == (level, True)
         assert said in check.text

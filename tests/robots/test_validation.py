@@ -94,6 +94,8 @@ def test_a_bridge_elsewhere_is_reached_by_tls_only(robot: Robot) -> None:
         (("odometry", "name"), "odom", "odometry.name: 'odom' is not a full ROS name"),
         (("odometry", "type"), "nav_msgs/Path", "odometry.type: 'nav_msgs/Path' is not understood here"),
         (("battery", "type"), "std_msgs/Int8", "only std_msgs/Float32 or sensor_msgs/BatteryState"),
+        (("map", "type"), "nav_msgs/GetMap", "only nav_msgs/OccupancyGrid"),
+        (("map", "name"), "map", "map.name"),
         (("scans", 0, "pose"), [0.2, 0.0], "scans[0].pose: Expected a list of length 3"),
         (("scans", 0, "pose"), [0.2, "0", 0.0], "scans[0].pose[1]: Expected a number, got text"),
         (
