@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import heapq
 import json
+import re
 from collections.abc import Iterator
 from datetime import datetime
 from itertools import islice
@@ -36,7 +37,8 @@ _ABOUT = {
 }
 # Those of which the details, too, are about nobody else: names and addresses of the account.
 _DETAILED = {"account.create", "account.change", "role.change"}
-PERSONS = {"holder", "person", "to", "user"}  # parameters that are somebody's identifier
+_PERSONS = {"holder", "person", "to", "user"}  # parameters in which somebody's identifier may stand
+_IDENTIFIER = re.compile("[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
 class Sessions(Struct, frozen=True):
@@ -74,9 +76,13 @@ def recorded_by_others(user: User, before: int | None) -> About:
 
 
 def told_of(record: Record, user: User) -> dict[str, Any]:
-    """The details of another's record that this person may see."""
+    """The details of another's record that this person may see: nobody else's identifier."""
     whole = record.details if record.kind in _DETAILED else record.parameters
-    return {name: value for name, value in whole.items() if name not in PERSONS or value == str(user.pk)}
+    return {
+        name: value
+        for name, value in whole.items()
+        if name not in _PERSONS or value == str(user.pk) or not _IDENTIFIER.fullmatch(str(value))
+    }
 
 
 def export_of(user: User) -> exports.ExportResponse:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import datetime, timezone
 from itertools import pairwise
@@ -153,18 +154,27 @@ def _line(row: Row) -> Line:
 
 
 def _line_about(record: Record, person: User) -> Line:
-    told = own_data.told_of(record, person)
-    facts = wording.lines({name: value for name, value in told.items() if name not in own_data.PERSONS})
     return Line(
         at=record.at,
         robot=record.robot_name,
         what=wording.label(record.kind),
-        subject=" · ".join(f"{name} {value}" for name, value in facts),
+        subject=" · ".join(_facts_about(own_data.told_of(record, person), person)),
         outcome=record.outcome.replace("_", " "),
         expired=wording.expired(record),
         session_url="",
         by=_("by somebody else") if record.actor_id else _("by the console itself"),
     )
+
+
+def _facts_about(told: dict[str, Any], person: User) -> Iterator[str]:
+    """In words, but not that it is about this person: "full name Olga → Olga Operator", "to supervisor"."""
+    for name, value in told.items():
+        if name == "changes":
+            for change in value:
+                ends = (str(change[end]) for end in ("from", "to") if change.get(end) not in (None, ""))
+                yield f"{change['field'].replace('_', ' ')} {' → '.join(ends)}".strip()
+        elif name != "name" and value != str(person.pk):
+            yield wording.figure(name, value)
 
 
 def _paces() -> list[str]:

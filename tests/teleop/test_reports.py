@@ -16,7 +16,8 @@ from fleet.accounts.models import User
 from fleet.audit import record
 from fleet.audit.models import Record
 from fleet.audit.retention import take_out
-from robots.models import RobotRole
+from robots.models import RobotRole, Role
+from robots.services import role_set
 from teleop import robot_report, session_report
 from teleop.models import ControlSession, EndReason
 from teleop.path_plot import Leg, plotted
@@ -441,6 +442,17 @@ def test_ones_data_has_what_others_did_that_concerns_one_and_nothing_of_them(med
     words = page.content.decode()
     assert "Olga Operator@lab.example" in words
     assert not [word for word in meddled if word in words]
+
+
+def test_one_reads_which_role_one_was_given_and_what_was_changed_of_ones_account(
+    operator, robot, staff, signed_in
+):
+    role_set(robot=robot, user=operator, role=Role.SUPERVISOR, actor=staff)
+    operator.changed_by, operator.full_name, operator.is_active = staff, "Olga O.", True
+    operator.save()
+    changed, given, *_ = signed_in(operator).get(reverse("your-data")).context["about"]
+    assert (given.what, given.subject) == ("role changed", "from operator · to supervisor")
+    assert (changed.what, changed.subject) == ("account changed", "full name Olga Operator → Olga O.")
 
 
 def test_others_records_come_page_by_page(operator, staff, signed_in, put):
