@@ -6,6 +6,7 @@ by a TCPROS handshake rather than as a rospy node, so nothing is registered with
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 
@@ -58,6 +59,7 @@ def _message(wanted: MapWanted, node_uri: str | None) -> bytes:
 
 def main() -> None:
     """One question, one answer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: it is for the bridge, which ends this process
     leave_within(END_S)
     wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
     sys.stdout.buffer.write(msgspec.msgpack.encode(take(wanted)))
