@@ -59,7 +59,7 @@ def _message(wanted: MapWanted, node_uri: str | None) -> bytes:
 
 def main() -> None:
     """One question, one answer."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: it is for the bridge, which ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # from a terminal it is for the bridge, which ends us
     leave_within(END_S)
     wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
     sys.stdout.buffer.write(msgspec.msgpack.encode(take(wanted)))
