@@ -129,6 +129,7 @@ class Driver:
         self.notices: list[wire.Notice] = []
         self.on_frame: Callable[[bytes], Any] | None = None  # every message as it comes
         self.seq = 0
+        self._control_heard_s = 0.0
         self._console = console
         self._slug = slug
         self._cookie = cookie
@@ -275,6 +276,7 @@ class Driver:
                 self.gone = None
             case wire.Control():
                 self.control = message
+                self._control_heard_s = time.monotonic()
             case wire.Welcome():
                 self.robot = message.robot
             case wire.BridgeGone():
@@ -299,7 +301,9 @@ class Driver:
         while True:
             await asyncio.sleep(1.0)
             remaining_s = self.control.remaining_s if self.fence and self.control else None
-            if remaining_s is not None:
+            if remaining_s is None:
+                continue
+            if remaining_s - (time.monotonic() - self._control_heard_s) < RENEW_BEFORE_S:
                 await self.send(wire.Renew())
 
 
