@@ -37,7 +37,7 @@ HELD = Verdict(
 FIGURES_OF_HELD = {
     "sensor": "/scan_raw",
     "distance_m": 0.612,
-    "bearing": 0.1,
+    "bearing_rad": 0.1,
     "side": "ahead",
     "asked": {"vx_mps": 0.4, "vy_mps": 0.0, "w_radps": 0.0},
     "allowed": {"vx_mps": 0.2, "vy_mps": 0.0, "w_radps": 0.0},
