@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import math
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from script.stack.client import sign_in
+from robots import wire
+from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
@@ -18,17 +22,38 @@ DRIVEN_S = 20.0
 SETTLED_S = 1.0  # until notices of what went before are fewer
 APPROACH_S = 1.5  # towards the obstacle, once the gate has begun to hold back
 
+TOUR_ROBOT = "tiago-2"
+TOUR = (  # through the hall into a room: metres from where it starts, ahead and left; share of full speed
+    (1.8, -0.7, 0.8),
+    (3.4, -0.6, 0.8),
+    (3.8, 0.4, 0.4),
+    (3.8, 1.8, 0.3),
+    (2.6, 2.6, 0.6),
+)
+THERE_M = 0.25
+STILL_MPS = 0.01
+TURN_PER_RAD = 1.5
+SENTENCES = ("Good morning. I am on my way to the workshop.", "Excuse me, may I pass, please?")
+LOOKED_AT = 10  # seconds into it
+
 
 def main() -> None:
-    """Fleet page, the tabs of the control page on a desk, the centre on a phone."""
+    """Fleet page, the tabs of the control page on a desk, the centre on a phone, and a control session afterwards."""
     PICTURES.mkdir(exist_ok=True)
     # The first stands before a parcel, not far from the partition and a doorway.
     robots = (replace(PRACTICE_ROBOTS[0], pose=(5.4, 2.6, 8.0)), *PRACTICE_ROBOTS[1:])
-    with temporary_stack(robots) as stack, sync_playwright() as playwright:
+    with temporary_stack(robots) as stack:
+        cookie = sign_in(stack, "operator")
+        asyncio.run(tour(stack, cookie))
+        take_pictures(stack, cookie)
+
+
+def take_pictures(stack: Stack, cookie: str) -> None:
+    """All of them, into `PICTURES`."""
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
         )
-        cookie = sign_in(stack, "operator")
         with page_of(stack, browser, cookie, 1440, 900, "light") as page:
             drive_to_the_wall(page, stack)
             page.screenshot(path=PICTURES / "control.png")
@@ -40,8 +65,11 @@ def main() -> None:
                 page.wait_for_timeout(1000.0 * SETTLED_S)
                 page.screenshot(path=PICTURES / f"{tab}.png")
             page.goto(f"{stack.url}/")
-            page.get_by_text("Online").first.wait_for()
+            page.get_by_role("button", name="Understood").click()
+            page.get_by_text("Online").nth(len(stack.robots) - 1).wait_for()
             page.screenshot(path=PICTURES / "fleet.png")
+            look_back(page, stack)
+            page.screenshot(path=PICTURES / "session.png")
         with page_of(stack, browser, cookie, 844, 390, "dark", scale=2) as page:
             page.goto(f"{stack.url}/robots/{ROBOT}/")
             page.get_by_role("button", name="Take control").click()
@@ -91,6 +119,52 @@ def watch_the_odometry(page: Page) -> None:
     page.locator("[data-part=topic-list] .hit:visible").click()
     page.locator("[data-part=watches]").get_by_role("button", name="Plot").first.click()
     page.locator("[data-part=topic-plot] canvas").wait_for()
+
+
+async def tour(stack: Stack, cookie: str) -> None:
+    """A control session worth looking back at: the robot speaks, drives through a doorway, and waves."""
+    async with Driver(stack, TOUR_ROBOT, cookie) as driver:
+        fence = await driver.take()
+        await driver.until(lambda: driver.odometry)
+        for number, (x, y, share) in enumerate(TOUR):
+            if number % 2 == 0 and number // 2 < len(SENTENCES):
+                await driver.order(wire.Say(fence, SENTENCES[number // 2], "en-GB"))
+            await drive_to(driver, x, y, share)
+        await driver.drive(0.0, 0.0)
+        await driver.until(lambda: driver.odometry and abs(driver.odometry.vx) < STILL_MPS)
+        await asyncio.sleep(SETTLED_S)
+        await driver.order(wire.Play(fence, "wave"))
+        await driver.until(lambda: driver.state and driver.state.motion_ended, timeout_s=DRIVEN_S)
+        await driver.send(wire.Release())
+        await driver.until(lambda: driver.fence is None)
+
+
+async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
+    """Steer there, as somebody does who sees the robot."""
+    end_s = time.monotonic() + DRIVEN_S
+    while time.monotonic() < end_s and (at := driver.odometry):
+        if math.hypot(x - at.x, y - at.y) < THERE_M:
+            return
+        astray = math.remainder(math.atan2(y - at.y, x - at.x) - at.yaw, math.tau)
+        turn = max(-1.0, min(1.0, TURN_PER_RAD * astray))
+        if driver.state and driver.state.neutral_needed:
+            await driver.drive(0.0, 0.0)
+        else:
+            await driver.drive(max(math.cos(astray), 0.0), turn, share)
+        await asyncio.sleep(DRIVE_PERIOD_S)
+    raise TimeoutError(f"{TOUR_ROBOT} did not come to {x}, {y}; {driver.said_last()}")
+
+
+def look_back(page: Page, stack: Stack) -> None:
+    """What is on record of that tour, somewhere in the middle of it."""
+    page.set_viewport_size({"width": 1440, "height": 1000})
+    page.goto(f"{stack.url}/your-data/")
+    page.get_by_role("link", name="TIAGo Two").first.click()
+    page.locator("[data-part=marker][visibility=visible]").wait_for()
+    page.locator("[data-part=moment]").focus()
+    for _ in range(LOOKED_AT):
+        page.keyboard.press("ArrowRight")
+    page.locator(":focus").evaluate("slider => slider.blur()")
 
 
 def as_it_is(_page: Page) -> None:
