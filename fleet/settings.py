@@ -210,6 +210,7 @@ WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = DEBUG
 LANGUAGE_CODE = "en-gb"  # of the source; a browser may ask for another that is there
 LOCALE_PATHS = [BASE_DIR / "fleet/locale"]
 LANGUAGES = languages.spoken(LANGUAGE_CODE, LOCALE_PATHS[0])
+FORMAT_MODULE_PATH = "fleet.formats"
 TIME_ZONE = "UTC"
 USE_TZ = True
 

@@ -51,6 +51,11 @@ def test_the_admin_is_for_staff(operator, signed_in):
     assert signed_in(operator).get("/admin/", follow=True).status_code == 403
 
 
+def test_moments_in_the_admin_say_in_which_zone_they_are(staff, signed_in):
+    page = signed_in(staff).get(f"/admin/accounts/user/{staff.pk}/change/").text
+    assert f"{staff.date_joined:%H:%M} UTC" in page
+
+
 def test_there_is_no_second_door_in_the_admin(staff, signed_in):
     assert signed_in(staff).get("/admin/login/", follow=True).redirect_chain == [("/admin/", 302)]
 
