@@ -1,4 +1,7 @@
-"""The audit log: what it costs a driver, records per second, pages of lists and verification with a million records."""
+"""The audit log: what it costs a driver, records per second, pages of lists and verification with a million records.
+
+FLEET_BENCH_PARTS names the parts to run: latency, sqlite, postgresql. FLEET_BENCH_COUNTS: with how many records.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +21,12 @@ import psycopg
 from benchmarks.harness import Figure, progress
 from benchmarks.parts import recording
 from script.stack.places import REPOSITORY
-from tests.script.servers import postgresql
+from tests.script.servers import postgresql, postgresql_installed
 
-COUNTS = (100_000, 1_000_000)
+COUNTS = [int(count) for count in os.environ.get("FLEET_BENCH_COUNTS", "100000 1000000").split()]
 PAGE_MS = 300.0  # the slowest page of a list, whatever is filtered
-VERIFIED_S = 10.0  # with the fewer records
+VERIFIED_S = 10.0
+VERIFIED_COUNT = 100_000  # records, at most, in that time
 WRITTEN_S = 5.0
 WRITERS = 4  # processes: two web processes and two bridges
 GROWN_MB = 50.0  # of memory, for an export of everything
@@ -31,20 +36,48 @@ TITLES = {
     "motionrecord": "Motion history",
     "refusalrecord": "Refusals and gate",
     "record": "Everything",
+    "controlsession": "Control sessions",
+    "report": "Report of a robot",
 }
 
 
 def measure() -> list[Figure]:
-    """A driver first; then each database that is installed."""
-    with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
-        figures = recording.latency(Path(directory))
-    for name, database in (("SQLite", sqlite), ("PostgreSQL", own_postgresql)):
-        if name == "PostgreSQL" and not list(Path("/usr/lib/postgresql").glob("*/bin")):
-            progress("PostgreSQL is not installed")
-            continue
-        with database() as environment:
-            figures += [_named(name, figure) for figure in [*writing(environment), *reading(environment)]]
+    """All parts, or those that are asked for; each figure is told as it comes."""
+    figures = []
+    for part in os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split():
+        for figure in PARTS[part]():
+            progress(figure.beside_limit())
+            figures.append(figure)
     return figures
+
+
+def latency() -> Iterator[Figure]:
+    """A driver with and without the log."""
+    with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
+        yield from recording.latency(Path(directory))
+
+
+def on_sqlite() -> Iterator[Figure]:
+    """A log in a file."""
+    with sqlite() as environment:
+        yield from _of_a_log("SQLite", environment)
+
+
+def on_postgresql() -> Iterator[Figure]:
+    """A log on a server, where one is installed."""
+    if not postgresql_installed():
+        progress("PostgreSQL is not installed")
+        return
+    with own_postgresql() as environment:
+        yield from _of_a_log("PostgreSQL", environment)
+
+
+PARTS = {"latency": latency, "sqlite": on_sqlite, "postgresql": on_postgresql}
+
+
+def _of_a_log(database: str, environment: dict[str, str]) -> Iterator[Figure]:
+    for figure in chain(writing(environment, 0), reading(environment), writing(environment, max(COUNTS))):
+        yield Figure(f"{database}: {figure.name}", figure.value, figure.unit, figure.limit)
 
 
 @contextmanager
@@ -70,45 +103,39 @@ def own_postgresql() -> Iterator[dict[str, str]]:
         yield environment
 
 
-def writing(environment: dict[str, str]) -> list[Figure]:
-    """Records per second, committed."""
+def writing(environment: dict[str, str], count: int) -> Iterator[Figure]:
+    """Records per second, committed, into a log that has so many already."""
     progress("writing ...")
-    alone, together = _written(environment, 1), _written(environment, WRITERS)
-    return [
-        Figure("records written, one process", alone, "/s"),
-        Figure(f"records written, {WRITERS} processes", together, "/s"),
-    ]
+    yield Figure(f"{count:,} records: written by one process", _written(environment, 1), "/s")
+    yield Figure(f"{count:,} records: written by {WRITERS} processes", _written(environment, WRITERS), "/s")
 
 
-def reading(environment: dict[str, str]) -> list[Figure]:
+def reading(environment: dict[str, str]) -> Iterator[Figure]:
     """Pages, verification and export, as the log grows."""
     progress("filling and reading ...")
-    figures = []
-    slowest: dict[tuple[int, str], tuple[float, str]] = {}
+    slowest: dict[str, tuple[float, str]] = {}
     for told in _told(_start(environment, "reading", *map(str, COUNTS))):
         if "page" in told:
-            key = (told["count"], told["page"])
-            slowest[key] = max(slowest.get(key, (0.0, "")), (told["ms"], told["query"]))
+            slowest[told["page"]] = max(slowest.get(told["page"], (0.0, "")), (told["ms"], told["query"]))
         elif "verified_s" in told:
-            figures += _of_pages(told["count"], slowest)
-            figures += _of_verification(told)
+            yield from _of_pages(told["count"], slowest)
+            yield from _of_verification(told)
+            slowest = {}
+        elif "filled_s" in told:
+            progress(f"{told['count']:,} records: filled in {told['filled_s']:.0f} s")
         else:
-            figures += _of_export(told)
-    return figures
+            yield from _of_export(told)
 
 
-def _of_pages(count: int, slowest: dict[tuple[int, str], tuple[float, str]]) -> list[Figure]:
-    figures = []
-    for (of, page), (ms, query) in slowest.items():
-        if of == count:
-            progress(f"{count:,} records, {TITLES[page]}: slowest with {query or 'nothing'!r}")
-            figures.append(Figure(f"{count:,} records: {TITLES[page]}, slowest page", ms, "ms", PAGE_MS))
-    return figures
+def _of_pages(count: int, slowest: dict[str, tuple[float, str]]) -> Iterator[Figure]:
+    for page, (ms, query) in slowest.items():
+        progress(f"{count:,} records, {TITLES[page]}: slowest with {query or 'nothing'!r}")
+        yield Figure(f"{count:,} records: {TITLES[page]}, slowest page", ms, "ms", PAGE_MS)
 
 
 def _of_verification(told: dict[str, Any]) -> list[Figure]:
     count = told["count"]
-    limit = VERIFIED_S if count == COUNTS[0] else None
+    limit = VERIFIED_S if count <= VERIFIED_COUNT else None
     return [
         Figure(f"{count:,} records: verified", told["verified_s"], "s", limit),
         Figure(f"{count:,} records: findings", told["findings"], "", 0.0),
@@ -169,7 +196,3 @@ def _environment(directory: str) -> dict[str, str]:
 def _migrate(environment: dict[str, str]) -> None:
     command = [sys.executable, "manage.py", "migrate", "--verbosity", "0"]
     subprocess.run(command, cwd=REPOSITORY, env=environment, check=True)  # noqa: S603 - our own command
-
-
-def _named(database: str, figure: Figure) -> Figure:
-    return Figure(f"{database}: {figure.name}", figure.value, figure.unit, figure.limit)

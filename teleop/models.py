@@ -47,6 +47,7 @@ class ControlSession(models.Model):
         ordering = ["-started_at"]
         verbose_name = _("control session")
         verbose_name_plural = _("control sessions")
+        indexes = [models.Index(fields=["started_at"], name="session_start")]
         constraints = [
             models.UniqueConstraint(fields=["robot", "fence"], name="one_session_per_fence"),
             models.UniqueConstraint(

@@ -1,6 +1,6 @@
 """The audit log's side of a benchmark: a process on a database of its own, which says what it measured in JSON.
 
-reading COUNT...   pages of lists and a verification with so many records each, an export with the last
+reading COUNT...   pages and a verification with so many records each, an export with the last
 writing SECONDS    begins when stdin ends: requests with their outcomes, for so long
 """
 
@@ -13,34 +13,61 @@ import sys
 import time
 import uuid
 from collections.abc import AsyncIterator, Iterator
+from datetime import datetime, timedelta
+from itertools import product
 from statistics import median
 from typing import Any, cast
+from unittest.mock import patch
 from urllib.parse import urlencode
+from uuid import UUID
 
 from asgiref.sync import sync_to_async
 from django.conf import settings
 from django.db import connection
+from django.db.models import Count
 from django.test import Client
 from django.urls import reverse
 
-from benchmarks.parts import past
+from benchmarks.parts import lab, past
 from fleet.accounts.models import User
 from fleet.audit import exports, record
-from fleet.audit.listing import Selection, Wanted
+from fleet.audit.listing import CONSOLE, Selection, Wanted
 from fleet.audit.models import Record
 from fleet.audit.verify import verify_all
+from robots.models import Robot
+from teleop import report_views
+from teleop.models import ControlSession
+from teleop.robot_report import PERIODS_DAYS
 
-TIMES = 5  # each page, after once that is not counted
-LISTS = ("speechrecord", "motionrecord", "refusalrecord", "record")
+FAST_MS = 100.0  # a page that took no longer is not looked at again
+TIMES = 5  # each of the others, after once that is not counted
+MARKS = (b"audit-bar", b'data-page="robot-report"')  # of a list, of a report
+# Of each list some kinds and outcomes, frequent ones before rare ones.
+FILTERS = {
+    "speechrecord": ([], ["done", "failed"]),
+    "motionrecord": (["drive.start", "motion.start"], ["standstill", lab.RARE_OUTCOME]),
+    "refusalrecord": (["gate.begin", "refusal"], ["obstacle", lab.RARE_REFUSAL]),
+    "record": (["speech.start", "robot.change", "fault"], ["done", lab.RARE_OUTCOME]),
+    "controlsession": ([], ["released", "right"]),
+}
+WORDS = (
+    *("the", "word12", "实验室", "the zanzibar", lab.RARE_WORD, "never said"),
+    *("lo", "qq", "你", "the lo"),
+)
+
+Asked = dict[str, Any]
 
 
 def reading(counts: list[int]) -> None:
     """Grow the log from count to count."""
-    lab = past.Past()
+    grown = past.Past()
     for count in counts:
-        lab.grow(count)
-        for name, query, times_ms in _pages(lab):
-            _say(count=count, page=name, query=query, ms=round(median(times_ms), 1))
+        began_s = time.monotonic()
+        grown.grow(count)
+        past.settle()
+        _say(count=count, filled_s=round(time.monotonic() - began_s, 1))
+        for name, query, ms in pages(grown.newest):
+            _say(count=count, page=name, query=query, ms=round(ms, 1))
         began_s = time.monotonic()
         findings = verify_all().findings
         _say(count=count, verified_s=round(time.monotonic() - began_s, 2), findings=len(findings))
@@ -60,61 +87,98 @@ def writing(seconds: float) -> None:
     _say(per_s=round(count / (time.monotonic() - began_s), 1))
 
 
-def _pages(lab: past.Past) -> Iterator[tuple[str, str, list[float]]]:
-    """The pages that staff open, whole, as the browser gets them: which, with what filters, how long in ms."""
+def pages(newest: datetime) -> Iterator[tuple[str, str, float]]:
+    """The pages that staff open, whole, as the browser gets them: which, with what filters, how long in ms.
+
+    What is fast is opened once, after a first page of its kind; what is not several times, and the median counts.
+    """
     client = Client()
     client.force_login(_staff())
-    for name in LISTS:
-        address = reverse(f"admin:audit_{name}_changelist")
-        for query in _queries(name, lab):
-            times_ms = []
-            for _ in range(1 + TIMES):
-                began_s = time.perf_counter()
-                response = client.get(f"{address}?{query}")
-                times_ms.append(1000.0 * (time.perf_counter() - began_s))
-                if response.status_code != 200 or b"audit-count" not in response.content:
-                    raise RuntimeError(f"{address}?{query}: no list")
-            yield name, query, times_ms[1:]
+    for name, address, queries in _addresses(newest):
+        _opened(client, address)
+        for query in queries:
+            times_ms = [_opened(client, f"{address}?{query}")]
+            if times_ms[0] > FAST_MS:
+                times_ms = [_opened(client, f"{address}?{query}") for _ in range(TIMES)]
+            yield name, query, median(times_ms)
 
 
-def _queries(name: str, lab: past.Past) -> Iterator[str]:
-    """First and far pages, common and rare filters, alone and together."""
-    busy, rare = next(iter(lab.robots)), list(lab.robots)[-1]
-    often, seldom = next(iter(lab.people)), list(lab.people)[-1]
-    middle = Record.objects.order_by("-pk").values_list("pk", flat=True)[0] // 2
-    day = Record.objects.get(pk=middle).day
-    outcomes = {
-        "speechrecord": ("succeeded", "failed"),
-        "motionrecord": ("standstill", past.RARE_OUTCOME),
-        "refusalrecord": ("obstacle", "stale"),
-        "record": ("succeeded", past.RARE_OUTCOME),
-    }[name]
-    places: list[dict[str, Any]] = [{}, {"before": middle}, {"since": day, "until": day}]
-    yield from (urlencode(place) for place in [*places, {"until": day, "person": often}])
-    for robot in (busy, rare):
-        yield urlencode({"robot": robot})
-        for person in (often, seldom):
-            yield urlencode({"robot": robot, "person": person})
-            yield from (
-                urlencode({"robot": robot, "person": person, "outcome": outcome}) for outcome in outcomes
-            )
-    yield from (urlencode({"outcome": outcome, "robot": rare}) for outcome in outcomes)
+def _opened(client: Client, address: str) -> float:
+    """How long a page took, in ms."""
+    began_s = time.perf_counter()
+    response = client.get(address)
+    took_ms = 1000.0 * (time.perf_counter() - began_s)
+    if response.status_code != 200 or not any(mark in response.content for mark in MARKS):
+        raise RuntimeError(f"{address}: not what it should be, but {response.status_code}")
+    return took_ms
+
+
+def _addresses(newest: datetime) -> Iterator[tuple[str, str, list[str]]]:
+    """Each page with what it is asked for, on the day of the newest record."""
+    for name in FILTERS:
+        app = "teleop" if name == "controlsession" else "audit"
+        yield name, reverse(f"admin:{app}_{name}_changelist"), [*_queries(name)]
+    with patch.object(report_views, "now", lambda: newest):
+        for robot in Robot.objects.filter(pk__in=_robots()):
+            periods = [f"days={days}" for days in PERIODS_DAYS]
+            yield "report", reverse("robot-report", args=[robot.slug]), periods
+
+
+def _queries(name: str) -> Iterator[str]:
+    """Each filter and several together, common and rare, at each place; then words."""
+    places, filters = [*_places(name)], [*_filters(name)]
+    yield from (urlencode(place | filter_) for filter_ in filters for place in places)
     if name in ("speechrecord", "record"):
-        for words in (
-            "the",
-            "word12",
-            "实验室",
-            "the zanzibar",
-            past.RARE_WORD,
-            "never said",
-            "lo",
-            "qq",
-            "你",
-        ):
-            yield urlencode({"q": words})
-            yield urlencode({"q": words, "before": middle})
-            yield urlencode({"q": words, "person": seldom})
-            yield urlencode({"q": words, "robot": rare, "person": often})
+        (busy, idle), (often, seldom) = _robots(), _people()
+        narrowed: list[Asked] = [
+            *({}, {"person": seldom}, {"robot": busy}, {"robot": idle, "person": often}),
+            {"robot": busy, "person": often, "outcome": "done"},
+        ]
+        for words, filter_, place in product(WORDS, narrowed, places):
+            yield urlencode({"q": words} | filter_ | place)
+
+
+def _places(name: str) -> Iterator[Asked]:
+    """The first page, one in the middle, the last one from either end; a day, a month, and all before a day."""
+    last = Record.objects.order_by("-pk").values_list("pk", flat=True)[0]
+    middle = Record.objects.filter(pk__gte=last // 2).order_by("pk")[0]
+    if name == "controlsession":  # its pages are cut by time
+        keys = [int(at.timestamp() * 1e6) for at in (middle.at, past.BEGAN + timedelta(days=3), past.BEGAN)]
+    else:
+        keys = [middle.pk, 100, 0]
+    yield from ({}, {"before": keys[0]}, {"before": keys[1]}, {"after": keys[2]})
+    yield {"since": middle.day, "until": middle.day}
+    yield {"since": middle.day, "until": middle.day + timedelta(days=30)}
+    yield {"until": middle.day}
+
+
+def _filters(name: str) -> Iterator[Asked]:
+    """Robot, person, kind and outcome: none, each, and together."""
+    kinds, outcomes = FILTERS[name]
+    people: list[Any] = [*_people(), *([] if name == "controlsession" else [CONSOLE])]
+    asked: dict[str, list[Any]] = {
+        "robot": [*_robots()],
+        "person": people,
+        "kind": kinds,
+        "outcome": outcomes,
+    }
+    for values in product(*([None, *values] for values in asked.values())):
+        yield {filter_: value for filter_, value in zip(asked, values, strict=True) if value}
+
+
+def _robots() -> tuple[UUID, UUID]:
+    """The one that was controlled most often, and the one that was least often."""
+    return _most_and_least("robot")
+
+
+def _people() -> tuple[UUID, UUID]:
+    return _most_and_least("user")
+
+
+def _most_and_least(of: str) -> tuple[UUID, UUID]:
+    counted = ControlSession.objects.order_by().values_list(of).annotate(times=Count("pk"))
+    found = [which for which, _times in counted.order_by("-times", of)]
+    return found[0], found[-1]
 
 
 async def _export(count: int) -> None:

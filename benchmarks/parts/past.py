@@ -5,50 +5,73 @@ Some robots are busy and some are not, and so are people; what is rare in a lab 
 
 from __future__ import annotations
 
-import datetime
+import json
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import date, datetime, timedelta, timezone
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any
 from uuid import UUID
 
 from django.db import connection, transaction
 from django.db.models import Model
+from msgspec import Struct
 
+from benchmarks.parts.lab import Event, Scenes
+from fleet.accounts.models import User
 from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain
 from fleet.audit.models import Actor, Chain, Content, Record
+from robots.models import Robot, RobotProfile
+from teleop.models import ControlSession
 
-AT_ONCE = 5000  # records in one transaction
-BEGAN = datetime.datetime(2023, 11, 1, 8, tzinfo=datetime.timezone.utc)
+AT_ONCE = 10_000  # records in one transaction
+CACHE_KB = 400_000  # of SQLite, so that it finds every index's place in memory
+BEGAN = datetime(2023, 11, 1, 8, tzinfo=timezone.utc)
+BETWEEN_S = 1300.0  # two control sessions, on average
+EVENT_S = 12.0  # two records of one
+SCENES = 6.0  # of a control session
+BESIDE = 0.6  # scenes without control for each session
+SIGN_INS = 0.5
 ROBOTS = [f"TIAGo {number}" for number in range(1, 7)]
 ROBOT_WEIGHTS = [50, 20, 15, 10, 4.9, 0.1]
 PEOPLE = 300
 PEOPLE_WEIGHTS = [1 / number for number in range(1, PEOPLE + 1)]
-RARE_WORD = "zanzibar"
-RARE_OUTCOME = "link_lost"
-SAID_WORDS = [
-    *("hello", "welcome", "please", "follow", "thank", "you", "the", "laboratory", "good", "morning"),
-    *("mañana", "buenos", "días", "你好", "欢迎", "机器人", "实验室", "مرحبا", "روبوت", "شكرا"),
-    *(f"word{number}" for number in range(400)),
-]
-MOTIONS = ["wave", "head_tour", "home", "offer", "bow"]
 
 
-class Event(NamedTuple):
-    """A record to be, before it has its place."""
+class Told(Struct):
+    """A record: the columns of its table."""
 
+    id: int
+    at: datetime
+    day: date
     kind: str
-    of: int | None = None  # how many records earlier of the same scene
-    outcome: str = ""
-    parameters: dict[str, Any] = {}
-    text: str = ""
-    private: dict[str, Any] = {}
-    robot: bool = True
-    person: bool = True
+    actor_id: str | None
+    real_actor_id: str | None
+    robot_id: UUID | None
+    robot_name: str
+    session_id: UUID | None
+    fence: int | None
+    request_id: UUID
+    of_id: int | None
+    outcome: str
+    parameters: dict[str, Any]
+    content_digest: str
+    seq: int
+    digest: str
+
+
+class Kept(Struct):
+    """What may expire of it: the columns of its table."""
+
+    record_id: int
+    text: str
+    data: dict[str, Any]
+    salt: str
 
 
 class Past:
-    """The log of a new database, which may grow."""
+    """The log of a new database, with its robots, people and control sessions; it may grow."""
 
     def __init__(self, seed: int = 1) -> None:
         chance = random.Random(seed)  # noqa: S311  # a lab, not a secret
@@ -56,42 +79,34 @@ class Past:
         self.people = {
             str(UUID(int=chance.getrandbits(128))): f"Person {number:03}" for number in range(PEOPLE)
         }
-        Chain.objects.bulk_create([Chain(id=key, name=name) for key, name in self.robots.items()])
-        Chain.objects.get_or_create(id=NO_ROBOT)
-        Actor.objects.bulk_create([Actor(id=key, name=name) for key, name in self.people.items()])
+        _register(self.robots, self.people)
         self._count = Record.objects.count()
-        self._chains = _Chains()
-        self._records = _records(chance, self.robots, list(self.people), self._chains)
+        self._lab = _Lab(chance, self.robots, self.people)
+        self._records = self._lab.records()
+
+    @property
+    def newest(self) -> datetime:
+        """When the last of its records was made."""
+        return self._lab.at
 
     def grow(self, count: int) -> None:
         """Until there are so many records of this lab, beside what others have recorded meanwhile."""
-        self._chains.look()
-        while self._count < count:
-            batch = list(islice(self._records, min(AT_ONCE, count - self._count)))
-            with transaction.atomic():
-                _insert(Record, [record for record, _content in batch])
-                _insert(Content, [content for _record, content in batch if content])
-            self._count += len(batch)
+        self._lab.chains.look()
+        insert = {"sqlite": _insert_into_sqlite, "postgresql": _copy_to_postgresql}[connection.vendor]
+        with _much_memory():
+            while self._count < count:
+                batch = list(islice(self._records, min(AT_ONCE, count - self._count)))
+                with transaction.atomic():
+                    _open_chains({told.robot_id or NO_ROBOT: told.robot_name for told, _kept in batch})
+                    insert(Record, [record for record, _kept in batch])
+                    insert(Content, [kept for _record, kept in batch if kept])
+                    ControlSession.objects.bulk_create(self._lab.sessions_so_far())
+                self._count += len(batch)
         if connection.vendor == "postgresql":
-            number = "pg_get_serial_sequence('audit_record', 'id')"
-            with connection.cursor() as cursor:
-                cursor.execute(f"SELECT setval({number}, MAX(id)) FROM audit_record")  # noqa: S608
-                cursor.execute(
-                    "VACUUM ANALYZE audit_record, audit_content"
-                )  # as the server does by itself later
+            _count_on()
 
 
-def _insert(model: type[Model], objects: Sequence[Model]) -> None:
-    """Faster than `bulk_create`, which on SQLite makes a statement of every few dozen rows."""
-    fields = model._meta.concrete_fields
-    columns = ", ".join(connection.ops.quote_name(str(field.column)) for field in fields)
-    values = ", ".join(["%s"] * len(fields))
-    rows = [
-        [field.get_db_prep_save(getattr(row, field.attname), connection) for field in fields]
-        for row in objects
-    ]
-    with connection.cursor() as cursor:
-        cursor.executemany(f"INSERT INTO {model._meta.db_table} ({columns}) VALUES ({values})", rows)  # noqa: S608
+# --- what happens ---------------------------------------------------------------------------------
 
 
 class _Chains:
@@ -102,120 +117,203 @@ class _Chains:
         self._number = Record.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         self._heads: dict[UUID, tuple[int, str]] = {}
 
-    def append(self, record: Record) -> None:
+    def append(self, told: Told) -> None:
         """Give the record its place."""
-        chain = record.robot_id or NO_ROBOT
+        chain = told.robot_id or NO_ROBOT
         if chain not in self._heads:
-            last = (
-                Record.objects.filter(robot_id=record.robot_id)
-                .order_by("-seq")
-                .values_list("seq", "digest")
-                .first()
-            )
-            self._heads[chain] = last or (0, first_digest(chain))
+            placed = Record.objects.filter(robot_id=told.robot_id).order_by("-seq")
+            self._heads[chain] = placed.values_list("seq", "digest").first() or (0, first_digest(chain))
         seq, digest = self._heads[chain]
         self._number += 1
-        record.id, record.seq = self._number, seq + 1
-        record.digest = next_digest(digest, record)
-        self._heads[chain] = record.seq, record.digest
+        told.id, told.seq = self._number, seq + 1
+        told.digest = next_digest(digest, told)
+        self._heads[chain] = told.seq, told.digest
 
 
-def _records(
-    chance: random.Random, robots: dict[UUID, str], people: list[str], chains: _Chains
-) -> Iterator[tuple[Record, Content | None]]:
-    at = BEGAN
-    while True:
-        at += datetime.timedelta(seconds=chance.expovariate(1 / 250))
-        [robot] = chance.choices(list(robots), ROBOT_WEIGHTS)
-        [person] = chance.choices(people, PEOPLE_WEIGHTS)
-        session, scene = UUID(int=chance.getrandbits(128)), list[Record]()
-        for event in _scene(chance):
-            at += datetime.timedelta(seconds=chance.expovariate(1 / 5))
+class _Lab:
+    """One control session after the other, and what is done beside."""
+
+    def __init__(self, chance: random.Random, robots: dict[UUID, str], people: dict[str, str]) -> None:
+        self.at = BEGAN
+        self.chains = _Chains()
+        self._chance = chance
+        self._robots = robots
+        self._people = people
+        self._scenes = Scenes(chance)
+        self._fences = dict.fromkeys(robots, 0)
+        self._sessions: list[ControlSession] = []
+
+    def records(self) -> Iterator[tuple[Told, Kept | None]]:
+        """Without end."""
+        while True:
+            self.at += timedelta(seconds=self._chance.expovariate(1 / BETWEEN_S))
+            if self._chance.random() < SIGN_INS:
+                yield from self._played(self._scenes.sign_in(), self._person())
+            if self._chance.random() < BESIDE:
+                yield from self._played(self._scenes.beside(), self._person(), self._robot())
+            yield from self._session(self._person(), self._robot())
+
+    def sessions_so_far(self) -> list[ControlSession]:
+        """Those that have ended since this was asked."""
+        ended, self._sessions = self._sessions, []
+        return ended
+
+    def _session(self, person: str, robot: UUID) -> Iterator[tuple[Told, Kept | None]]:
+        self._fences[robot] += 1
+        session = ControlSession(
+            id=self._identifier(),
+            robot_id=robot,
+            user_id=UUID(person),
+            fence=self._fences[robot],
+            started_at=self.at,
+        )
+        yield from self._played(self._scenes.begin(), person, robot, session)
+        for _ in range(1 + int(self._chance.expovariate(1 / SCENES))):
+            yield from self._played(self._scenes.in_session(), person, robot, session)
+        end = self._scenes.end(person, self._people[person])
+        yield from self._played(end, person, robot, session)
+        session.ended_at, session.end_reason = self.at, end[0].outcome
+        self._sessions.append(session)
+
+    def _played(
+        self,
+        events: Iterable[Event],
+        person: str,
+        robot: UUID | None = None,
+        session: ControlSession | None = None,
+    ) -> Iterator[tuple[Told, Kept | None]]:
+        scene: list[Told] = []
+        for event in events:
+            self.at += timedelta(seconds=self._chance.expovariate(1 / EVENT_S))
             of = scene[-event.of] if event.of else None
-            record = Record(
-                at=at,
-                day=at.date(),
+            told = Told(
+                id=0,
+                at=self.at,
+                day=self.at.date(),
                 kind=event.kind,
-                actor_id=person if event.person else None,
-                robot_id=robot if event.robot else None,
-                robot_name=robots[robot] if event.robot else "",
-                session_id=session if event.robot else None,
-                fence=len(scene) if event.robot else None,
-                request_id=of.request_id if of else UUID(int=chance.getrandbits(128)),
-                of_id=of.pk if of else None,
+                actor_id=None if event.by_console else person,
+                real_actor_id=None,
+                robot_id=robot,
+                robot_name=self._robots[robot] if robot else "",
+                session_id=session.id if session else None,
+                fence=session.fence if session else None,
+                request_id=of.request_id if of else self._identifier(),
+                of_id=of.id if of else None,
                 outcome=event.outcome,
                 parameters=plain(event.parameters),
+                content_digest="",
+                seq=0,
+                digest="",
             )
-            content = None
+            kept = None
             if event.text or event.private:
-                content = Content(
-                    record=record,
-                    text=event.text,
-                    data=plain(event.private),
-                    salt=f"{chance.getrandbits(128):032x}",
-                )
-                record.content_digest = content_digest(content.salt, content.text, content.data)
-            chains.append(record)
-            if content:
-                content.record_id = record.pk
-            scene.append(record)
-            yield record, content
+                kept = Kept(0, event.text, plain(event.private), f"{self._chance.getrandbits(128):032x}")
+                told.content_digest = content_digest(kept.salt, kept.text, kept.data)
+            self.chains.append(told)
+            if kept:
+                kept.record_id = told.id
+            scene.append(told)
+            yield told, kept
+
+    def _person(self) -> str:
+        return self._chance.choices(list(self._people), PEOPLE_WEIGHTS)[0]
+
+    def _robot(self) -> UUID:
+        return self._chance.choices(list(self._robots), ROBOT_WEIGHTS)[0]
+
+    def _identifier(self) -> UUID:
+        return UUID(int=self._chance.getrandbits(128))
 
 
-def _scene(chance: random.Random) -> list[Event]:
-    """What belongs together: a drive with its interventions, a text with its end."""
-    [what] = chance.choices(
-        ["speech", "drive", "motion", "control", "refusal", "sign_in", "robot"], [35, 25, 15, 10, 7, 5, 3]
-    )
-    match what:
-        case "speech":
-            return _speech(chance)
-        case "drive":
-            return _drive(chance)
-        case "motion":
-            start = Event("motion.start", parameters={"motion": chance.choice(MOTIONS)})
-            return [start, Event("motion.end", 1, _outcome(chance), {"duration_s": 4.5})]
-        case "control":
-            return [Event("control.take", parameters={"seconds": 900}), Event("control.release")]
-        case "refusal":
-            [code] = chance.choices(
-                ["role_too_low", "not_allowed", "not_holder", "stale"], [40, 30, 29.9, 0.1]
-            )
-            words = {"words": "Not done: ask the staff."}
-            return [Event("refusal", outcome=code, parameters={"rule": "lease"}, private=words)]
-        case "sign_in":
-            return [
-                Event("account.sign_in", private={"address": "10.0.0.7", "browser": "Firefox"}, robot=False)
-            ]
-    return [Event("robot.change", private={"changes": [{"field": "enabled", "from": True, "to": False}]})]
+# --- into the database ----------------------------------------------------------------------------
 
 
-def _speech(chance: random.Random) -> list[Event]:
-    words = chance.choices(SAID_WORDS, k=chance.randint(3, 10))
-    if chance.random() < 0.00005:
-        words.append(RARE_WORD)
-    start = Event("speech.start", parameters={"language": "en-GB", "topic": "/tts"}, text=" ".join(words))
-    return [start, Event("speech.end", 1, _outcome(chance), {"progress": 1})]
-
-
-def _drive(chance: random.Random) -> list[Event]:
-    events = [Event("drive.start")]
-    for _ in range(chance.choice([0, 0, 1, 1, 2, 4])):
-        [code] = chance.choices(["obstacle", "braking", "tight", "stale_scan"], [70, 25, 4, 1])
-        figures = {"sensor": "laser", "distance_m": round(chance.uniform(0.2, 1.5), 3), "side": "front"}
-        events += [
-            Event("gate.begin", len(events), code, figures),
-            Event("gate.end", 1, parameters={"duration_s": round(chance.uniform(0.1, 3.0), 2)}),
+def _register(robots: dict[UUID, str], people: dict[str, str]) -> None:
+    """Robots and people, and their rows in the log."""
+    profile = RobotProfile.objects.order_by("pk")[0]
+    Robot.objects.bulk_create(
+        [
+            Robot(id=key, name=name, slug=name.lower().replace(" ", "-"), profile=profile)
+            for key, name in robots.items()
         ]
-    [ended_by] = chance.choices(["standstill", "control changed", RARE_OUTCOME], [97, 2.9, 0.1])
-    figures = {
-        "distance_m": round(chance.uniform(0.1, 20.0), 3),
-        "duration_s": round(chance.uniform(1, 60), 2),
-    }
-    path = [[round(chance.uniform(-5, 5), 2) for _ in range(3)] for _ in range(20)]
-    return [*events, Event("drive.end", len(events), ended_by, figures, private={"path": path})]
+    )
+    User.objects.bulk_create(
+        [
+            User(id=key, full_name=name, username=name.lower().replace(" ", "-"))
+            for key, name in people.items()
+        ]
+    )
+    Actor.objects.bulk_create([Actor(id=key, name=name) for key, name in people.items()])
 
 
-def _outcome(chance: random.Random) -> str:
-    [outcome] = chance.choices(["succeeded", "cancelled", "failed"], [95, 4, 1])
-    return str(outcome)
+def _open_chains(names: dict[UUID, str]) -> None:
+    """Rows for the chains that these are, if they are new."""
+    Chain.objects.bulk_create(
+        [Chain(id=key, name=name) for key, name in names.items()], ignore_conflicts=True
+    )
+
+
+def _insert_into_sqlite(model: type[Model], rows: Sequence[Struct]) -> None:
+    """Faster than `bulk_create`, which makes a statement of every few dozen rows."""
+    columns, cells = _table(model, rows)
+    places = ", ".join(["%s"] * columns.count(",")) + ", %s"
+    with connection.cursor() as cursor:
+        cursor.executemany(f"INSERT INTO {model._meta.db_table} ({columns}) VALUES ({places})", list(cells))  # noqa: S608
+
+
+def _copy_to_postgresql(model: type[Model], rows: Sequence[Struct]) -> None:
+    columns, cells = _table(model, rows)
+    connection.ensure_connection()
+    with (
+        connection.connection.cursor() as cursor,
+        cursor.copy(f"COPY {model._meta.db_table} ({columns}) FROM STDIN") as copy,
+    ):
+        for row in cells:
+            copy.write_row(row)
+
+
+def _table(model: type[Model], rows: Sequence[Struct]) -> tuple[str, Iterator[list[Any]]]:
+    """The names of the columns, and the cells of each row as the database takes them."""
+    names = [str(field.column) for field in model._meta.concrete_fields]
+    adapt: dict[type, Callable[[Any], Any]] = {dict: json.dumps}
+    if connection.vendor == "sqlite":
+        adapt |= {
+            UUID: lambda value: value.hex,
+            datetime: connection.ops.adapt_datetimefield_value,
+            date: connection.ops.adapt_datefield_value,
+        }
+    cells = (
+        [
+            adapt[type(value)](value) if type(value) in adapt else value
+            for value in (getattr(row, name) for name in names)
+        ]
+        for row in rows
+    )
+    return ", ".join(names), cells
+
+
+@contextmanager
+def _much_memory() -> Iterator[None]:
+    """While it grows, for SQLite reads all of its indexes again and again."""
+    if connection.vendor != "sqlite":
+        yield
+        return
+    with connection.cursor() as cursor:
+        usual = cursor.execute("PRAGMA cache_size").fetchone()[0]
+        cursor.execute(f"PRAGMA cache_size = -{CACHE_KB}")
+        yield
+        cursor.execute(f"PRAGMA cache_size = {usual}")
+
+
+def _count_on() -> None:
+    """The next number is above those that were written."""
+    number = "pg_get_serial_sequence('audit_record', 'id')"
+    with connection.cursor() as cursor:
+        cursor.execute(f"SELECT setval({number}, MAX(id)) FROM audit_record")  # noqa: S608
+
+
+def settle() -> None:
+    """What PostgreSQL does by itself after a while: statistics, and which rows all can see."""
+    if connection.vendor == "postgresql":
+        with connection.cursor() as cursor:
+            cursor.execute("VACUUM ANALYZE audit_record, audit_content, teleop_controlsession")

@@ -11,7 +11,7 @@ import datetime
 import heapq
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from itertools import islice, product
+from itertools import groupby, islice, product
 from typing import Any
 from uuid import UUID
 
@@ -108,7 +108,7 @@ class Selection:
 
     def numbers(self, limit: int, *, before: int | None = None, after: int | None = None) -> list[int]:
         """At most so many, newest first: of the rows, or where an outcome is wanted of the records that tell it."""
-        sources = [self._texts()] if self._wanted.words else self._streams()
+        sources = self._texts() if self._wanted.words else self._streams()
         return _merged(
             [_cut(source, limit, before, after) for source in sources], limit, up=after is not None
         )
@@ -142,27 +142,37 @@ class Selection:
             for what, who in product(self._whats(), self._whos())
         ]
 
-    def _texts(self) -> QuerySet[Any]:
-        """Texts with the words that are wanted, of the rows that are wanted.
+    def _texts(self) -> list[QuerySet[Any]]:
+        """Texts with the words that are wanted, of the rows that are wanted; a text may be in several queries.
 
-        Where these are few, their texts are read; where they are many, the index of words is.
+        Where these rows are few, their texts are read; where they are many, the index of words is.
         """
-        words = self._wanted.words
         few = Selection(replace(self._wanted, words=()), self._kinds).numbers(FEW + 1)
         if len(few) <= FEW:
             told = Record.objects.filter(pk__in=few).values_list("pk", "of", "kind")
-            return texts_among([_row_of(*record) for record in told], words)
-        rows = Q()
-        for stream in Selection(replace(self._wanted, words=(), outcome=""), self._kinds)._streams():
-            rows |= Q(Exists(self._with_outcome(stream.filter(pk=OuterRef("pk")))))
-        return texts_with(words).filter(rows, self._within)
+            return [texts_among([_row_of(*record) for record in told], self._wanted.words)]
+        requests = Selection(replace(self._wanted, words=(), outcome=""), self._kinds)._streams()
+        return [
+            texts.filter(Exists(stream.filter(pk=OuterRef("pk"))), told, self._within)
+            for stream in requests
+            if stream.exists()
+            for told in self._told()
+            for texts in texts_with(self._wanted.words)
+        ]
 
-    def _with_outcome(self, rows: QuerySet[Record]) -> QuerySet[Record]:
+    def _told(self) -> list[Q]:
+        """That a row has the outcome that is wanted: by a record of what came of it, or by its own."""
         outcome = self._wanted.outcome
         if not outcome:
-            return rows
-        told = Record.objects.filter(of=OuterRef("pk"), outcome=outcome).exclude(kind__in=_OWN_ROW)
-        return rows.filter(Q(outcome=outcome) | Q(Exists(told)))
+            return [Q()]
+        kinds = {kind for kind, seen_one in self._telling() if seen_one == outcome}
+        by = Record.objects.filter(outcome=outcome)
+        told = []
+        if others := kinds.difference(_OWN_ROW):
+            told.append(Q(Exists(by.filter(of=OuterRef("pk"), kind__in=others))))
+        if own := kinds.difference(_END_OF.values()):
+            told.append(Q(Exists(by.filter(pk=OuterRef("pk"), kind__in=own))))
+        return told
 
     @cached_property
     def _where(self) -> Q:
@@ -188,19 +198,22 @@ class Selection:
         )
         return Q(pk__gte=first, pk__lte=last)
 
+    @property
+    def _wanted_kinds(self) -> Sequence[str] | None:
+        if not self._wanted.kind:
+            return self._kinds
+        return [self._wanted.kind] if self._kinds is None or self._wanted.kind in self._kinds else []
+
+    def _telling(self) -> list[tuple[str, str]]:
+        """Which outcomes records of the wanted kinds have, and those that tell how these ended."""
+        return seen(KINDS if self._wanted_kinds is None else with_ends(self._wanted_kinds))
+
     def _whats(self) -> list[Q]:
-        kinds = self._kinds
-        if self._wanted.kind:
-            kinds = [self._wanted.kind] if kinds is None or self._wanted.kind in kinds else []
+        kinds = self._wanted_kinds
         if self._wanted.outcome:
-            tell = (
-                {*kinds, *(_END_OF[kind] for kind in kinds if kind in _END_OF)}
-                if kinds is not None
-                else KINDS
-            )
             return [
                 Q(kind=kind, outcome=outcome)
-                for kind, outcome in seen(tell)
+                for kind, outcome in self._telling()
                 if outcome == self._wanted.outcome
             ]
         if kinds is None:
@@ -213,7 +226,9 @@ class Selection:
             return [Q()]
         if person == CONSOLE:
             return [Q(actor=None)]
-        return [Q(actor=person), Q(real_actor=person) & ~Q(actor=person)]
+        as_another = Q(real_actor=person) & ~Q(actor=person)
+        # Hardly anybody did: no need to look for it again with every other filter.
+        return [Q(actor=person), *([as_another] if Record.objects.filter(as_another).exists() else [])]
 
 
 def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
@@ -276,8 +291,9 @@ def _cut(source: QuerySet[Any], limit: int, before: int | None, after: int | Non
 
 
 def _merged(sources: list[Iterable[int]], limit: int, *, up: bool) -> list[int]:
-    """The first of them all; newest first, whichever way they were read."""
-    found = list(islice(heapq.merge(*sources, reverse=not up), limit))
+    """The first of them all, each once; newest first, whichever way they were read."""
+    each = (number for number, _same in groupby(heapq.merge(*sources, reverse=not up)))
+    found = list(islice(each, limit))
     return found[::-1] if up else found
 
 

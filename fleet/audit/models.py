@@ -81,6 +81,7 @@ class Record(models.Model):
         on_delete=models.DO_NOTHING,
         related_name="outcomes",
         db_constraint=False,
+        db_index=False,  # `audit_of` is
     )
     outcome = models.CharField(max_length=200, blank=True)
     parameters = models.JSONField(default=dict, blank=True)
@@ -119,9 +120,26 @@ class Record(models.Model):
                 fields=["kind", "outcome", "id", *_BESIDES, "robot_id", "actor"], name="audit_kind_outcome"
             ),
             models.Index(
-                fields=["real_actor"], condition=models.Q(real_actor__isnull=False), name="audit_real_actor"
+                fields=["real_actor", "id", *_BESIDES, "actor", "robot_id", "kind", "outcome"],
+                condition=models.Q(real_actor__isnull=False),
+                name="audit_real_actor",
             ),
             models.Index(fields=["session_id", "id"], name="audit_session"),
+            # With kind and outcome, or SQLite would rather take an index that begins with these.
+            models.Index(
+                fields=["of", "kind", "outcome"], condition=models.Q(of__isnull=False), name="audit_of"
+            ),
+            # What nobody did, and what concerns no robot: others are not in order where there is none (PostgreSQL).
+            models.Index(
+                fields=["id", "kind", *_BESIDES, "robot_id", "outcome"],
+                condition=models.Q(actor=None),
+                name="audit_no_actor",
+            ),
+            models.Index(
+                fields=["id", "kind", *_BESIDES, "actor", "outcome"],
+                condition=models.Q(robot_id=None),
+                name="audit_no_robot",
+            ),
         ]
 
     def __str__(self) -> str:

@@ -1,8 +1,8 @@
 """Finding records by what was said: part of a word, in any script, capitals or not.
 
 Words of three characters and more are looked up in an index of trigrams (FTS5 on SQLite, pg_trgm on PostgreSQL).
-Shorter ones have none: they are looked for in text after text, newest first. Accents count: "manana" does not find
-"mañana".
+Shorter ones have none: they are looked for in text after text, newest first; so is on PostgreSQL what stands in many.
+Accents count: "manana" does not find "mañana".
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from django.db.models.lookups import GreaterThan
 from fleet.audit.models import Content, ContentSearch
 
 TRIGRAM = 3  # characters: a shorter word is in no index
+BRIEF = 2000  # bytes: what PostgreSQL's index of texts has room for (migration 0006)
 _WORD = re.compile(r'"([^"]+)"|(\S+)')
 
 Texts = QuerySet[Content] | QuerySet[ContentSearch]  # their primary keys are the records' numbers
@@ -32,8 +33,8 @@ def words_of(asked: str) -> tuple[str, ...]:
     return tuple(word for quoted, plain in found if (word := (quoted or plain).replace('"', "").strip()))
 
 
-def texts_with(words: tuple[str, ...]) -> Texts:
-    """Texts that have all of these words, by the index; to be read in order of their numbers, for it has that order."""
+def texts_with(words: tuple[str, ...]) -> list[Texts]:
+    """Texts that have all of these words: queries with an index each, to be read in the order of their numbers."""
     long = tuple(word for word in words if len(word) >= TRIGRAM)
     texts: Texts = _having(long)
     if long and connection.vendor == "sqlite":
@@ -41,7 +42,9 @@ def texts_with(words: tuple[str, ...]) -> Texts:
     for word in words:
         if word not in long:
             texts = texts.filter(_part(word))
-    return texts
+    if connection.vendor == "sqlite":
+        return [texts]
+    return [texts.filter(text__brief=True), texts.filter(text__brief=False)]
 
 
 def texts_among(numbers: list[int], words: tuple[str, ...]) -> QuerySet[Content]:
@@ -92,6 +95,19 @@ class Said(Lookup):
         """A parameter in place of '' would keep SQLite from using the index."""
         left, values = self.process_lhs(compiler, connection)
         return f"{left} <> ''", values
+
+
+@TextField.register_lookup
+class Brief(Lookup):
+    """`text__brief=True` or False: whether PostgreSQL's index of texts has room for it, in the index's own words."""
+
+    lookup_name = "brief"
+    prepare_rhs = False  # it would become a text
+
+    def as_sql(self, compiler: Any, connection: BaseDatabaseWrapper) -> Sql:
+        """PostgreSQL only."""
+        left, values = self.process_lhs(compiler, connection)
+        return f"octet_length({left}) {'<=' if self.rhs else '>'} {BRIEF}", values
 
 
 @TextField.register_lookup

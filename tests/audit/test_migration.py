@@ -73,7 +73,7 @@ def test_old_records_are_kept_and_chained(tmp_path):
         assert list(Actor.objects.values_list("pk", "name")) == [("someone", "Some One Else")]
         assert set(Chain.objects.values_list("pk", "name")) == {(ROBOT, "TIAGo 1"), (uuid.UUID(int=0), "")}
         assert verify_all().findings == []
-        assert texts_with(("Hello.",)).count() == 1
+        assert sum(texts.count() for texts in texts_with(("Hello.",))) == 1
         for _step in take_out([start.pk]):
             pass
-        assert texts_with(("Hello.",)).count() == 0
+        assert not any(texts.exists() for texts in texts_with(("Hello.",)))

@@ -136,13 +136,35 @@ def test_the_newest_text_comes_first(said):
     assert [row.record.pk for row in rows][:3] == texts[::-1]
 
 
+def test_of_many_texts_those_with_an_outcome_are_found_each_once(operator, monkeypatch):
+    monkeypatch.setattr("fleet.audit.listing.FEW", 0)
+    wanted = {"outcome": "done", "person": str(operator.pk)}
+    texts = [record("speech.start", actor=operator, text=f"good {number}") for number in range(3)]
+    for text, outcome in zip(texts, ("done", "failed", "done"), strict=True):
+        record("speech.end", actor=operator, of=text, outcome=outcome)
+    pressed = record("stop.press", actor=operator, text="good reason")
+    record("stop.press", actor=operator, of=pressed, outcome="done")
+    page = Selection(Wanted(words=("good",), **wanted)).page()
+    assert [row.record.pk for row in page.rows] == [pressed.pk, texts[2].pk, texts[0].pk]
+    assert [row.outcome for row in page.rows] == ["done"] * 3
+    assert page.count == 3
+
+
+def test_a_text_that_postgresqls_index_has_no_room_for_is_found_in_its_place(said):
+    texts = [record("speech.start", text=text).pk for text in ("good", "很好 good " * 500, "good")]
+    for words in ("good", "很", "go"):
+        rows = Selection(Wanted(words=words_of(words)), ["speech.start"]).page().rows
+        found = [row.record.pk for row in rows if row.record.pk in texts]
+        assert found == ([texts[1]] if words == "很" else texts[::-1])
+
+
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="what PostgreSQL does depends on its statistics")
 @pytest.mark.parametrize(
     ("asked", "index"), [("morning", "VIRTUAL TABLE INDEX"), ("qq", "audit_content_said")]
 )
-def test_many_texts_are_searched_by_an_index_in_its_order(asked, index, monkeypatch):
-    monkeypatch.setattr("fleet.audit.listing.FEW", -1)
-    texts = Selection(Wanted(words=words_of(asked)), ["speech.start"])._texts()
+def test_many_texts_are_searched_by_an_index_in_its_order(said, asked, index, monkeypatch):
+    monkeypatch.setattr("fleet.audit.listing.FEW", 0)
+    [texts] = Selection(Wanted(words=words_of(asked)), ["speech.start"])._texts()
     plan = texts.order_by("-pk").values_list("pk")[:10].explain()
     assert index in plan
     assert "TEMP B-TREE" not in plan
