@@ -83,9 +83,12 @@ class ListAdmin(ReadOnly):
     outcomes_are: str | Promise = gettext_lazy("Outcome")
 
     def get_urls(self) -> list[URLPattern]:
-        """The list alone."""
-        view = self.admin_site.admin_view(require_safe(self.changelist_view))
-        return [path("", view, name=f"{self._name}_changelist")]
+        """The list and its export."""
+        wrap = self.admin_site.admin_view
+        return [
+            path("", wrap(require_safe(self.changelist_view)), name=f"{self._name}_changelist"),
+            path("export/", wrap(require_POST(self.export_view)), name=f"{self._name}_export"),
+        ]
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
         """One page of it."""
@@ -101,6 +104,8 @@ class ListAdmin(ReadOnly):
             "form": form,
             "outcomes_are": self.outcomes_are,
             "clear": request.path,
+            "formats": exports.Format,
+            "export": f"export/?{address(request)}",
         }
         if form.is_valid():
             context |= self.found(request, form)
@@ -112,6 +117,22 @@ class ListAdmin(ReadOnly):
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
         """For the template: `days` with their `Line`s (`by_day`), `count`, what is beside the page (`beside`)."""
+        raise NotImplementedError
+
+    def export_view(self, request: HttpRequest) -> HttpResponseBase:
+        """All that the filters of the address leave, as a file; on record."""
+        self._look(request)
+        form = self.form_for(request)
+        if not form.is_valid():
+            raise BadRequest("these filters are not valid")
+        try:
+            format_ = exports.Format(request.POST.get("format", ""))
+        except ValueError as error:
+            raise BadRequest(f"a format is one of {exports.Format.values}") from error
+        return self.exported(request, form, format_)
+
+    def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
+        """The answer with the file."""
         raise NotImplementedError
 
     @property
@@ -131,14 +152,8 @@ class RecordsAdmin(ListAdmin):
 
     def get_urls(self) -> list[URLPattern]:
         """The list, its export, and each record."""
-        wrap = self.admin_site.admin_view
-        return [
-            *super().get_urls(),
-            path("export/", wrap(require_POST(self.export_view)), name=f"{self._name}_export"),
-            path(
-                "<int:object_id>/change/", wrap(require_safe(self.record_view)), name=f"{self._name}_change"
-            ),
-        ]
+        view = self.admin_site.admin_view(require_safe(self.record_view))
+        return [*super().get_urls(), path("<int:object_id>/change/", view, name=f"{self._name}_change")]
 
     def form_for(self, request: HttpRequest) -> FilterForm:
         """What is of use for its kinds."""
@@ -153,8 +168,6 @@ class RecordsAdmin(ListAdmin):
         return {
             "days": by_day(request, [(row.record.day, _line(row)) for row in page.rows]),
             "count": count_of(page.count),
-            "formats": exports.Format,
-            "export": f"export/?{address(request)}",
             **beside(
                 request,
                 [row.number for row in page.rows],
@@ -165,16 +178,8 @@ class RecordsAdmin(ListAdmin):
             ),
         }
 
-    def export_view(self, request: HttpRequest) -> HttpResponseBase:
-        """All that the filters of the address leave, as a file; on record."""
-        self._look(request)
-        form = self.form_for(request)
-        if not form.is_valid():
-            raise BadRequest("these filters are not valid")
-        try:
-            format_ = exports.Format(request.POST.get("format", ""))
-        except ValueError as error:
-            raise BadRequest(f"a format is one of {exports.Format.values}") from error
+    def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
+        """Each request with what came of it."""
         return exports.response(
             Selection(form.wanted(), self._kinds()),
             form.wanted(),

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import logging
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any
 from urllib.parse import quote
@@ -23,6 +23,8 @@ from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
 
 log = logging.getLogger(__name__)
+
+Facts = dict[str, Any]
 
 CHUNK = 500  # rows in memory
 # Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
@@ -113,7 +115,39 @@ def response(
 
     `besides` are texts of so many rows that follow on what is selected.
     """
-    head, media_type, to_text = _TOLD[format_]
+    head, to_text = _TOLD[format_]
+    pieces = ((to_text(rows), len(rows)) for rows in selection.chunks(CHUNK))
+    return _file(head, chain(pieces, besides), wanted, actor=actor, name=name, format_=format_)
+
+
+def response_of(
+    columns: Sequence[str],
+    chunks: Iterable[list[Facts]],
+    wanted: Wanted,
+    *,
+    actor: AbstractUser,
+    name: str,
+    format_: Format,
+) -> ExportResponse:
+    """The same of what is no record: each row has a fact for each of the columns."""
+    if format_ is Format.CSV:
+        head = BOM + _csv_lines([columns])
+        pieces = ((_csv_lines([_safe(facts.values()) for facts in rows]), len(rows)) for rows in chunks)
+    else:
+        head = ""
+        pieces = (("".join(f"{_json(facts)}\n" for facts in rows), len(rows)) for rows in chunks)
+    return _file(head, pieces, wanted, actor=actor, name=name, format_=format_)
+
+
+def _file(
+    head: str,
+    pieces: Iterator[tuple[str, int]],
+    wanted: Wanted,
+    *,
+    actor: AbstractUser,
+    name: str,
+    format_: Format,
+) -> ExportResponse:
     asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
     begun = record(
         "audit.export",
@@ -127,11 +161,10 @@ def response(
         private={"words": " ".join(wanted.words)} if wanted.words else None,
     )
     file = f"{name}-{timezone.now():%Y-%m-%d}.{format_.value}"
-    pieces = ((to_text(rows), len(rows)) for rows in selection.chunks(CHUNK))
     return ExportResponse(
         head,
-        Export(chain(pieces, besides), begun, actor),
-        content_type=media_type,
+        Export(pieces, begun, actor),
+        content_type=_MEDIA_TYPES[format_],
         headers={
             "Content-Disposition": f"attachment; filename=\"{file}\"; filename*=UTF-8''{quote(file)}",
             "Cache-Control": "no-store",
@@ -148,10 +181,14 @@ def safe_cell(value: str) -> str:
 
 
 def _csv(rows: list[Row]) -> str:
-    return _csv_lines([[safe_cell(str(cell)) for cell in _cells(row)] for row in rows])
+    return _csv_lines([_safe(_cells(row)) for row in rows])
 
 
-def _csv_lines(lines: list[list[str]]) -> str:
+def _safe(cells: Iterable[Any]) -> list[str]:
+    return ["" if cell is None else safe_cell(str(cell)) for cell in cells]
+
+
+def _csv_lines(lines: Iterable[Sequence[str]]) -> str:
     text = io.StringIO()
     csv.writer(text, quoting=csv.QUOTE_ALL).writerows(lines)
     return text.getvalue()
@@ -213,8 +250,12 @@ def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
-# What comes first, the media type, and how rows are told.
-_TOLD: dict[Format, tuple[str, str, Callable[[list[Row]], str]]] = {
-    Format.CSV: (BOM + _csv_lines([COLUMNS]), "text/csv; charset=utf-8", _csv),
-    Format.JSON_LINES: ("", "application/jsonl; charset=utf-8", _json_lines),
+_MEDIA_TYPES = {
+    Format.CSV: "text/csv; charset=utf-8",
+    Format.JSON_LINES: "application/jsonl; charset=utf-8",
+}
+# What comes first, and how rows are told.
+_TOLD: dict[Format, tuple[str, Callable[[list[Row]], str]]] = {
+    Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
+    Format.JSON_LINES: ("", _json_lines),
 }

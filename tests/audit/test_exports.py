@@ -3,19 +3,23 @@
 import csv
 import io
 import json
+from datetime import timedelta
 
 import pytest
 from django.test import AsyncClient
 from django.urls import reverse
+from django.utils import timezone
 
 from fleet.audit import AuditUnavailable, exports, record
 from fleet.audit.exports import BOM, COLUMNS, Format, safe_cell
 from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Record
+from teleop.models import ControlSession, EndReason
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
 SPEECH = "admin:audit_speechrecord_export"
+SESSIONS = "admin:teleop_controlsession_export"
 
 
 @pytest.fixture
@@ -169,3 +173,38 @@ async def test_whatever_is_said_no_cell_of_the_file_is_a_formula(text, export):
         if delimiter == ",":
             assert len(rows) == 2
             assert not any(cell.startswith(("=", "+", "-", "@", "\t", "\r")) for cell in rows[1])
+
+
+@pytest.fixture
+def sessions(robot, other_robot, operator, staff):
+    """Two control sessions; the newer one goes on."""
+    now = timezone.now()
+    for fence, (of, person, reason) in enumerate(
+        ((robot, operator, EndReason.TAKEN_OVER), (other_robot, staff, "")), 1
+    ):
+        ControlSession.objects.create(
+            robot=of,
+            user=person,
+            fence=fence,
+            started_at=now + timedelta(minutes=fence),
+            ended_at=now + timedelta(minutes=fence + 1) if reason else None,
+            end_reason=reason,
+        )
+
+
+@pytest.mark.parametrize("format_", ["csv", "jsonl"])
+async def test_control_sessions_are_exported_like_records(
+    format_, export, sessions, other_robot, monkeypatch
+):
+    monkeypatch.setattr(exports, "CHUNK", 1)
+    text, _response = await export(format_, name=SESSIONS)
+    lines = text.removeprefix(BOM).splitlines()
+    rows = [*map(json.loads, lines)] if format_ == "jsonl" else [*csv.DictReader(lines)]
+    assert [row["person"] for row in rows] == ["Sam Staff", "Olga Operator"]
+    assert [row["ended_by"] for row in rows] == ["", "taken_over"]
+    assert not rows[0]["ended_utc"] and rows[1]["ended_utc"]
+    begun, done = [entry async for entry in Record.objects.filter(kind="audit.export").order_by("pk")]
+    assert begun.parameters == {"list": "control-sessions", "format": format_}
+    assert (done.outcome, done.parameters) == ("done", {"rows": 2})
+    text, _response = await export(format_, f"robot={other_robot.pk}", name=SESSIONS)
+    assert "Sam" in text and "Olga" not in text

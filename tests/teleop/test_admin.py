@@ -8,6 +8,7 @@ from django.utils import timezone
 
 from fleet.accounts.services import account_erase
 from fleet.audit import record
+from fleet.audit.models import Record
 from teleop.models import ControlSession, EndReason
 
 pytestmark = pytest.mark.django_db
@@ -116,3 +117,8 @@ def test_the_words_go_with_whoever_is_erased(staff, supervisor, signed_in, ended
 
 def test_an_operator_has_no_business_there(operator, signed_in):
     assert signed_in(operator).get(LIST).status_code in (302, 403)
+
+
+def test_whoever_may_not_see_the_list_gets_no_file(operator, signed_in, ended):
+    assert signed_in(operator).post(f"{LIST}export/", {"format": "csv"}).status_code in (302, 403)
+    assert not Record.objects.filter(kind="audit.export").exists()
