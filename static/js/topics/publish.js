@@ -54,8 +54,15 @@ export class PublishPanel extends EventTarget {
     this.#parts["publish-topic"].replaceChildren(...options);
     show(this.#parts["publish-none"], options.length === 0);
     show(this.#parts["publish-form"], options.length > 0);
-    if (before in this.#types) this.#parts["publish-topic"].value = before;
-    else this.#choose();
+    const kept = before in this.#types;
+    const first = publishable.find(({ why }) => why === "");
+    this.#parts["publish-topic"].value = kept ? before : (first?.topic ?? "");
+    if (!kept) this.#choose();
+  }
+
+  /** Definitions can be asked for now: also that of what was chosen before there was a connection. */
+  connected() {
+    if (!this.#form) this.#choose();
   }
 
   /** @param {{topic, type, rate_hz}[]} running what is published at a rate */

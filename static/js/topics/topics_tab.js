@@ -114,6 +114,7 @@ export class TopicsTab {
 
   #listen() {
     this.#channel.addEventListener("open", () => this.#refresh());
+    this.#channel.addEventListener("open", () => this.#publish.connected());
     this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));
     this.#parts["topics-refresh"].addEventListener("click", () => this.#refresh());
     closable(this.#parts["choose-dialog"], this.#listening.signal);
