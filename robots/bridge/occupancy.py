@@ -19,6 +19,7 @@ from robots.bridge.sink import TakenMap
 
 MOST_CELLS = 4096 * 4096
 LARGEST_SIDE = 2048  # cells of the picture: what has more is thinned
+MOST_SIDE = 8 * LARGEST_SIDE  # of a map: a long thin one is filled up to whole blocks before it is thinned
 LONGEST_FRAME = 200  # characters of its name
 FRAME = "map"  # of REP 105, in which the bridge knows where the odometry's lies
 FREE_TO, OCCUPIED_FROM = 25, 65  # percent, as map_server draws the line
@@ -85,7 +86,7 @@ def _read(raw: bytes) -> tuple[_Geometry, Cells]:
     if frame != FRAME:
         raise BadMap(f"it is told in the frame {frame!r}, not in {FRAME!r}")
     _, _, resolution_m, width, height, *origin = info
-    if not width or not height or width * height > MOST_CELLS:
+    if not width or not height or max(width, height) > MOST_SIDE or width * height > MOST_CELLS:
         raise BadMap(f"it has {width} x {height} cells")
     if count != width * height or len(raw) != at + _LENGTH.size + count:
         raise BadMap(f"it has {width} x {height} cells and tells {count}")

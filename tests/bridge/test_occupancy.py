@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import struct
+import tracemalloc
 from io import BytesIO
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from robots.bridge.occupancy import LARGEST_SIDE, MOST_CELLS, BadMap, taken
+from robots.bridge.occupancy import LARGEST_SIDE, MOST_CELLS, MOST_SIDE, BadMap, taken
 
 NORTH = (0.0, 0.0, math.sin(math.pi / 4.0), math.cos(math.pi / 4.0))
 UNKNOWN, FREE, OCCUPIED = ((127, 135, 131, opacity) for opacity in (0, 34, 255))
@@ -84,6 +85,18 @@ def test_a_map_with_too_many_cells_for_a_picture_is_thinned_and_a_thin_wall_stay
     assert set(upper) == {FREE}
 
 
+@pytest.mark.parametrize("size", [(1, MOST_SIDE), (MOST_SIDE, 1)])
+def test_the_longest_map_is_thinned_within_little_memory(size):
+    tracemalloc.start()
+    try:
+        told = taken(grid(np.zeros(size, np.int8)))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert sorted((told.width, told.height)) == [1, LARGEST_SIDE]
+    assert peak < 1024 * 1024
+
+
 def test_one_map_has_one_digest_and_a_door_or_a_step_aside_another():
     door = [row.copy() for row in CORNER]
     door[0][1] = 0
@@ -113,7 +126,9 @@ NAN = math.nan
         (grid(size=(4, 4)), "4 x 4 cells and tells 12"),
         (grid(size=(0, 12)), "12 x 0 cells"),
         (grid(size=(2**32 - 1, 2**32 - 1)), "4294967295 x 4294967295 cells"),
-        (grid(size=(MOST_CELLS + 1, 1)), "cells"),
+        (grid(size=(MOST_SIDE, MOST_CELLS // MOST_SIDE + 1)), "1025 x 16384 cells$"),
+        (grid(np.zeros((1, MOST_SIDE + 1))), "16385 x 1 cells$"),
+        (grid(np.zeros((MOST_SIDE + 1, 1))), "1 x 16385 cells$"),
         (grid(resolution_m=NAN), "nan m wide"),
         (grid(resolution_m=0.0), "0.0 m wide"),
         (grid(resolution_m=-0.05), "m wide"),
