@@ -163,7 +163,7 @@ class Scenes:
         ]
 
     def _refusal(self) -> list[Event]:
-        code = self._weighted({"robot_silent": 45, "speaking": 30, "motion_running": 24.9, RARE_REFUSAL: 0.1})
+        code = self._weighted({"robot_silent": 45, "speaking": 30, "motion_running": 24, RARE_REFUSAL: 1})
         return [_refused(code, rule="robot", of="say")]
 
     def _renewal(self) -> list[Event]:

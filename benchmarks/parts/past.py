@@ -80,7 +80,7 @@ class Past:
             str(UUID(int=chance.getrandbits(128))): f"Person {number:03}" for number in range(PEOPLE)
         }
         _register(self.robots, self.people)
-        self._count = Record.objects.count()
+        self._count = 0
         self._lab = _Lab(chance, self.robots, self.people)
         self._records = self._lab.records()
 
