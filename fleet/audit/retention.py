@@ -14,7 +14,7 @@ from itertools import takewhile
 from django.conf import settings
 from django.contrib.auth.models import AbstractUser
 from django.db import connection, transaction
-from django.db.models import Max, Min, QuerySet
+from django.db.models import Max, Min
 
 from fleet.audit import SystemAccount, record
 from fleet.audit.canonical import NO_ROBOT
@@ -26,7 +26,7 @@ from fleet.audit.services import lock_chain
 RECORDS_KEPT_AT_LEAST = timedelta(days=365)
 # Clocks differ by no more: what is of a later day than that was recorded by one that was wrong.
 CLOCKS_DIFFER = timedelta(days=1)
-# With nothing on record; what comes then may be by a clock that is wrong.
+# From one record to the next; what comes then may be by a clock that is wrong.
 SILENCE = timedelta(days=40)
 CONTENTS_AT_ONCE = 500
 RECORDS_AT_ONCE = 2000
@@ -42,6 +42,7 @@ def keep_house(now: datetime) -> Iterator[None]:
     Whoever does this twice finds nothing the second time.
     """
     today = now.astimezone(timezone.utc).date()
+    _tell_set_back(today)
     if clock_is_doubted(today):
         _tell_doubt(today)
         return
@@ -54,17 +55,21 @@ def keep_house(now: datetime) -> Iterator[None]:
 
 
 def clock_is_doubted(today: date) -> bool:
-    """Whether the log was silent for long, goes on since less than that, and nobody has said that the clock is right.
+    """Whether the log's days leapt, it goes on since less than `SILENCE`, and nobody has said that the clock is right.
 
     By a clock that is years ahead everything looks old. A laboratory that was closed looks the same, so this waits:
     until the log has gone on for as long (that there is doubt is on record day by day), or until somebody says so.
+    In the order of numbers: of a clock that goes wrong again and again, what was recorded in between tells.
     """
-    edge = today - SILENCE
-    since = _recent(today).aggregate(first=Min("day"))["first"] or today
-    before = Record.objects.filter(day__lte=edge).aggregate(last=Max("day"))["last"]
-    if before is None or since - before <= SILENCE:
+    old = Record.objects.filter(day__lte=today - SILENCE).order_by("-pk").values_list("pk", "day").first()
+    if old is None:
         return False
-    return not _recent(today).filter(kind="audit.clock", outcome="confirmed").exists()
+    last, before = old
+    going_on = Record.objects.filter(pk__gt=last, day__lte=today)
+    since = going_on.aggregate(first=Min("day"))["first"] or today
+    if since - before <= SILENCE:
+        return False
+    return not going_on.filter(kind="audit.clock", outcome="confirmed").exists()
 
 
 def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
@@ -74,17 +79,20 @@ def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
 
 def _tell_doubt(today: date) -> None:
     log.error(
-        "nothing is taken out of the audit log: it was silent for more than %d days, so the clock (today is %s) may be"
-        " wrong. If it is right: manage.py confirm_clock",
+        "nothing is taken out of the audit log: its days leapt by more than %d less than as many days ago, so the clock"
+        " (today is %s) may be wrong. If it is right: manage.py confirm_clock",
         SILENCE.days,
         today,
     )
-    if not Record.objects.filter(kind="audit.clock", day=today).exists():
+    if not Record.objects.filter(kind="audit.clock", outcome="doubted", day=today).exists():
         record("audit.clock", outcome="doubted")
 
 
-def _recent(today: date) -> QuerySet[Record]:
-    return Record.objects.filter(day__gt=today - SILENCE, day__lte=today)
+def _tell_set_back(today: date) -> None:
+    """Put on record that the clock was ahead; where nobody does anything, what it recorded would be all there is."""
+    newest = Record.objects.order_by("-pk").values_list("day", flat=True).first()
+    if newest is not None and newest > today + CLOCKS_DIFFER:
+        record("audit.clock", outcome="set_back")
 
 
 # --- contents -----------------------------------------------------------------------------------

@@ -324,6 +324,51 @@ def test_a_record_of_days_to_come_is_no_sign_that_the_clock_is_right(spoken):
     assert "150 days ago" in kept()
 
 
+@pytest.mark.parametrize("used", [True, False], ids=["used between", "idle"])
+def test_a_clock_that_is_ahead_again_and_again_is_believed_never(spoken, ago, used):
+    """Ahead at each weekly start, right soon after. Also where nothing is recorded then but by housekeeping."""
+    ahead = 3 * 365
+    spoken(ahead + 60, ahead + 35)
+    for week in range(8):
+        for before in (-7 * week, ahead - 7 * week):
+            today = TODAY - timedelta(days=before)
+            with ago(before):
+                if used or before < ahead / 2:
+                    record("fault", outcome="away", text=f"{before} days ago")
+                assert retention.clock_is_doubted(today) == (before < ahead / 2)
+                keep_house(today)
+    assert f"{ahead + 35} days ago" in kept()
+    assert verify_all().findings == []
+
+
+def test_nor_is_who_confirmed_it_believed_for_longer_than_it_goes_on(spoken, ago):
+    spoken(1000)
+    with ago(0):
+        call_command("confirm_clock", stdout=io.StringIO())
+    spoken(999)
+    with ago(-7):
+        assert retention.clock_is_doubted(TODAY + timedelta(days=7))
+
+
+def test_after_a_clock_that_was_years_behind_it_is_doubted_too(spoken):
+    """Of two clocks nobody can tell which is right, but somebody who looks."""
+    spoken(100, 60, 20, 4000, 0)
+    keep_house()
+    assert "100 days ago" in kept()
+    call_command("confirm_clock", stdout=io.StringIO())
+    keep_house()
+    assert kept() == ["60 days ago", "20 days ago", "0 days ago"]
+
+
+def test_that_the_clock_was_ahead_is_on_record_once(spoken):
+    spoken(60, 30, -20000)
+    for _ in range(2):
+        keep_house()
+    assert list(Record.objects.filter(kind="audit.clock").values_list("outcome", "day")) == [
+        ("set_back", TODAY)
+    ]
+
+
 # --- housekeeping -------------------------------------------------------------------------------------
 
 
