@@ -14,6 +14,7 @@ from django.db import connection
 from django.utils import timezone
 
 from teleop import rules, services
+from teleop.management.commands import run_housekeeping
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 from teleop.rules import Tab
 from teleop.selectors import holding_of
@@ -55,6 +56,18 @@ def test_a_question_that_nobody_answered_lapses(robot, held, second_operator):
     ControlRequest.objects.update(asked_at=timezone.now() - timedelta(seconds=rules.ASK_S + 1))
     call_command("run_housekeeping", "--once")
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.LAPSED
+
+
+def test_the_chores_of_a_day_are_done_anew_when_the_clock_was_set(monkeypatch):
+    """Else a computer that starts with a wrong clock, and runs for hours only, would never do them by the right one."""
+    begun = []
+    monkeypatch.setattr(run_housekeeping, "chores", lambda: iter(begun.append(time.time()) or ()))
+    daily = run_housekeeping.Daily()
+    right = time.time
+    for ahead_s in (0.0, 0.0, 10.0, 1e8, 1e8, 0.0, 0.0):
+        monkeypatch.setattr(time, "time", lambda ahead_s=ahead_s: right() + ahead_s)
+        daily.a_little()
+    assert len(begun) == 3
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from datetime import datetime, timedelta, timezone
@@ -10,6 +11,7 @@ import pytest
 from django.conf import settings
 from django.core.management import call_command
 from django.urls import reverse
+from django.utils import timezone as django_timezone
 
 from fleet.audit import record
 from robots.bridge.gate.values import Pose
@@ -237,5 +239,17 @@ def test_what_is_removed_is_what_no_session_shows(control, seen, drive):
 @pytest.mark.django_db(transaction=True)
 def test_housekeeping_removes_maps(seen):
     seen(NOON - 2 * DAY)
+    call_command("run_housekeeping", "--once")
+    assert kept() == []
+
+
+@pytest.mark.django_db(transaction=True)
+def test_by_a_clock_that_is_years_ahead_no_map_goes(control, seen, drive, monkeypatch):
+    drive(control())
+    seen(NOON + MINUTE)
+    monkeypatch.setattr(django_timezone, "now", lambda: NOON + 3 * 365 * DAY)
+    call_command("run_housekeeping", "--once")
+    assert kept() == ["a"]
+    call_command("confirm_clock", stdout=io.StringIO())
     call_command("run_housekeeping", "--once")
     assert kept() == []
