@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from playwright.sync_api import expect
+
 from script.stack.stack import Stack
 from tests.browser.people import Person, robot_side
 from tests.browser.test_pages import found_by_axe
@@ -92,7 +94,13 @@ def test_a_nested_message_is_published_and_a_wrong_field_is_named(
         operator.page.locator("#field-pose-position-x").fill("far")
         operator.press("Publish")
         assert "not a number" in operator.page.locator("#field-pose-position-x-note").inner_text()
-        operator.page.locator("#field-pose-position-x").fill("1.5")
+        x, plain = (operator.page.locator(f"#field-pose-position-{axis}") for axis in "xy")
+        x.fill("near")
+        operator.press("Publish")
+        expect(x).to_have_attribute("aria-invalid", "true")
+        edges = [field.evaluate("field => getComputedStyle(field).borderTopColor") for field in (x, plain)]
+        assert edges[0] != edges[1]
+        x.fill("1.5")
         operator.press("Publish")
         operator.until(lambda: "odom 1.5 0" in said.read_text(), "the message at the robot")
 
