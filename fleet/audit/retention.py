@@ -10,6 +10,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime, timedelta, timezone
 from itertools import takewhile
+from typing import NamedTuple
 
 from django.conf import settings
 from django.contrib.auth.models import AbstractUser
@@ -119,7 +120,7 @@ def take_out(numbers: Sequence[int]) -> Iterator[None]:
     for start in range(0, len(numbers), CONTENTS_AT_ONCE):
         Content.objects.filter(pk__in=numbers[start : start + CONTENTS_AT_ONCE]).delete()
         yield
-    if numbers and connection.vendor == "sqlite":
+    if numbers:
         yield from _tidy_search()
 
 
@@ -152,6 +153,8 @@ def _last_before(day: date) -> int:
 
 def _tidy_search() -> Iterator[None]:
     """SQLite's index only notes what was taken out, and keeps the words until its pages are merged."""
+    if connection.vendor != "sqlite":
+        return
     pages = -INDEX_PAGES_AT_ONCE  # below zero: begin a merge of everything
     while _merge(pages):
         pages = INDEX_PAGES_AT_ONCE
@@ -199,32 +202,47 @@ def _wal_emptied() -> bool:
 # --- whole records ------------------------------------------------------------------------------
 
 
+class _Old(NamedTuple):
+    """Which records are old."""
+
+    since: date  # what is of earlier days
+    through: int  # the highest number of these: up to it what is of days to come is old, too
+    to_come: date  # the first of those days
+
+    def has(self, number: int, day: date) -> bool:
+        return day < self.since or (day >= self.to_come and number < self.through)
+
+
 def remove(today: date) -> Iterator[None]:
     """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
     since = today - max(timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS), RECORDS_KEPT_AT_LEAST)
+    old = _Old(since, _last_before(since), today + CLOCKS_DIFFER + timedelta(days=1))
+    removed = 0
     for chain in Chain.objects.all():
         more = True
         while more:
-            more = _remove_some(chain, since, today)
+            gone = _remove_some(chain, old)
+            removed += gone
+            more = gone == RECORDS_AT_ONCE
             yield
+    if removed:
+        yield from _tidy_search()
 
 
 @transaction.atomic
-def _remove_some(chain: Chain, since: date, today: date) -> bool:
+def _remove_some(chain: Chain, old: _Old) -> int:
     """Append a checkpoint and remove what is before it, in one transaction: so a chain always begins where one says.
 
-    What is of days to come goes with what was recorded after it. Whether there may be more of them.
+    How many went.
     """
     robot_id = None if chain.pk == NO_ROBOT else chain.pk
     records = Record.objects.filter(robot_id=robot_id)
     lock_chain(chain.pk)
-    dated = records.filter(day__lte=today + CLOCKS_DIFFER).order_by("seq")
-    oldest = list(dated.values_list("seq", "digest", "day")[:RECORDS_AT_ONCE])
-    old = list(takewhile(lambda row: row[2] < since, oldest))
-    if not old:
-        return False
-    through, digest, _day = old[-1]
-    gone = records.filter(seq__lte=through)
+    oldest = records.order_by("seq").values_list("pk", "day", "seq", "digest")[:RECORDS_AT_ONCE]
+    going = list(takewhile(lambda row: old.has(row[0], row[1]), oldest))
+    if not going:
+        return 0
+    *_, through, digest = going[-1]
     record(
         "audit.checkpoint",
         robot_id=robot_id,
@@ -232,10 +250,11 @@ def _remove_some(chain: Chain, since: date, today: date) -> bool:
         parameters={
             "through": through,
             "digest": digest,
-            "removed": gone.count(),
-            "before": since.isoformat(),
+            "removed": len(going),
+            "before": old.since.isoformat(),
         },
     )
+    gone = records.filter(seq__lte=through)
     Content.objects.filter(record__in=gone).delete()
     gone._raw_delete(gone.db)
-    return len(old) == RECORDS_AT_ONCE
+    return len(going)

@@ -44,6 +44,11 @@ def _nothing_but_what_the_test_records(ago, settings):
         yield
 
 
+@pytest.fixture
+def five_years(settings):
+    settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 1830
+
+
 def exhaust(steps):
     return len(list(steps))
 
@@ -79,10 +84,11 @@ def test_a_second_time_there_is_nothing_to_do(ago):
     assert Record.objects.filter(kind="audit.expire").count() == 1
 
 
-def test_what_expired_cannot_be_found_any_more(ago):
-    with ago(100):
+@pytest.mark.parametrize("go", [expire, remove])
+def test_what_went_cannot_be_found_any_more(go, ago, five_years):
+    with ago(2000):
         record("speech.start", text="Geheimnis")
-    exhaust(expire(TODAY))
+    exhaust(go(TODAY))
     if connection.vendor == "sqlite":
         with connection.cursor() as cursor:
             cursor.execute("SELECT rowid FROM audit_content_search WHERE text LIKE '%geheim%'")
@@ -121,11 +127,6 @@ def test_emptying_the_write_ahead_log_waits_for_nobody(caplog):
 
 
 # --- whole records ----------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def five_years(settings):
-    settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 1830
 
 
 def test_records_go_up_to_a_checkpoint_of_their_chain(ago, five_years):
@@ -210,9 +211,21 @@ def test_records_of_days_to_come_go_with_what_was_recorded_after_them(ago, five_
             record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text="Hello.")
     exhaust(remove(TODAY))
     left = Record.objects.filter(robot_id=ROBOT).order_by("seq").values_list("seq", flat=True)
-    assert list(left) == [6, 7, 8]
-    told = Record.objects.get(robot_id=ROBOT, kind="audit.checkpoint").parameters
-    assert (told["through"], told["removed"]) == (5, 5)
+    assert list(left) == [6, 7, 8, 9, 10]  # and three checkpoints
+    assert verify_all().findings == []
+
+
+def test_also_where_nothing_was_recorded_after_them_of_that_robot(ago, five_years):
+    """Their contents went long before, and what says so goes, too."""
+    with ago(-20000):
+        record("speech.start", robot_id=ROBOT, text="the last words of this robot")
+    with ago(1900):
+        record("stop.press")
+    with ago(1850):
+        exhaust(expire(TODAY))
+    exhaust(remove(TODAY))
+    assert [entry.kind for entry in Record.objects.filter(robot_id=ROBOT)] == ["audit.checkpoint"]
+    assert not Record.objects.filter(kind="audit.expire").exists()
     assert verify_all().findings == []
 
 
