@@ -15,8 +15,7 @@ from typing import Protocol
 
 from robots import wire
 from robots.bridge.config import BridgeConfig, Topic
-from robots.bridge.drives import Answer, DriveLog, not_recorded
-from robots.bridge.sink import Holder
+from robots.bridge.drives import Asker, DriveLog, not_recorded
 from robots.wire import Refusal
 
 NAMES = {"drive": "driving", "speech": "speech", "motions": "motions"}
@@ -36,8 +35,8 @@ class Switch(Protocol):
 class Rules(Protocol):
     """What choices must know of the robot, and do to it: `Core`."""
 
-    def why_closed(self, now_s: float) -> Refusal | None:
-        """Why nothing is passed on to the robot, whoever asks: the stop is latched, or it is away."""
+    def why_not_begin(self, asker: Asker, now_s: float) -> Refusal | None:
+        """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
 
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
@@ -51,9 +50,8 @@ class _Choice:
     """A topic that was asked for, or chosen."""
 
     topic: str
-    holder: Holder
+    asker: Asker
     number: Future[int]
-    answer: Answer
     begun: bool = False  # it is on record, and being connected
 
 
@@ -121,22 +119,22 @@ class Choices:
 
     # --- choosing -------------------------------------------------------------------------------------
 
-    def take(self, order: wire.Choose, holder: Holder, now_s: float, answer: Answer) -> None:
-        """Begin to choose. `answer` is called once, when it is done or will not be."""
+    def take(self, order: wire.Choose, asker: Asker, now_s: float) -> None:
+        """Begin to choose. Its asker is answered once, when it is done or will not be."""
         use = order.use
         refusal = self.refuse(use, order.topic) if order.topic or use not in self._defaults else None
-        refusal = refusal or self._why_not_now(use, now_s)
+        refusal = refusal or self._why_not_now(use, asker, now_s)
         if refusal is not None:
-            answer(refusal)
+            asker.answer(refusal)
             return
         self._withdraw(use, Refusal("overtaken", "Another topic was chosen meanwhile.", "robot"), now_s)
         name = order.topic or self._defaults[use].name
         if name == self.topic(use):
-            answer(None)
+            asker.answer(None)
             return
         parameters = {"use": use, "from": self.topic(use), "to": name}
-        number = self._log.request(holder, "topic.choose", parameters, now_s)
-        self._asked[use] = _Choice(name, holder, number, answer)
+        number = self._log.request(asker.holder, "topic.choose", parameters, now_s)
+        self._asked[use] = _Choice(name, asker, number)
 
     def tick(self, busy: Mapping[str, str], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
@@ -168,16 +166,21 @@ class Choices:
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """The next holder begins with the defaults; a base that still rolls gets its zeros where it got its speed."""
-        for use in list(self._asked):
-            self._withdraw(use, Refusal("no_lease", reason, "lease"), now_s)
+        self.withdraw(Refusal("no_lease", reason, "lease"), now_s)
         for use in list(self._made):
             if use == "drive":
                 self._parted_s = now_s
             else:
                 self._go_back(use, "control_ended", reason, now_s)
 
-    def close(self, now_s: float) -> None:
+    def withdraw(self, refusal: Refusal, now_s: float) -> None:
+        """What was asked for and is not made yet will not be."""
+        for use in list(self._asked):
+            self._withdraw(use, refusal, now_s)
+
+    def close(self, refusal: Refusal, now_s: float) -> None:
         """The bridge ends, and the next one begins with the defaults."""
+        self.withdraw(refusal, now_s)
         for use in list(self._made):
             self._end(use, "bridge_ended", now_s)
 
@@ -191,7 +194,7 @@ class Choices:
     def _recorded(self, use: str, choice: _Choice, now_s: float) -> None:
         """Connect, unless something came in between."""
         error = choice.number.exception()
-        refusal = not_recorded(error) if error else self._why_not_now(use, now_s)
+        refusal = not_recorded(error) if error else self._why_not_now(use, choice.asker, now_s)
         if refusal is None:
             choice.begun = True
         else:
@@ -203,14 +206,14 @@ class Choices:
         if choice is None or not choice.begun or choice.topic not in self._connected[use]:
             return
         del self._asked[use]
-        refusal = self._why_not_now(use, now_s)
+        refusal = self._why_not_now(use, choice.asker, now_s)
         if refusal is None:
             self._make(use, choice, f"input goes to {choice.topic} now", now_s)
         self._tell(use, choice, refusal, now_s)
 
-    def _why_not_now(self, use: str, now_s: float) -> Refusal | None:
-        closed = self._rules.why_closed(now_s)
-        return closed or (self._rules.why_not_still(now_s) if use == "drive" else None)
+    def _why_not_now(self, use: str, asker: Asker, now_s: float) -> Refusal | None:
+        refusal = self._rules.why_not_begin(asker, now_s)
+        return refusal or (self._rules.why_not_still(now_s) if use == "drive" else None)
 
     def _make(self, use: str, choice: _Choice, why: str, now_s: float) -> None:
         """From now on input goes there."""
@@ -228,7 +231,7 @@ class Choices:
     def _end(self, use: str, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
-        self._log.outcome(made.number, made.holder, "topic.choose", outcome, parameters, now_s)
+        self._log.outcome(made.number, made.asker.holder, "topic.choose", outcome, parameters, now_s)
 
     def _send_to(self, use: str, name: str, why: str, now_s: float) -> None:
         """A base gets its zero first, where it got its speed."""
@@ -259,10 +262,10 @@ class Choices:
 
     def _tell(self, use: str, choice: _Choice, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
-        choice.answer(refusal)
+        choice.asker.answer(refusal)
         outcome = refusal.code if refusal else "chosen"
         parameters = {"use": use, "to": choice.topic}
-        self._log.outcome(choice.number, choice.holder, "topic.choose", outcome, parameters, now_s)
+        self._log.outcome(choice.number, choice.asker.holder, "topic.choose", outcome, parameters, now_s)
 
     def _why_unheard(self, topic: Topic) -> Refusal | None:
         """Nobody listens there, as far as the last survey of the robot's topics tells, or to another type."""

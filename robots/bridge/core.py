@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from robots import wire
 from robots.bridge.commands import COMMAND_LIFE_S, Stick, stick_of, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
-from robots.bridge.drives import WAITING, DriveLog, unrecorded
+from robots.bridge.drives import WAITING, Asker, DriveLog, unrecorded
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
@@ -151,7 +151,7 @@ class Core:
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """A stick position: publish at once what the gate allows of it. Returns why nothing of it was, if so."""
-        refusal = self.grants.refuse_drive(drive.fence, link) or self._stick.take(drive, now_s)
+        refusal = self.grants.refuse_drive(drive.fence, link, now_s) or self._stick.take(drive, now_s)
         if refusal is None:
             refusal = self._decide(now_s)
         if refusal is not None:
@@ -198,8 +198,7 @@ class Core:
 
     def tick(self, now_s: float) -> None:
         """Every period: expiry, dead-man, the gate's newest word, zeros."""
-        if self.grants.expired(now_s):
-            self._end_control("Control was not renewed in time.", now_s)
+        self._expire(now_s)
         took_s = self._base.acknowledged_s(now_s)
         if took_s is not None:
             self._gate.observe_acknowledgement(took_s, now_s)
@@ -216,12 +215,14 @@ class Core:
 
     def recorded(self, now_s: float) -> None:
         """A record is in: what waited for it need not wait for the next tick."""
+        self._expire(now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
 
     def close(self, now_s: float) -> None:
-        """The bridge ends."""
+        """The bridge ends: nobody has control any more, and nothing begins."""
         self.orders.close(now_s)
+        self.grants.end()
 
     # --- what the robot says ---------------------------------------------------------------------
 
@@ -363,6 +364,13 @@ class Core:
             return Refusal("robot_offline", text, "robot")
         return self._unrecorded
 
+    def why_not_begin(self, asker: Asker, now_s: float) -> Refusal | None:
+        """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
+        refusal = self.grants.refuse_drive(asker.holder.fence, asker.link, now_s)
+        if refusal is None and self._page_gone_s is not None:
+            refusal = Refusal("link_lost", "The console lost its link to the robot.", "lease")
+        return refusal or self.why_closed(now_s)
+
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
         if self._passed != STILL or not self._gate.standstill(now_s):
@@ -458,6 +466,11 @@ class Core:
         self._drives.halted(reason)
         if self._neutral is None:
             self._neutral = reason.rstrip(".")
+
+    def _expire(self, now_s: float) -> None:
+        """A grant that has run out is over, whichever comes first of the tick and what was waited for."""
+        if self.grants.expired(now_s):
+            self._end_control("Control was not renewed in time.", now_s)
 
     def _end_control(self, reason: str, now_s: float) -> None:
         ended = self.grants.end()

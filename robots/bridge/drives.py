@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.path import Path, Track
@@ -38,6 +39,15 @@ SIMPLIFIED_AT_ONCE = 120  # samples: a minute of them, so that a long drive take
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
 
 Answer = Callable[[Refusal | None], None]  # to what was asked: why not, or None once it is on its way
+
+
+class Asker(NamedTuple):
+    """Who asked for something, through which link, and how they are told whether it is done."""
+
+    holder: Holder
+    link: int
+    answer: Answer
+
 
 WAITING = Refusal("recording", "The drive is being put on record.", "audit")
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 from uuid import uuid4
 
-from robots.bridge.drives import Answer, DriveLog, not_recorded
-from robots.bridge.sink import Holder
+from robots.bridge.drives import Asker, DriveLog, not_recorded
+from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
@@ -28,10 +28,9 @@ class Goal(Generic[What]):
 
     what: What
     topic: str  # an action's name, if an action performs it
-    holder: Holder
+    asker: Asker
     since_s: float
     number: Future[int]  # of its start on record
-    answer: Answer
     id: str | None = None
     heard_s: float = math.inf  # when it was on record, was sent, or the robot spoke of it
     cancelled: tuple[str, str] | None = None  # outcome, and why in words
@@ -72,6 +71,28 @@ class Goals(ABC, Generic[What]):
                 self._withdraw(goal.id, goal.topic)
         return True
 
+    @property
+    def begun(self) -> bool:
+        """Whether this console's goal was sent to the robot, and has not ended."""
+        return self._current is not None and self._current.id is not None
+
+    @property
+    def waiting(self) -> Asker | None:
+        """Who asked for what has not been sent yet, and was not cancelled."""
+        goal = self._current
+        return goal.asker if goal is not None and goal.id is None and goal.cancelled is None else None
+
+    def deny(self, refusal: Refusal, now_s: float) -> None:
+        """What has not been sent will not be: the answer, and, unless it was cancelled before, what came of it."""
+        goal = self._current
+        if goal is None or goal.id is not None:
+            return
+        self._current = None
+        if math.isinf(goal.heard_s):
+            goal.asker.answer(refusal)
+        outcome, text = goal.cancelled or (refusal.code, refusal.text)
+        self._record(goal, outcome, text, now_s)
+
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
         """The robot says that a goal has ended."""
         if self._current is not None and self._current.id == goal_id:
@@ -102,12 +123,11 @@ class Goals(ABC, Generic[What]):
         if goal is None or goal.id is not None or not goal.number.done():
             return None
         if error := goal.number.exception():
-            self._current = None
-            goal.answer(not_recorded(error))
+            self.deny(not_recorded(error), now_s)
             return None
         if math.isinf(goal.heard_s):
             goal.heard_s = now_s
-            goal.answer(None)
+            goal.asker.answer(None)
         if goal.cancelled is not None:
             self._end("cancelled", "", now_s)
             return None
@@ -137,3 +157,7 @@ class Goals(ABC, Generic[What]):
     @abstractmethod
     def _over(self, goal: Goal[What], outcome: str, text: str, now_s: float) -> None:
         """Put on record, and tell pages, how it ended."""
+
+    @abstractmethod
+    def _record(self, goal: Goal[What], outcome: str, text: str, now_s: float) -> None:
+        """Put on record how it ended, or that it never began."""

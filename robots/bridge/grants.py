@@ -52,9 +52,9 @@ class Grants:
         """Whether the grant in force has run out by the bridge's own clock."""
         return self.current is not None and now_s >= self.ends_s
 
-    def refuse_drive(self, fence: int, link: int) -> Refusal | None:
+    def refuse_drive(self, fence: int, link: int, now_s: float) -> Refusal | None:
         """Why a command under `fence` does not count, None if it does."""
-        if self.current is None:
+        if self.current is None or self.expired(now_s):
             return Refusal(
                 "no_lease", "Nobody has control of this robot: take control first.", "lease", {"fence": fence}
             )

@@ -14,11 +14,11 @@ import msgspec
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import Answer, DriveLog
+from robots.bridge.drives import Asker, DriveLog
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.goals import Goal, Goals
-from robots.bridge.sink import Holder, Parameters
+from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
@@ -136,17 +136,17 @@ class Motions(Goals[Piece]):
         """Why the base must stand, and no other motion may begin: one runs."""
         goal = self._current
         if goal is not None:
-            motion, who = goal.what.name, goal.holder.holder
+            motion, who = goal.what.name, goal.asker.holder.holder
             text = f"The robot performs “{motion}”, asked for by {who}."
             return Refusal("motion_running", text, "robot", {"motion": motion, "who": who})
         if self._busy(now_s):
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
         return None
 
-    def begin(self, name: str, action: str, holder: Holder, now_s: float, answer: Answer) -> Goal[Piece]:
+    def begin(self, name: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
         """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
-        number = self._log.request(holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._current = Goal(Piece(name), action, holder, now_s, number, answer)
+        number = self._log.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
+        self._current = Goal(Piece(name), action, asker, now_s, number)
         return self._current
 
     def told(self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float) -> None:
@@ -161,22 +161,18 @@ class Motions(Goals[Piece]):
 
     @property
     def due(self) -> bool:
-        """Whether a motion waits for nothing more: it is on record, and its points are known or not needed."""
+        """Whether a motion waits for nothing more: its record is in, and its points are known or not needed."""
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return False
-        return goal.what.space is not None or goal.cancelled is not None
+        known = goal.what.space is not None
+        return known or goal.cancelled is not None or goal.number.exception() is not None
 
     @property
     def space(self) -> Sequence[Disc]:
         """What the arm of this console's motion sweeps; nothing once it is cancelled."""
         goal = self._current
         return goal.what.space or () if goal is not None and goal.cancelled is None else ()
-
-    @property
-    def begun(self) -> bool:
-        """Whether a motion was sent to the robot, and has not ended."""
-        return self._current is not None and self._current.id is not None
 
     @property
     def under_way(self) -> list[str]:
@@ -189,13 +185,6 @@ class Motions(Goals[Piece]):
             self.cancel(refusal.code, refusal.text)
         else:
             self.deny(refusal, now_s)
-
-    def deny(self, refusal: Refusal, now_s: float) -> None:
-        """What was asked for is not begun: that is the answer, and what came of it."""
-        goal, self._current = self._current, None
-        if goal is not None:
-            goal.answer(refusal)
-            self._record(goal, refusal.code, refusal.text, now_s)
 
     def start(self, now_s: float) -> None:
         """Send the goal of what is due; what could not be recorded, or was cancelled meanwhile, is not done."""
@@ -214,19 +203,18 @@ class Motions(Goals[Piece]):
         """The robot says which goals are under way."""
         self._heard(action, goal_ids, now_s)
 
-    def close(self, now_s: float) -> None:
+    def close(self, refusal: Refusal, now_s: float) -> None:
         """The bridge ends, and with it whoever could watch the motion."""
-        goal = self._current
-        if goal is not None and goal.id is not None:
-            self.cancel("control_ended", "The bridge ended.")
-            self._end("cancelled", "", now_s)
+        self.deny(refusal, now_s)
+        self.cancel("control_ended", "The bridge ended.")
+        self._end("cancelled", "", now_s)
 
     def view(self, now_s: float) -> wire.Motion | None:
         """What is under way, for pages."""
         goal = self._current
         if goal is None:
             return None
-        return wire.Motion(goal.what.name, goal.holder.holder, round(now_s - goal.since_s, 1))
+        return wire.Motion(goal.what.name, goal.asker.holder.holder, round(now_s - goal.since_s, 1))
 
     def _over(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)
@@ -235,4 +223,4 @@ class Motions(Goals[Piece]):
     def _record(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
         duration_s = round(now_s - goal.since_s, 2)
         figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
-        self._log.outcome(goal.number, goal.holder, "motion.end", outcome, figures, now_s)
+        self._log.outcome(goal.number, goal.asker.holder, "motion.end", outcome, figures, now_s)

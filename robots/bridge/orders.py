@@ -16,7 +16,7 @@ from robots import wire
 from robots.bridge import twists
 from robots.bridge.choices import Choices, Switch
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drives import Answer, DriveLog, not_recorded
+from robots.bridge.drives import Answer, Asker, DriveLog, not_recorded
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, Velocity
@@ -32,6 +32,7 @@ from robots.bridge.speech import Speaking, Utterance, Voice, own_language, why_n
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
+ENDED = Refusal("bridge_ended", "It was not done: the robot's bridge ended.", "robot")
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
 
 # Called later, on the loop: the space from where the arm is, None if the action offers no such motion; and the time.
@@ -45,6 +46,9 @@ class Rules(Protocol):
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
+
+    def why_not_begin(self, asker: Asker, now_s: float) -> Refusal | None:
+        """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
 
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
@@ -76,8 +80,7 @@ class _Look(NamedTuple):
     """A look ahead that was asked for, and is being put on record."""
 
     number: Future[int]
-    holder: Holder
-    answer: Answer
+    asker: Asker
 
 
 class Orders:
@@ -110,22 +113,23 @@ class Orders:
 
     def take(self, order: wire.Order, link: int, now_s: float, answer: Answer) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
-        refusal = self._rules.grants.refuse_drive(order.fence or 0, link)
+        refusal = self._rules.grants.refuse_drive(order.fence or 0, link, now_s)
         grant = self._rules.grants.current
         if refusal is not None or grant is None:
             answer(refusal)
             return
+        asker = Asker(holder_of(grant), link, answer)
         match order:
             case wire.Publish():
-                self._publish(order, grant, link, now_s, answer)
+                self._publish(order, grant, asker, now_s)
             case wire.Play():
-                self._play(order, grant, now_s, answer)
+                self._play(order, asker, now_s)
             case wire.LookAhead():
-                self._look_ahead(grant, now_s, answer)
+                self._look_ahead(asker, now_s)
             case wire.Say():
-                self._say(order, grant, now_s, answer)
+                self._say(order, asker, now_s)
             case wire.Choose():
-                self.choices.take(order, holder_of(grant), now_s, answer)
+                self.choices.take(order, asker, now_s)
             case _:
                 answer(self._end(order, now_s))
 
@@ -173,7 +177,7 @@ class Orders:
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
             self.motions.cancel("link_lost", "The console lost its link to the robot.")
             self.publishings.halt("link_lost", now_s)
-        self.publishings.tick(now_s)
+        self.publishings.tick(self._rules.why_not_begin, now_s)
         self._watch_motion(now_s)
         self._watch_speech(now_s)
         busy = {"speech": self.speaking.topic, "motions": self.motions.topic}
@@ -193,6 +197,8 @@ class Orders:
         self._forget_looks(now_s, refusal)
         self.publishings.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
+        self.speaking.deny(refusal, now_s)
+        self.choices.withdraw(refusal, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""
@@ -205,22 +211,22 @@ class Orders:
 
     def close(self, now_s: float) -> None:
         """The bridge ends."""
-        self.publishings.halt("bridge ended", now_s)
-        self.motions.close(now_s)
-        self.speaking.close(now_s)
-        self.choices.close(now_s)
+        self._forget_looks(now_s, ENDED)
+        self.publishings.halt("bridge ended", now_s, ENDED)
+        self.motions.close(ENDED, now_s)
+        self.speaking.close(ENDED, now_s)
+        self.choices.close(ENDED, now_s)
 
     # --- head -----------------------------------------------------------------------------------------
 
-    def _look_ahead(self, grant: Grant, now_s: float, answer: Answer) -> None:
+    def _look_ahead(self, asker: Asker, now_s: float) -> None:
         """Put it on record; the head is turned, and the question answered, once that is done."""
-        refusal = self._why_no_look(now_s)
+        refusal = self._rules.why_not_begin(asker, now_s) or self._why_no_look(now_s)
         if refusal is not None:
-            answer(refusal)
+            asker.answer(refusal)
             return
-        holder = holder_of(grant)
-        number = self._log.request(holder, "head.look_ahead", {}, now_s)
-        self._looks.append(_Look(number, holder, answer))
+        number = self._log.request(asker.holder, "head.look_ahead", {}, now_s)
+        self._looks.append(_Look(number, asker))
 
     def _forget_looks(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """What is not on record yet will not be done."""
@@ -230,9 +236,9 @@ class Orders:
 
     def _tell_look(self, look: _Look, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
-        look.answer(refusal)
+        look.asker.answer(refusal)
         outcome = refusal.code if refusal else "sent"
-        self._log.outcome(look.number, look.holder, "head.look_ahead", outcome, {}, now_s)
+        self._log.outcome(look.number, look.asker.holder, "head.look_ahead", outcome, {}, now_s)
 
     def _why_no_look(self, now_s: float) -> Refusal | None:
         if self._head is None:
@@ -263,30 +269,30 @@ class Orders:
         granted = False
         for look in due:
             error = look.number.exception()
-            refusal = not_recorded(error) if error else self._why_no_look(now_s)
+            refusal = not_recorded(error) if error else self._rules.why_not_begin(look.asker, now_s)
+            refusal = refusal or self._why_no_look(now_s)
             granted = granted or refusal is None
             self._tell_look(look, refusal, now_s)
         return granted
 
     # --- publishing -----------------------------------------------------------------------------------
 
-    def _publish(self, order: wire.Publish, grant: Grant, link: int, now_s: float, answer: Answer) -> None:
+    def _publish(self, order: wire.Publish, grant: Grant, asker: Asker, now_s: float) -> None:
         if order.type in twists.TYPES:
-            answer(self._twist(order, grant, now_s))
+            asker.answer(self._twist(order, grant, now_s))
             return
-        refusal = self._rules.why_closed(now_s) or self._why_not_publish(order)
+        refusal = self._rules.why_not_begin(asker, now_s) or self._why_not_publish(order)
         if refusal is not None:
-            answer(refusal)
+            asker.answer(refusal)
             return
 
         def checked(refusal: Refusal | None, now_s: float) -> None:
             # Meanwhile control may have gone elsewhere, or the stop been pressed.
-            refusal = refusal or self._rules.grants.refuse_drive(order.fence, link)
-            refusal = refusal or self._rules.why_closed(now_s)
+            refusal = refusal or self._rules.why_not_begin(asker, now_s)
             if refusal is None:
-                self.publishings.begin(order, holder_of(grant), now_s, answer)
+                self.publishings.begin(order, asker, now_s)
             else:
-                answer(refusal)
+                asker.answer(refusal)
 
         self._publisher.check(order, checked)
 
@@ -314,16 +320,14 @@ class Orders:
 
     # --- motions --------------------------------------------------------------------------------------
 
-    def _play(self, order: wire.Play, grant: Grant, now_s: float, answer: Answer) -> None:
+    def _play(self, order: wire.Play, asker: Asker, now_s: float) -> None:
         """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
-        refusal = (
-            self.choices.refuse("motions", None) or self.motions.refuse(now_s) or self._why_no_motion(now_s)
-        )
+        refusal = self.motions.refuse(now_s) or self._why_no_motion(asker, None, now_s)
         if refusal is not None:
-            answer(refusal)
+            asker.answer(refusal)
             return
         action = self.choices.topic("motions")
-        goal = self.motions.begin(order.motion, action, holder_of(grant), now_s, answer)
+        goal = self.motions.begin(order.motion, action, asker, now_s)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
             self.motions.told(goal, space, now_s)
@@ -336,17 +340,23 @@ class Orders:
             return None
         return Refusal("no_motion", "No motion that was started here runs.", "robot")
 
-    def _why_no_motion(self, now_s: float) -> Refusal | None:
-        """The first rule that keeps the arm where it is; lease, other motions and the arm's space apart."""
-        return self._rules.why_closed(now_s) or self._rules.why_not_still(now_s)
+    def _why_no_motion(self, asker: Asker, action: str | None, now_s: float) -> Refusal | None:
+        """The first rule that keeps the arm where it is; other motions and the arm's space apart."""
+        return (
+            self._rules.why_not_begin(asker, now_s)
+            or self.choices.refuse("motions", action)
+            or self._rules.why_not_still(now_s)
+        )
 
     def _watch_motion(self, now_s: float) -> None:
         """Begin what is due, if nothing stands against it; cancel what must not go on."""
         motions = self.motions
         if motions.due:
-            refusal = self._why_no_motion(now_s) or self._room.why_none(motions.space, now_s)
-            if refusal is not None:
-                motions.deny(refusal, now_s)
+            if asker := motions.waiting:
+                refusal = self._why_no_motion(asker, motions.topic, now_s)
+                refusal = refusal or self._room.why_none(motions.space, now_s)
+                if refusal is not None:
+                    motions.deny(refusal, now_s)
             motions.start(now_s)
         elif motions.begun and (refusal := self._room.why_none(motions.space, now_s, running=True)):
             motions.cancel(OUTCOMES[refusal.code], refusal.text)
@@ -354,15 +364,15 @@ class Orders:
 
     # --- speech ---------------------------------------------------------------------------------------
 
-    def _say(self, order: wire.Say, grant: Grant, now_s: float, answer: Answer) -> None:
-        refusal = why_not_speakable(order.text) or self._rules.why_closed(now_s)
+    def _say(self, order: wire.Say, asker: Asker, now_s: float) -> None:
+        refusal = why_not_speakable(order.text) or self._rules.why_not_begin(asker, now_s)
         refusal = refusal or self.choices.refuse("speech", order.topic) or self.speaking.refuse(now_s)
         if refusal is not None:
-            answer(refusal)
+            asker.answer(refusal)
             return
         language = own_language(order.language, self._config.topics.languages)
         utterance = Utterance(order.text, language, order.topic or self.choices.topic("speech"))
-        self.speaking.begin(utterance, holder_of(grant), now_s, answer)
+        self.speaking.begin(utterance, asker, now_s)
 
     def _cancel_speech(self, why: str) -> Refusal | None:
         if self.speaking.cancel("cancelled", why):
@@ -371,8 +381,9 @@ class Orders:
 
     def _watch_speech(self, now_s: float) -> None:
         """Say what is on record, if nothing has come in between."""
-        if self.speaking.waiting and (closed := self._rules.why_closed(now_s)):
-            self.speaking.cancel("cancelled", closed.text)
+        asker = self.speaking.waiting
+        if asker and (refusal := self._rules.why_not_begin(asker, now_s)):
+            self.speaking.cancel("cancelled", refusal.text)
         self.speaking.start(self.choices.connected("speech"), now_s)
         self.speaking.tick(now_s)
 

@@ -10,8 +10,8 @@ from typing import Protocol
 import msgspec
 
 from robots import wire
-from robots.bridge.drives import Answer, DriveLog, not_recorded
-from robots.bridge.sink import Holder, Parameters
+from robots.bridge.drives import Asker, DriveLog, not_recorded
+from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 HALTED = Refusal(
@@ -41,10 +41,9 @@ class Publisher(Protocol):
 @dataclass
 class _Publishing:
     order: wire.Publish
-    holder: Holder
+    asker: Asker
     number: Future[int]
     since_s: float
-    answer: Answer
 
 
 class Publishings:
@@ -56,7 +55,7 @@ class Publishings:
         self._waiting: list[_Publishing] = []  # for their records
         self._running: dict[str, _Publishing] = {}  # at a rate
 
-    def begin(self, order: wire.Publish, holder: Holder, now_s: float, answer: Answer) -> None:
+    def begin(self, order: wire.Publish, asker: Asker, now_s: float) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
         parameters: Parameters = {
             "topic": order.topic,
@@ -64,23 +63,21 @@ class Publishings:
             "rate_hz": order.rate_hz,
             "fields": msgspec.json.encode(order.fields).decode(),
         }
-        number = self._log.request(holder, "publish.start", parameters, now_s)
-        self._waiting.append(_Publishing(order, holder, number, now_s, answer))
+        number = self._log.request(asker.holder, "publish.start", parameters, now_s)
+        self._waiting.append(_Publishing(order, asker, number, now_s))
 
-    def tick(self, now_s: float) -> None:
-        """Send what is on record now; what could not be recorded is not sent."""
+    def tick(self, why_not: Callable[[Asker, float], Refusal | None], now_s: float) -> None:
+        """Send what is on record now; what could not be recorded, or may not begin any more, is not sent."""
         due = [waiting for waiting in self._waiting if waiting.number.done()]
         self._waiting = [waiting for waiting in self._waiting if not waiting.number.done()]
         for publishing in due:
             error = publishing.number.exception()
-            publishing.answer(not_recorded(error) if error else None)
-            if error is None:
-                self._end(publishing.order.topic, "replaced", now_s)
-                self._publisher.publish(publishing.order)
-                if publishing.order.rate_hz:
-                    self._running[publishing.order.topic] = publishing
-                else:
-                    self._tell_end(publishing, "sent", now_s)
+            refusal = not_recorded(error) if error else why_not(publishing.asker, now_s)
+            publishing.asker.answer(refusal)
+            if refusal is not None:
+                self._tell_end(publishing, refusal.code, now_s)
+            else:
+                self._send(publishing, now_s)
         if self._running:
             self._publisher.keep_alive()
 
@@ -96,7 +93,7 @@ class Publishings:
         self._publisher.halt()
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
-            publishing.answer(refusal)
+            publishing.asker.answer(refusal)
             self._tell_end(publishing, why, now_s)
         for topic in list(self._running):
             self._end(topic, why, now_s)
@@ -115,6 +112,15 @@ class Publishings:
             for topic, publishing in self._running.items()
         ]
 
+    def _send(self, publishing: _Publishing, now_s: float) -> None:
+        topic = publishing.order.topic
+        self._end(topic, "replaced", now_s)
+        self._publisher.publish(publishing.order)
+        if publishing.order.rate_hz:
+            self._running[topic] = publishing
+        else:
+            self._tell_end(publishing, "sent", now_s)
+
     def _end(self, topic: str, outcome: str, now_s: float) -> None:
         publishing = self._running.pop(topic, None)
         if publishing is not None:
@@ -127,4 +133,4 @@ class Publishings:
             "topic": publishing.order.topic,
             "duration_s": round(now_s - publishing.since_s, 2),
         }
-        self._log.outcome(publishing.number, publishing.holder, "publish.end", outcome, figures, now_s)
+        self._log.outcome(publishing.number, publishing.asker.holder, "publish.end", outcome, figures, now_s)

@@ -15,9 +15,9 @@ from typing import Protocol
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import Answer, DriveLog
+from robots.bridge.drives import Asker, DriveLog
 from robots.bridge.goals import Goal, Goals
-from robots.bridge.sink import Holder, Parameters
+from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
@@ -108,25 +108,19 @@ class Speaking(Goals[_Saying]):
         """Why nothing else can be said: the robot speaks."""
         goal = self._current
         if goal is not None:
-            who, text = goal.holder.holder, goal.what.utterance.text
+            who, text = goal.asker.holder.holder, goal.what.utterance.text
             told = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
             return Refusal("speaking", told, "robot", {"who": who, "text": text})
         if self._busy(now_s):
             return Refusal("speaking", "The robot says something that others asked for: wait.", "robot")
         return None
 
-    def begin(self, utterance: Utterance, holder: Holder, now_s: float, answer: Answer) -> None:
+    def begin(self, utterance: Utterance, asker: Asker, now_s: float) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
-        number = self._log.request(holder, "speech.start", parameters, now_s)
-        self._current = Goal(_Saying(utterance), topic, holder, now_s, number, answer)
-
-    @property
-    def waiting(self) -> bool:
-        """Whether a text was asked for that has not been sent yet."""
-        goal = self._current
-        return goal is not None and goal.id is None
+        number = self._log.request(asker.holder, "speech.start", parameters, now_s)
+        self._current = Goal(_Saying(utterance), topic, asker, now_s, number)
 
     def start(self, connected: Collection[str], now_s: float) -> None:
         """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
@@ -136,11 +130,10 @@ class Speaking(Goals[_Saying]):
             if not tells:
                 self._end("sent", "", now_s)
 
-    def close(self, now_s: float) -> None:
+    def close(self, refusal: Refusal, now_s: float) -> None:
         """The bridge ends: the robot may go on, unheard from here."""
-        goal = self._current
-        if goal is not None and goal.id is not None:
-            self._end("unheard", "The bridge ended while the robot spoke.", now_s)
+        self.deny(refusal, now_s)
+        self._end("unheard", "The bridge ended while the robot spoke.", now_s)
 
     def view(self, now_s: float) -> wire.Speech | None:
         """What is being said, for pages, from when it was sent."""
@@ -153,7 +146,7 @@ class Speaking(Goals[_Saying]):
             text=saying.utterance.text,
             language=saying.utterance.language,
             topic=saying.utterance.topic,
-            who=goal.holder.holder,
+            who=goal.asker.holder.holder,
             status=saying.status,
             since_s=round(now_s - goal.since_s, 1),
             word=saying.word,
@@ -175,8 +168,11 @@ class Speaking(Goals[_Saying]):
 
     def _over(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
         self.last = wire.SpeechEnd(goal.number.result(), outcome, text)
+        self._record(goal, outcome, text, now_s)
+
+    def _record(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
         figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
-        self._log.outcome(goal.number, goal.holder, "speech.end", outcome, figures, now_s)
+        self._log.outcome(goal.number, goal.asker.holder, "speech.end", outcome, figures, now_s)
 
 
 def _short(text: str) -> str:

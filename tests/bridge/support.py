@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 
 from robots import wire
-from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
+from robots.bridge.config import Allowed, BridgeConfig, HeadSource, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
@@ -354,6 +355,45 @@ class Bench:
     @property
     def last(self) -> Velocity:
         return self.base.sent[-1]
+
+
+ORDERS: dict[str, wire.Order] = {
+    "motion": wire.Play(1, "wave"),
+    "message": wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}),
+    "look": wire.LookAhead(1),
+    "text": wire.Say(1, "Hello", "en-GB"),
+    "choice": wire.Choose(1, "drive", "/phone_vel"),
+}
+
+
+class ObedientBench(Bench):
+    """Its robot does whatever `ORDERS` ask for, as soon as it may, and speaks of it."""
+
+    def __init__(self) -> None:
+        head = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint")
+        allowed = (
+            Allowed("publish", "/notes", "std_msgs/String"),
+            Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive"),
+        )
+        topics = msgspec.structs.replace(CONFIG.topics, head=head)
+        super().__init__(config=msgspec.structs.replace(CONFIG, topics=topics, allowed=allowed))
+        self.online().base.sweeps = {"wave": ()}
+        self.granted().pass_time(0.3)
+
+    def obeys(self) -> None:
+        """Records are in, and what is asked of the robot then is done."""
+        self.recorded()
+        self.core.recorded(self.now_s)
+        for use, topics in self.base.attended:
+            self.core.orders.choices.attended(use, topics, self.now_s)
+        self.base.attended.clear()
+        self.recorded()
+
+    @property
+    def begun(self) -> list[object]:
+        """What was begun on the robot."""
+        base = self.base
+        return [*base.played, *self.publisher.published, *base.aims, *base.said, *base.switched]
 
 
 class Wire:

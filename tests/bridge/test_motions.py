@@ -52,6 +52,12 @@ def settled(bench):
     bench.core.tick(bench.now_s)
 
 
+def runs_out(bench):
+    """The loop stalls, and the grant runs out meanwhile."""
+    bench.granted(seconds=0.3)
+    bench.now_s += 0.5
+
+
 def passes(bench, goal_id, seconds):
     """Time in which the robot speaks of the goal."""
     for _ in range(round(seconds / 0.1)):
@@ -89,6 +95,14 @@ def test_what_cannot_be_recorded_is_not_done(bench):
     answers = bench.ask(wire.Play(1, "wave"))
     settled(bench)
     assert bench.base.played == []
+    assert [refusal.code for refusal in answers] == ["not_recorded"]
+
+
+def test_what_cannot_be_recorded_is_refused_before_its_points_come(bench):
+    bench.base.asked = []
+    bench.sink.fails = "disk full"
+    answers = bench.ask(wire.Play(1, "wave"))
+    settled(bench)
     assert [refusal.code for refusal in answers] == ["not_recorded"]
 
 
@@ -260,6 +274,12 @@ def test_points_that_come_before_the_record_wait_for_it(bench):
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
         (lambda bench: bench.odometry(Velocity(0.3, 0.0, 0.0)), "base_moving"),
         (lambda bench: bench.pass_time(3.1), "robot_silent"),
+        (lambda bench: bench.core.hold(1, "the page was left", bench.now_s), "link_lost"),
+        (lambda bench: bench.core.link_lost(1, bench.now_s), "link_lost"),
+        (lambda bench: bench.granted(link=2), "other_link"),
+        (lambda bench: runs_out(bench), "no_lease"),
+        (lambda bench: bench.core.orders.choices.surveyed({}, bench.now_s), "no_listener"),
+        (lambda bench: bench.core.close(bench.now_s), "bridge_ended"),
     ],
 )
 def test_what_comes_in_between_request_and_points_keeps_it_from_starting(bench, happens, outcome):

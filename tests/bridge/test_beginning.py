@@ -1,0 +1,85 @@
+"""What waits for its record begins only for one who still has control, and is there, when that record is in."""
+
+import pytest
+
+from tests.bridge.support import ORDERS, ObedientBench
+
+
+@pytest.fixture
+def bench():
+    return ObedientBench()
+
+
+def runs_out(bench):
+    """The loop stalls, and the grant runs out meanwhile."""
+    bench.granted(seconds=0.3)
+    bench.now_s += 0.5
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_whatever_is_asked_for_begins_once_it_is_on_record(bench, what):
+    bench.sink.open.clear()
+    bench.ask(ORDERS[what])
+    assert bench.begun == []
+    bench.sink.open.set()
+    bench.obeys()
+    assert len(bench.begun) == 1
+
+
+@pytest.mark.parametrize("what", ORDERS)
+@pytest.mark.parametrize(
+    "happens",
+    [
+        lambda bench: bench.core.hold(1, "the page was left", bench.now_s),
+        lambda bench: bench.core.link_lost(1, bench.now_s),
+        lambda bench: bench.granted(link=2),
+        lambda bench: bench.granted(fence=2),
+        runs_out,
+        lambda bench: bench.core.close(bench.now_s),
+    ],
+)
+def test_for_who_lost_control_or_left_meanwhile_it_does_not_and_that_is_on_record(bench, what, happens):
+    bench.sink.open.clear()
+    answers = bench.ask(ORDERS[what])
+    happens(bench)
+    bench.sink.open.set()
+    bench.obeys()
+    assert bench.begun == []
+    assert len(answers) == 1
+    _, (_, end) = bench.sink.records
+    assert end.outcome not in ("", "unknown")
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_at_the_end_of_the_bridge_what_waits_is_refused_with_that_as_its_outcome(bench, what):
+    bench.sink.open.clear()
+    answers = bench.ask(ORDERS[what])
+    bench.core.close(bench.now_s)
+    assert [refusal.code for refusal in answers] == ["bridge_ended"]
+    bench.sink.open.set()
+    bench.obeys()
+    assert bench.sink.records[-1][1].outcome.replace(" ", "_") == "bridge_ended"
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_after_the_end_of_the_bridge_nothing_is_asked_for(bench, what):
+    bench.core.close(bench.now_s)
+    assert bench.order(ORDERS[what]).code == "no_lease"
+
+
+def test_a_message_whose_fields_were_being_checked_when_the_bridge_ended_is_not_put_on_record(bench):
+    bench.publisher.waiting = []
+    answers = bench.ask(ORDERS["message"])
+    bench.core.close(bench.now_s)
+    bench.publisher.waiting.pop()()
+    assert [refusal.code for refusal in answers] == ["no_lease"]
+    assert bench.sink.records == []
+
+
+def test_a_stick_moves_nothing_between_the_end_of_its_grant_and_the_tick_that_finds_it(bench):
+    bench.driving(0.3)
+    runs_out(bench)
+    sent = len(bench.base.sent)
+    assert bench.stick(0.5).code == "no_lease"
+    bench.core.recorded(bench.now_s)
+    assert all(velocity.vx == 0.0 for velocity in bench.base.sent[sent:])
