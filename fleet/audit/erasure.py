@@ -19,6 +19,7 @@ from django.utils import timezone
 from fleet.audit import SystemAccount, record
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.retention import empty_wal, take_out
+from fleet.audit.services import wait_for_writers
 
 PAUSE_S = 0.02  # between two steps: other writers come in
 
@@ -43,6 +44,7 @@ def erase(
     to it that the person does nothing more.
     """
     newest = Content.objects.aggregate(newest=Max("pk"))["newest"] or 0
+    wait_for_writers()  # numbers below the newest may have been given to some of them
     numbers = _by_or_about(person_id, names, Content.objects.filter(pk__lte=newest))
     with transaction.atomic():
         numbers |= _by_or_about(person_id, names, Content.objects.filter(pk__gt=newest))  # put in meanwhile
@@ -93,12 +95,12 @@ def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int
 
 
 def _words(value: Any) -> Iterator[str]:
-    """All texts within a JSON value; not its keys, which are ours."""
+    """All texts within a JSON value, also keys: the fields of a message are named by whoever sends it."""
     match value:
         case str():
             yield value
         case dict():
-            yield from _words(list(value.values()))
+            yield from _words([*value, *value.values()])
         case list():
             for item in value:
                 yield from _words(item)

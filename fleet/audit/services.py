@@ -94,6 +94,16 @@ def lock_chain(chain_id: uuid.UUID, name: str = "") -> None:
         Chain.objects.filter(pk=chain_id).update(name=name)
 
 
+def wait_for_writers() -> None:
+    """Wait until whoever appends now has committed: chain by chain, for nobody has a number who holds none.
+
+    Not for the first record of a robot, which has no chain to hold until it is committed.
+    """
+    for chain_id in list(Chain.objects.values_list("pk", flat=True)):
+        with transaction.atomic():
+            _hold(chain_id)
+
+
 def _take_over(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
     """What an outcome has in common with its request, unless it was told."""
     if earlier is not None:

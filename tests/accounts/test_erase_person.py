@@ -1,12 +1,16 @@
 """A person can be forgotten, and the log stays whole."""
 
 import io
+import time
+import uuid
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest import mock
 
 import pytest
 from django.core.management import CommandError, call_command
-from django.db import connection
+from django.db import connection, transaction
 
 from fleet.accounts.models import User
 from fleet.audit import record, retention
@@ -20,6 +24,14 @@ def erase(username: str = "operator") -> str:
     words = io.StringIO()
     call_command("erase_person", username, yes=True, stdout=words)
     return words.getvalue()
+
+
+def until(done: Callable[[], object], timeout_s: float = 20.0) -> None:
+    """Wait for what another thread does."""
+    ends_s = time.monotonic() + timeout_s
+    while not done():
+        assert time.monotonic() < ends_s
+        time.sleep(0.02)
 
 
 def test_nothing_names_an_erased_person_any_more(operator, staff):
@@ -49,6 +61,7 @@ def test_others_records_do_not_name_them_either(operator, staff, name):
         {"words": f"{name} has control: ask for it."},
         {"words": f"The robot was stopped by {name}."},
         {"figures": {"holders": [{"name": name}]}},
+        {"fields": {name: True}},
         {"reason": "Ask olga@lab.example, Olga Operator, or operator."},
     ):
         record("refusal", actor=staff, private=private)
@@ -80,6 +93,32 @@ def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step
     erase(operator.username)
     assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
     assert verify_all().findings == []
+
+
+@pytest.mark.skipif(connection.vendor == "sqlite", reason="SQLite has one writer")
+@pytest.mark.django_db(transaction=True)
+def test_what_is_being_recorded_meanwhile_is_found_too(operator, staff):
+    """Its number is below one that is committed already."""
+
+    def erase_and_close() -> None:
+        erase()
+        connection.close()
+
+    robot_id = uuid.uuid4()
+    record("stop.press", robot_id=robot_id)
+    with ThreadPoolExecutor(1) as pool:
+        with transaction.atomic():
+            record("refusal", actor=staff, robot_id=robot_id, private={"words": "Olga Operator has control."})
+            erased = pool.submit(erase_and_close)
+            until(lambda: erased.done() or waits_for_us())
+        erased.result()
+    assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
+
+
+def waits_for_us() -> bool:
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT 1 FROM pg_stat_activity WHERE pg_backend_pid() = ANY(pg_blocking_pids(pid))")
+        return cursor.fetchone() is not None
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL's vacuum comes by itself, and later")
