@@ -100,7 +100,7 @@ def wait_for_writers() -> None:
     Not for the first record of a robot, which has no chain to hold until it is committed.
     """
     for chain_id in list(Chain.objects.values_list("pk", flat=True)):
-        with transaction.atomic():
+        with _in_words(), transaction.atomic():
             _hold(chain_id)
 
 
