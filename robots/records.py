@@ -7,6 +7,8 @@ places, words and what the sensors saw are what may expire or be erased.
 from __future__ import annotations
 
 import functools
+import os
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any, ParamSpec, TypedDict, TypeVar
 from uuid import UUID
@@ -60,6 +62,37 @@ ENDS = {
 _EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
 
 
+class _Opened(threading.local):
+    """A connection to a file of SQLite's, and which file that was when it was made."""
+
+    by: object = None
+    file: tuple[int, int] | None = None
+
+
+_opened = _Opened()
+
+
+def _look_at_file() -> None:
+    """Write to the file that has the database's name now.
+
+    A kept connection of SQLite's goes on with the one it opened, and what it writes into one that was removed or
+    replaced nobody can read.
+    """
+    if connection.vendor != "sqlite":
+        return
+    try:
+        status = os.stat(connection.settings_dict["NAME"])
+    except OSError as error:
+        connection.close()
+        raise RecordError("the file of the database is gone") from error
+    file = (status.st_dev, status.st_ino)
+    if connection.connection is _opened.by and file != _opened.file:
+        connection.close()
+    connection.ensure_connection()
+    if connection.connection is not _opened.by:
+        _opened.by, _opened.file = connection.connection, file
+
+
 def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
     """Whatever kept the record from being written, in words.
 
@@ -70,6 +103,7 @@ def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             close_old_connections()
+            _look_at_file()
             return method(*args, **kwargs)
         except AuditUnavailable as error:
             connection.close()

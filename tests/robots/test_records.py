@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sqlite3
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from pathlib import Path
 from unittest import mock
 
 import pytest
@@ -265,6 +267,41 @@ def test_a_connection_that_is_kept_is_made_anew_after_a_failure(sink: AuditSink,
         sink.begin_drive(holder, START)
         assert connection.connection is not kept
     connection.close()
+
+
+def test_a_connection_that_is_kept_writes_no_file_that_was_replaced_or_is_gone(
+    sink: AuditSink, holder: Holder, tmp_path: Path
+) -> None:
+    if connection.vendor != "sqlite":
+        pytest.skip("of SQLite's files")
+    tested, file, other = connection.settings_dict["NAME"], tmp_path / "fleet.sqlite3", tmp_path / "other"
+
+    def copied(to: Path) -> None:
+        with closing(sqlite3.connect(tested)) as source, closing(sqlite3.connect(to)) as target:
+            source.backup(target)
+
+    def held(number: int) -> bool:
+        with closing(sqlite3.connect(file)) as reader:
+            return bool(reader.execute("SELECT 1 FROM audit_record WHERE id = ?", [number]).fetchall())
+
+    copied(file)
+    connection.close()
+    with mock.patch.dict(connection.settings_dict, NAME=str(file), CONN_MAX_AGE=None):
+        sink.begin_drive(holder, START)
+        kept = connection.connection
+        assert held(sink.begin_drive(holder, START))
+        assert connection.connection is kept
+        copied(other)
+        other.replace(file)
+        assert held(sink.begin_drive(holder, START))
+        file.unlink()
+        for _ in range(2):
+            with pytest.raises(RecordError, match="the file of the database is gone"):
+                sink.begin_drive(holder, START)
+        assert not file.exists()
+        copied(file)
+        assert held(sink.begin_drive(holder, START))
+        connection.close()
 
 
 @contextmanager
