@@ -13,8 +13,11 @@ from robots.models import RobotMap
 
 @transaction.atomic
 def map_seen(robot_id: UUID, taken: TakenMap, now: datetime) -> RobotMap:
-    """This is the robot's map now. Only the robot's one bridge says so: nobody else does at the same time."""
-    newest = RobotMap.objects.filter(robot_id=robot_id).defer("picture").order_by("first_seen_at").last()
+    """This is the robot's map now. Only the robot's one bridge says so: nobody else does at the same time.
+
+    Which was told last, their numbers tell: a clock may have been ahead.
+    """
+    newest = RobotMap.objects.filter(robot_id=robot_id).defer("picture").order_by("pk").last()
     if newest is not None and newest.digest == taken.digest:
         newest.last_seen_at = max(now, newest.last_seen_at)
         newest.save(update_fields=["last_seen_at"])

@@ -1,0 +1,28 @@
+"""A robot's map is one row for as long as it stays the same."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta, timezone
+
+import pytest
+
+from robots.bridge.gate.values import Pose
+from robots.bridge.sink import TakenMap
+from robots.maps import map_seen
+from robots.models import Robot
+
+pytestmark = pytest.mark.django_db
+
+NOON = datetime(2026, 11, 17, 12, 0, tzinfo=timezone.utc)
+
+
+def test_a_clock_that_was_ahead_once_makes_no_row_of_each_sight_of_the_map_after_it(robot: Robot) -> None:
+    def seen(what: str, moment: datetime) -> None:
+        map_seen(robot.pk, TakenMap(0.05, Pose(0.0, 0.0, 0.0), 1, 1, what.encode(), what), moment)
+
+    seen("a", NOON + timedelta(days=3650))
+    for minutes in (0, 5, 10):
+        seen("b", NOON + timedelta(minutes=minutes))
+    _, newer = robot.maps.order_by("pk")
+    assert (newer.digest, newer.first_seen_at) == ("b", NOON)
+    assert newer.last_seen_at == NOON + timedelta(minutes=10)
