@@ -10,16 +10,17 @@ import json
 import re
 from collections.abc import Iterator
 from datetime import datetime
+from enum import Enum
 from itertools import islice
 from typing import Any
 
-from django.db.models import Q, QuerySet
+from django.db.models import Q
 from django.db.models.functions import Coalesce
 from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit import exports
-from fleet.audit.listing import Page, Selection, Wanted
+from fleet.audit.listing import Page, Row, Selection, Wanted, rows_of
 from fleet.audit.models import Record
 from teleop.models import ControlSession
 
@@ -34,10 +35,12 @@ _ABOUT = {
     "role.change": "user",
     "control.take_over": "holder",
     "audit.export": "person",
+    "account.sign_in_failed": "user",
 }
 # Those of which the details, too, are about nobody else: names and addresses of the account.
 _DETAILED = {"account.create", "account.change", "role.change"}
 _PERSONS = {"holder", "person", "to", "user"}  # parameters in which somebody's identifier may stand
+_DIGESTS = {"name_digest", "address_digest"}  # of what somebody typed, and from where
 _IDENTIFIER = re.compile("[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
@@ -62,26 +65,47 @@ def own_records(user: User, *, before: int | None, after: int | None) -> Page:
     return Selection(_of(user)).page(before=before, after=after, size=RECORDS)
 
 
-class About(Struct, frozen=True):
-    """Others' records of a person, newest first."""
+class By(Enum):
+    """Who made another's record, without a name."""
 
-    shown: list[Record]
+    CONSOLE = "the console"
+    OTHER = "somebody else"
+    UNKNOWN = "somebody who did not get in"
+
+
+class About(Struct, frozen=True):
+    """Others' records of a person, each with what came of it, newest first."""
+
+    shown: list[Row]
     older: bool
 
 
 def recorded_by_others(user: User, before: int | None) -> About:
     """The newest, or those below a number."""
     numbers = _numbers_about(user, before, RECORDS + 1)
-    return About(_about(numbers[:RECORDS]), older=len(numbers) > RECORDS)
+    return About(rows_of(numbers[:RECORDS]), older=len(numbers) > RECORDS)
 
 
-def told_of(record: Record, user: User) -> dict[str, Any]:
+def by(record: Record) -> By:
+    """Who made another's record: somebody, that is, and nobody by name."""
+    if record.kind == "account.sign_in_failed":
+        return By.UNKNOWN
+    return By.OTHER if record.actor_id else By.CONSOLE
+
+
+def told_of(row: Row, user: User) -> dict[str, Any]:
     """The details of another's record that this person may see: nobody else's identifier."""
+    told = _told_of(row.record, user)
+    return told | _told_of(row.end, user) if row.end else told
+
+
+def _told_of(record: Record, user: User) -> dict[str, Any]:
     whole = record.details if record.kind in _DETAILED else record.parameters
     return {
         name: value
         for name, value in whole.items()
-        if name not in _PERSONS or value == str(user.pk) or not _IDENTIFIER.fullmatch(str(value))
+        if name not in _DIGESTS
+        and (name not in _PERSONS or value == str(user.pk) or not _IDENTIFIER.fullmatch(str(value)))
     }
 
 
@@ -100,22 +124,24 @@ def export_of(user: User) -> exports.ExportResponse:
 def _lines_about(user: User) -> Iterator[tuple[str, int]]:
     before = None
     while numbers := _numbers_about(user, before, CHUNK):
-        records = _about(numbers)
-        lines = (json.dumps(_exported(record, user), ensure_ascii=False) for record in records)
-        yield "".join(f"{line}\n" for line in lines), len(records)
+        rows = rows_of(numbers)
+        lines = (json.dumps(_exported(row, user), ensure_ascii=False) for row in rows)
+        yield "".join(f"{line}\n" for line in lines), len(rows)
         before = numbers[-1]
 
 
-def _exported(record: Record, user: User) -> dict[str, Any]:
+def _exported(row: Row, user: User) -> dict[str, Any]:
+    record = row.record
+    in_own_session = record.session_id and record.kind not in _ABOUT
     return {
         "number": record.pk,
         "time": record.at.isoformat(),
         "kind": record.kind,
         "robot": {"id": str(record.robot_id), "name": record.robot_name} if record.robot_id else None,
-        "by": "somebody else" if record.actor_id else "the console",
-        "control_session": str(record.session_id) if record.session_id else None,
-        "outcome": record.outcome,
-        "details": told_of(record, user),
+        "by": by(record).value,
+        "control_session": str(record.session_id) if in_own_session else None,
+        "outcome": row.outcome,
+        "details": told_of(row, user),
     }
 
 
@@ -135,11 +161,6 @@ def _numbers_about(user: User, before: int | None, limit: int) -> list[int]:
     found = [others.filter(source).values_list("pk", flat=True)[:limit] for source in sources]
     merged = dict.fromkeys(heapq.merge(*found, reverse=True))  # some are of two sources
     return list(islice(merged, limit))
-
-
-def _about(numbers: list[int]) -> list[Record]:
-    records: QuerySet[Record] = Record.objects.filter(pk__in=numbers).select_related("content")
-    return list(records.order_by("-pk"))
 
 
 def _of(user: User) -> Wanted:

@@ -18,6 +18,7 @@ from django.utils.dateparse import parse_datetime
 from django.utils.dates import WEEKDAYS
 from django.utils.timezone import is_aware, now
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
@@ -26,13 +27,17 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.admin import number
 from fleet.audit.listing import Row
-from fleet.audit.models import Record
 from robots.selectors import robots_visible_to
 from teleop import own_data, path_plot, robot_report, session_report
 from teleop.selectors import end_notes
 from teleop.services import supervises_robot
 from teleop.session_maps import maps_of
 
+_BY = {
+    own_data.By.CONSOLE: gettext_lazy("by the console itself"),
+    own_data.By.OTHER: gettext_lazy("by somebody else"),
+    own_data.By.UNKNOWN: gettext_lazy("by somebody who did not get in"),
+}
 MAP_CACHED_S = 60 * 60  # by the browser of who may see it; what a number shows never changes
 
 
@@ -128,8 +133,8 @@ def your_data(request: HttpRequest) -> HttpResponse:
         "oldest_session": sessions.shown[-1].started_at.isoformat() if sessions.shown else "",
         "newest_number": page.rows[0].number if page.rows else None,
         "oldest_number": page.rows[-1].number if page.rows else None,
-        "about": [_line_about(record, person) for record in about.shown],
-        "oldest_about": about.shown[-1].pk if about.older else None,
+        "about": [_line_about(row, person) for row in about.shown],
+        "oldest_about": about.shown[-1].number if about.older else None,
     }
     return render(request, "teleop/your_data.html", context)
 
@@ -147,31 +152,35 @@ def _line(row: Row) -> Line:
         robot=record.robot_name,
         what=wording.label(record.kind),
         subject=wording.subject(record),
-        outcome=row.outcome.replace("_", " "),
+        outcome=wording.outcome(row.outcome),
         expired=wording.expired(record),
         session_url=reverse("control-session", args=[record.session_id]) if record.session_id else "",
     )
 
 
-def _line_about(record: Record, person: User) -> Line:
+def _line_about(row: Row, person: User) -> Line:
+    record = row.record
     return Line(
         at=record.at,
         robot=record.robot_name,
         what=wording.label(record.kind),
-        subject=" · ".join(_facts_about(own_data.told_of(record, person), person)),
-        outcome=record.outcome.replace("_", " "),
+        subject=" · ".join(_facts_about(own_data.told_of(row, person), person)),
+        outcome=wording.outcome(row.outcome),
         expired=wording.expired(record),
         session_url="",
-        by=_("by somebody else") if record.actor_id else _("by the console itself"),
+        by=str(_BY[own_data.by(record)]),
     )
 
 
 def _facts_about(told: dict[str, Any], person: User) -> Iterator[str]:
     """In words, but not that it is about this person: "full name Olga → Olga Operator", "to supervisor"."""
-    for name, value in told.items():
+    to_last = sorted(told.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
+    for name, value in to_last:
         if name == "changes":
             for change in value:
-                ends = (str(change[end]) for end in ("from", "to") if change.get(end) not in (None, ""))
+                ends = (
+                    wording.said(change[end]) for end in ("from", "to") if change.get(end) not in (None, "")
+                )
                 yield f"{change['field'].replace('_', ' ')} {' → '.join(ends)}".strip()
         elif name != "name" and value != str(person.pk):
             yield wording.figure(name, value)

@@ -36,7 +36,7 @@ class Reason(Struct, frozen=True):
     @property
     def words_of_code(self) -> str:
         """The code, to be read."""
-        return self.code.replace("_", " ")
+        return wording.outcome(self.code)
 
 
 class Fault(Struct, frozen=True):

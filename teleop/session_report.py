@@ -121,7 +121,7 @@ def _entry(row: Row, session: ControlSession) -> Entry:
         group=record.kind.partition(".")[0],
         what=wording.label(record.kind),
         subject=wording.subject(record),
-        told=[words for words in (who, row.outcome.replace("_", " "), *wording.facts(records)) if words],
+        told=[words for words in (who, wording.outcome(row.outcome), *wording.facts(records)) if words],
         expired=any(wording.expired(told) for told in records),
     )
 

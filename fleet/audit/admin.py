@@ -104,10 +104,9 @@ class ListAdmin(ReadOnly):
             "form": form,
             "outcomes_are": self.outcomes_are,
             "clear": request.path,
-            "formats": exports.Format,
-            "export": f"export/?{address(request)}",
         }
         if form.is_valid():
+            context |= {"formats": exports.Format, "export": f"export/?{address(request)}"}
             context |= self.found(request, form)
         return TemplateResponse(request, "admin/audit/list.html", context)
 
@@ -266,7 +265,7 @@ def _line(row: Row) -> Line:
         what=wording.label(record.kind),
         subject=wording.subject(record),
         expired=wording.expired(record),
-        outcome=row.outcome.replace("_", " "),
+        outcome=wording.outcome(row.outcome),
         facts=wording.facts([record, row.end] if row.end else [record]),
         session_url=session_url_of(record.session_id),
     )

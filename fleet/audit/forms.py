@@ -52,7 +52,7 @@ class FilterForm(forms.Form):
         self.offer("person", [(CONSOLE, _("the console itself")), *_people()])
         self.offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
         outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
-        self.offer("outcome", sorted((outcome, outcome.replace("_", " ")) for outcome in outcomes))
+        self.offer("outcome", sorted((outcome, wording.outcome(outcome)) for outcome in outcomes))
         if outcomes_are is not None:
             self.fields["outcome"].label = outcomes_are
         for name in without:

@@ -91,19 +91,19 @@ class Selection:
             found = self.numbers(size + 1, after=after)
             shown = found[-size:]
             older = self.numbers(1, before=shown[-1] if shown else after + 1)
-            return Page(_rows(shown), newer=len(found) > size, older=bool(older))
+            return Page(rows_of(shown), newer=len(found) > size, older=bool(older))
         if before is not None:
             found = self.numbers(size + 1, before=before)
             newer = self.numbers(1, after=found[0] if found else before - 1)
-            return Page(_rows(found[:size]), newer=bool(newer), older=len(found) > size)
+            return Page(rows_of(found[:size]), newer=bool(newer), older=len(found) > size)
         found = self.numbers(COUNTED + 1)
-        return Page(_rows(found[:size]), newer=False, older=len(found) > size, count=len(found))
+        return Page(rows_of(found[:size]), newer=False, older=len(found) > size, count=len(found))
 
     def chunks(self, size: int) -> Iterator[list[Row]]:
         """All rows, newest first. What is recorded meanwhile is newer, and so not among them."""
         before: int | None = None
         while found := self.numbers(size, before=before):
-            yield _rows(found)
+            yield rows_of(found)
             before = found[-1]
 
     def numbers(self, limit: int, *, before: int | None = None, after: int | None = None) -> list[int]:
@@ -156,11 +156,11 @@ class Selection:
             texts.filter(Exists(stream.filter(pk=OuterRef("pk"))), told, self._within)
             for stream in requests
             if stream.exists()
-            for told in self._told()
+            for told in self._outcome_wanted()
             for texts in texts_with(self._wanted.words)
         ]
 
-    def _told(self) -> list[Q]:
+    def _outcome_wanted(self) -> list[Q]:
         """That a row has the outcome that is wanted: by a record of what came of it, or by its own."""
         outcome = self._wanted.outcome
         if not outcome:
@@ -266,7 +266,7 @@ def with_ends(kinds: Iterable[str]) -> list[str]:
 
 def row_of(record: Record) -> Row:
     """The row that a record is part of."""
-    return _rows([record.pk])[0]
+    return rows_of([record.pk])[0]
 
 
 def _moved(day: datetime.date | None, days: int) -> datetime.date | None:
@@ -324,7 +324,7 @@ def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
 # --- rows -------------------------------------------------------------------------------------
 
 
-def _rows(numbers: list[int]) -> list[Row]:
+def rows_of(numbers: list[int]) -> list[Row]:
     """What is shown of the records with these numbers: their requests, if they are outcomes, and how these ended."""
     told = {number: (of, kind) for number, of, kind in _told(numbers)}
     row_numbers = {number: _row_of(number, *told[number]) for number in numbers if number in told}

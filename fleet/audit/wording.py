@@ -56,6 +56,11 @@ def who(record: Record) -> str:
     return _("%(real)s as %(actor)s") % {"real": record.real_actor.name, "actor": acted}
 
 
+def outcome(code: str) -> str:
+    """An outcome, or why something was refused, to be read: codes are words."""
+    return code.replace("_", " ")
+
+
 def subject(record: Record) -> str:
     """What it is about: the sentence, the motion, the topic; blank if there is nothing to name."""
     details = record.details
@@ -82,7 +87,7 @@ def figure(name: str, value: Any) -> str:
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
             return f"{_plain(name.removesuffix(ending))} {value:g} {unit}"
-    return f"{_plain(name)} {_said(value)}"
+    return f"{_plain(name)} {said(value)}"
 
 
 def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
@@ -100,7 +105,7 @@ def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, s
             case _:
                 unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
                 is_number = isinstance(value, int | float) and not isinstance(value, bool)
-                yield known_as, f"{value:g} {unit}".strip() if is_number and unit else _said(value)
+                yield known_as, f"{value:g} {unit}".strip() if is_number and unit else said(value)
 
 
 def _plain(name: str) -> str:
@@ -110,7 +115,7 @@ def _plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _said(value: Any) -> str:
+def said(value: Any) -> str:
     match value:
         case True:
             return _("yes")
@@ -119,7 +124,7 @@ def _said(value: Any) -> str:
         case None:
             return _("none")
         case list():
-            return ", ".join(_said(entry) for entry in value) or _("none")
+            return ", ".join(said(entry) for entry in value) or _("none")
         case float():
             return f"{value:g}"
     return str(value)

@@ -444,15 +444,37 @@ def test_ones_data_has_what_others_did_that_concerns_one_and_nothing_of_them(med
     assert not [word for word in meddled if word in words]
 
 
+def test_it_has_what_came_of_it(session, operator, staff, signed_in, put):
+    pressed = put("stop.press", actor=staff, parameters={"through": "page"})
+    record("stop.press", of=pressed, outcome="latched", parameters={"confirmed": True})
+    line, *_ = signed_in(operator).get(reverse("your-data")).context["about"]
+    assert (line.outcome, line.subject) == ("latched", "through page · confirmed yes")
+
+
+def test_it_has_who_tried_to_sign_in_as_one_and_nothing_of_where_from(operator, client, signed_in):
+    client.post(reverse("sign-in"), {"username": operator.username, "password": "guessed"})
+    page = signed_in(operator).get(reverse("your-data"))
+    line, *_ = page.context["about"]
+    assert (line.what, line.by, line.subject, line.outcome) == (
+        "sign-in failed",
+        "by somebody who did not get in",
+        "",
+        "refused",
+    )
+
+
 def test_one_reads_which_role_one_was_given_and_what_was_changed_of_ones_account(
     operator, robot, staff, signed_in
 ):
     role_set(robot=robot, user=operator, role=Role.SUPERVISOR, actor=staff)
-    operator.changed_by, operator.full_name, operator.is_active = staff, "Olga O.", True
+    operator.changed_by, operator.full_name, operator.is_staff = staff, "Olga O.", True
     operator.save()
     changed, given, *_ = signed_in(operator).get(reverse("your-data")).context["about"]
     assert (given.what, given.subject) == ("role changed", "from operator · to supervisor")
-    assert (changed.what, changed.subject) == ("account changed", "full name Olga Operator → Olga O.")
+    assert (changed.what, changed.subject) == (
+        "account changed",
+        "full name Olga Operator → Olga O. · is staff no → yes",
+    )
 
 
 def test_others_records_come_page_by_page(operator, staff, signed_in, put):
@@ -471,7 +493,7 @@ def test_others_records_come_page_by_page(operator, staff, signed_in, put):
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_so_has_the_export(meddled, operator):
+async def test_so_has_the_export(meddled, operator, session):
     client = AsyncClient()
     await client.aforce_login(operator)
     answer = await client.post(reverse("your-data-export"))
@@ -479,6 +501,8 @@ async def test_so_has_the_export(meddled, operator):
     entries = [json.loads(line) for line in told.splitlines()]
     kinds = [entry["kind"] for entry in entries if "by" in entry]
     assert kinds[:3] == ["control.end", "control.end", "stop.press"]
+    sessions = {entry["kind"]: entry["control_session"] for entry in entries}
+    assert (sessions["stop.press"], sessions["control.take_over"]) == (str(session.pk), None)
     assert not [word for word in meddled if word in told]
     ended = await Record.objects.aget(kind="audit.export", outcome="done")
     assert ended.parameters["rows"] == len(entries)
