@@ -124,7 +124,7 @@ class Record(models.Model):
                 condition=models.Q(real_actor__isnull=False),
                 name="audit_real_actor",
             ),
-            models.Index(fields=["session_id", "id"], name="audit_session"),
+            models.Index(fields=["session_id", "id", "of", "actor", "real_actor"], name="audit_session"),
             # With kind and outcome, or SQLite would rather take an index that begins with these.
             models.Index(
                 fields=["of", "kind", "outcome"], condition=models.Q(of__isnull=False), name="audit_of"
