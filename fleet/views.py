@@ -51,15 +51,10 @@ def cookies(request: HttpRequest) -> HttpResponse:
 @require_safe
 def privacy(request: HttpRequest) -> HttpResponse:
     """What is kept of people, why, and for how long."""
-    classes = [
-        {"what": kept.label, "why": WHY_KEPT[kept], "days": settings.FLEET_AUDIT_KEEP_DAYS[kept.value]}
-        for kept in Kept
-    ]
-    return render(
-        request,
-        "privacy.html",
-        {"classes": classes, "records_days": settings.FLEET_AUDIT_KEEP_RECORDS_DAYS},
-    )
+    records_days = settings.FLEET_AUDIT_KEEP_RECORDS_DAYS
+    days = {kept: min(settings.FLEET_AUDIT_KEEP_DAYS[kept.value], records_days) for kept in Kept}
+    classes = [{"what": kept.label, "why": WHY_KEPT[kept], "days": days[kept]} for kept in Kept]
+    return render(request, "privacy.html", {"classes": classes, "records_days": records_days})
 
 
 @login_not_required

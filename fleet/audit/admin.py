@@ -17,6 +17,7 @@ from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 from django.utils.functional import Promise
 from django.utils.text import capfirst
+from django.utils.timezone import now
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_POST, require_safe
@@ -27,6 +28,7 @@ from fleet.audit.forms import FilterForm
 from fleet.audit.kinds import Listing, kinds_listed
 from fleet.audit.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
+from fleet.audit.retention import is_doubt_on_record
 from fleet.recorded_admin import RecordedAdmin
 
 LISTS = {
@@ -101,6 +103,7 @@ class ListAdmin(ReadOnly):
             "is_nav_sidebar_enabled": False,  # the lists have a row of their own
             "opts": self.opts,
             "lists": lists(self._name),
+            "clock_is_doubted": is_doubt_on_record(now().date()),
             "form": form,
             "outcomes_are": self.outcomes_are,
             "clear": request.path,

@@ -73,6 +73,12 @@ def clock_is_doubted(today: date) -> bool:
     return not going_on.filter(kind="audit.clock", outcome="confirmed").exists()
 
 
+def is_doubt_on_record(today: date) -> bool:
+    """Whether housekeeping took nothing out lately because it doubts the clock: for pages, by the last that it said."""
+    said = Record.objects.filter(kind="audit.clock").order_by("-pk").values_list("outcome", "day").first()
+    return said is not None and said[0] == "doubted" and abs(today - said[1]) <= CLOCKS_DIFFER
+
+
 def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
     """Put on record that somebody says the clock is right: what is too old by it may go."""
     record("audit.clock", actor=actor, outcome="confirmed")

@@ -314,6 +314,14 @@ def test_filters_are_looked_up_in_indexes_alone(wanted, operator):
             assert "TEMP B-TREE" not in plan
 
 
+def test_staff_read_above_each_list_that_the_clock_is_doubted(admin):
+    address = reverse("admin:audit_speechrecord_changelist")
+    record("audit.clock", outcome="doubted")
+    assert "confirm_clock" in admin.get(address).content.decode()
+    record("audit.clock", outcome="confirmed")
+    assert "confirm_clock" not in admin.get(address).content.decode()
+
+
 # --- pages to look at -----------------------------------------------------------------------------
 
 

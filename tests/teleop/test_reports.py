@@ -163,6 +163,12 @@ def test_the_privacy_page_tells_everybody_what_is_kept_for_how_long(person, requ
     assert "who watched a camera" in page.lower()
 
 
+def test_details_go_with_their_records_at_the_latest_and_the_privacy_page_says_so(client, settings):
+    settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 400
+    days = [kept["days"] for kept in client.get(reverse("privacy")).context["classes"]]
+    assert max(days) == 400
+
+
 # --- a control session ----------------------------------------------------------------------------
 
 
