@@ -33,7 +33,7 @@ class Goal(Generic[What]):
     number: Future[int]  # of its start on record
     id: str | None = None
     heard_s: float = math.inf  # when it was on record, was sent, or the robot spoke of it
-    cancelled: tuple[str, str] | None = None  # outcome, and why in words
+    cancelled: Refusal | None = None  # why; its code is the outcome
     cancel_sent_s: float | None = None  # no later than this
 
     def sent(self, now_s: float) -> str:
@@ -66,7 +66,7 @@ class Goals(ABC, Generic[What]):
         if goal is None:
             return False
         if goal.cancelled is None:
-            goal.cancelled = (outcome, why)
+            goal.cancelled = Refusal(outcome, why, "robot")
             if goal.id is not None:
                 self._withdraw(goal.id, goal.topic)
         return True
@@ -83,15 +83,17 @@ class Goals(ABC, Generic[What]):
         return goal.asker if goal is not None and goal.id is None and goal.cancelled is None else None
 
     def deny(self, refusal: Refusal, now_s: float) -> None:
-        """What has not been sent will not be: the answer, and, unless it was cancelled before, what came of it."""
+        """What has not been sent will not be, for this reason or the one for which it was cancelled before."""
         goal = self._current
         if goal is None or goal.id is not None:
             return
-        self._current = None
+        refusal = goal.cancelled or refusal
         if math.isinf(goal.heard_s):
+            self._current = None
             goal.asker.answer(refusal)
-        outcome, text = goal.cancelled or (refusal.code, refusal.text)
-        self._record(goal, outcome, text, now_s)
+            self._record(goal, refusal.code, refusal.text, now_s)
+        else:  # that it is done was the answer already
+            self._end(refusal.code, refusal.text, now_s)
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
         """The robot says that a goal has ended."""
@@ -125,12 +127,12 @@ class Goals(ABC, Generic[What]):
         if error := goal.number.exception():
             self.deny(not_recorded(error), now_s)
             return None
+        if goal.cancelled is not None:
+            self.deny(goal.cancelled, now_s)
+            return None
         if math.isinf(goal.heard_s):
             goal.heard_s = now_s
             goal.asker.answer(None)
-        if goal.cancelled is not None:
-            self._end("cancelled", "", now_s)
-            return None
         return goal
 
     def _heard(self, topic: str, ids: Collection[str], now_s: float) -> Goal[What] | None:
@@ -151,7 +153,7 @@ class Goals(ABC, Generic[What]):
         if goal is not None:
             self._ended = goal.id
             if outcome == "cancelled" and goal.cancelled is not None:
-                outcome, text = goal.cancelled
+                outcome, text = goal.cancelled.code, goal.cancelled.text
             self._over(goal, outcome, text, now_s)
 
     @abstractmethod

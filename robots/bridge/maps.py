@@ -103,7 +103,7 @@ class Maps:
     def _say(self, why: str) -> None:
         if why != self._told:
             self._told = why
-            log.info("no map of the robot is put on record: %s", why)
+            log.info("no map of the robot is put on record: %.300r", why)
 
 
 async def _up_to(stream: asyncio.StreamReader, most: int) -> bytes:

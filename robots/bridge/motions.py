@@ -137,7 +137,8 @@ class Motions(Goals[Piece]):
         goal = self._current
         if goal is not None:
             motion, who = goal.what.name, goal.asker.holder.holder
-            text = f"The robot performs “{motion}”, asked for by {who}."
+            does = "performs" if self.begun else "is about to perform"
+            text = f"The robot {does} “{motion}”, asked for by {who}."
             return Refusal("motion_running", text, "robot", {"motion": motion, "who": who})
         if self._busy(now_s):
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import msgspec
+import psutil
 import pytest
 
 from robots.bridge import maps
@@ -16,6 +17,7 @@ from robots.bridge.gate.values import Pose
 from robots.bridge.maps import AGAIN_S, FRESH_S, Maps, MapWanted, NoMap
 from robots.bridge.sink import TakenMap
 from tests.bridge.support import CONFIG
+from tests.script.support import until
 
 MAP = Topic("/map", "nav_msgs/OccupancyGrid")
 TAKEN = TakenMap(0.05, Pose(1.0, 2.0, 0.5), 3, 4, b"PNG", "digest")
@@ -123,20 +125,30 @@ async def test_without_a_map_it_is_tried_again_after_a_while_and_said_once(answe
     assert taker.kept == [TAKEN]
 
 
+HANGS = ("sleep", "60")
+
+
+def hangs() -> bool:
+    """Whether the process that hangs is there."""
+    return any(child.cmdline() == list(HANGS) for child in psutil.Process().children())
+
+
 async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
     caplog.set_level(logging.INFO, maps.__name__)
     monkeypatch.setattr(maps, "END_S", 0.2)
-    hanging = Maps(with_map(MAP), lambda taken: None, ("sleep", "60"))
+    hanging = Maps(with_map(MAP), lambda taken: None, HANGS)
     hanging.look(7, 0.0)
     await settled()
     assert "failed" in caplog.text
+    assert not hangs()
 
 
 async def test_a_bridge_that_ends_waits_for_no_map():
-    hanging = Maps(with_map(MAP), lambda taken: None, ("sleep", "60"))
+    hanging = Maps(with_map(MAP), lambda taken: None, HANGS)
     hanging.look(7, 0.0)
-    await asyncio.sleep(0)  # it begins
+    await asyncio.to_thread(until, hangs, "the process", 10.0)
     await asyncio.wait_for(hanging.close(), 5.0)
+    assert not hangs()
 
 
 async def test_a_process_that_cannot_be_started_harms_nobody(caplog):

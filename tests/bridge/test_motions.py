@@ -98,6 +98,28 @@ def test_what_cannot_be_recorded_is_not_done(bench):
     assert [refusal.code for refusal in answers] == ["not_recorded"]
 
 
+def test_a_motion_that_was_stopped_before_it_began_is_refused_with_that_whatever_comes_after(bench):
+    bench.sink.open.clear()
+    answers = bench.ask(wire.Play(1, "wave"))
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.pass_time(2.3)  # until nothing can be recorded
+    bench.sink.open.set()
+    settled(bench)
+    assert [refusal.code for refusal in answers] == ["stopped"]
+    assert [end.outcome for kind, end in bench.sink.records if kind == "motion.end"] == ["stopped"]
+
+
+def test_a_motion_that_its_holder_cancels_before_it_begins_is_not_accepted(bench):
+    bench.sink.open.clear()
+    answers = bench.ask(wire.Play(1, "wave"))
+    bench.order(wire.PlayCancel(1))
+    bench.sink.open.set()
+    settled(bench)
+    assert [(refusal.code, refusal.text) for refusal in answers] == [
+        ("cancelled", "Its holder cancelled it.")
+    ]
+
+
 def test_what_cannot_be_recorded_is_refused_before_its_points_come(bench):
     bench.base.asked = []
     bench.sink.fails = "disk full"
@@ -299,7 +321,9 @@ def test_what_comes_in_between_request_and_points_keeps_it_from_starting(bench, 
 def test_the_base_stands_while_the_robot_is_asked_for_points(bench):
     bench.base.asked = []
     bench.ask(wire.Play(1, "wave"))
-    assert bench.stick(0.5).code == "motion_running"
+    refusal = bench.stick(0.5)
+    assert refusal.code == "motion_running"
+    assert refusal.text == "The robot is about to perform “wave”, asked for by Ann."
     assert bench.last == STILL
 
 

@@ -8,6 +8,7 @@ import xmlrpc.client
 from dataclasses import dataclass
 from typing import Any, cast
 from urllib.parse import urlsplit
+from xml.parsers.expat import ExpatError
 
 TIMEOUT_S = 1.0
 BRIDGE = "/fleet_bridge"  # the same from every console: the second one is refused
@@ -79,7 +80,14 @@ class Master:
             ) from error
         except TimeoutError as error:
             raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
-        except (OSError, xmlrpc.client.Error, http.client.HTTPException) as error:
+        except (
+            OSError,
+            ExpatError,
+            TypeError,
+            ValueError,
+            xmlrpc.client.Error,
+            http.client.HTTPException,
+        ) as error:
             raise MasterError(f"No ROS master answers at {self.uri} ({error}).") from error
         if code != 1:
             raise MasterError(str(text))

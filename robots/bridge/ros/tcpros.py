@@ -41,6 +41,8 @@ def read_header(connection: socket.socket) -> Header:
         raise ValueError("does not speak TCPROS")
     block, fields, at = read(connection, length), Header(), 0
     while at < length:
+        if at + 4 > length:
+            raise ValueError("does not speak TCPROS")
         (size,) = struct.unpack_from("<I", block, at)
         key, _, value = block[at + 4 : at + 4 + size].decode(errors="replace").partition("=")
         fields[key] = value

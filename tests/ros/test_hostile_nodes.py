@@ -1,0 +1,71 @@
+"""What is no ROS, where a node or a master should be, harms nobody who asks it."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+
+from robots.bridge.ros.errands import Errands
+from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.tcpros import read_header
+
+
+@contextmanager
+def answering(answer: bytes) -> Iterator[str]:
+    """The address of a server that answers every call with this."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(answer)))
+            self.end_headers()
+            self.wfile.write(answer)
+
+        def log_message(self, *_: object) -> None: ...
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def told(value: str) -> bytes:
+    return f"<methodResponse><params><param><value>{value}</value></param></params></methodResponse>".encode()
+
+
+@pytest.mark.parametrize("answer", [b"<", b"", b"hello", told("<int>5</int>"), told("<string>x</string>")])
+def test_what_is_no_master_is_an_error_of_the_masters(answer):
+    with answering(answer) as uri, pytest.raises(MasterError, match="No ROS master"):
+        Master(uri, "/test").alive()
+
+
+@pytest.mark.parametrize("header", [b"\x01", b"\x00\x00\x00", b"\x01\x00\x00\x00x\x07"])
+def test_a_header_that_is_cut_short_is_an_error_in_words(header):
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        theirs.sendall(len(header).to_bytes(4, "little") + header)
+        with pytest.raises(ValueError, match="does not speak TCPROS"):
+            read_header(ours)
+
+
+def test_an_errand_that_fails_keeps_no_other_from_being_done():
+    def fails() -> None:
+        raise TypeError("of what a master answered")
+
+    done = threading.Event()
+    errands = Errands("test")
+    errands.do(fails)
+    errands.do(done.set)
+    assert done.wait(10)
