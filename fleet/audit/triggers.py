@@ -127,6 +127,7 @@ _SQLITE_SEARCH = [
     END
     """,
 ]
+_SEARCHING = {"audit_content_index", "audit_content_unindex"}  # the names of these triggers
 _POSTGRESQL_SEARCH = [
     "CREATE EXTENSION IF NOT EXISTS pg_trgm",
     "CREATE INDEX audit_content_trigrams ON audit_content USING gin (text gin_trgm_ops)",
@@ -157,11 +158,19 @@ class _Trigger(NamedTuple):
 
 
 def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
-    """What is wrong with the triggers that refuse, by their names; those that are as they were made are left out."""
+    """What is wrong with the triggers of the log's tables, by their names; those as they were made are left out.
+
+    One that the console did not make might copy elsewhere what is to expire.
+    """
     vendor = connection.vendor
     there = {"sqlite": _on_sqlite, "postgresql": _on_postgresql}[vendor](connection)
     made = {name: _made(vendor, statement) for name, statement in _REFUSING[vendor].items()}
-    return {
+    put_in = {
+        trigger.name: "is none that the console made"
+        for trigger in there
+        if trigger.name not in _SEARCHING and trigger.definition != made.get(trigger.name)
+    }
+    return put_in | {
         name: wrong
         for name, definition in made.items()
         if (wrong := _wrong(definition, [trigger for trigger in there if trigger.name == name]))
@@ -188,7 +197,9 @@ def _made(vendor: str, statement: str) -> str:
 
 def _on_sqlite(connection: BaseDatabaseWrapper) -> list[_Trigger]:
     with connection.cursor() as cursor:
-        cursor.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
+        cursor.execute(
+            "SELECT name, sql FROM sqlite_master WHERE type = 'trigger' AND tbl_name LIKE 'audit_%'"
+        )
         return [_Trigger(name, True, _words(statement)) for name, statement in cursor.fetchall()]
 
 
@@ -199,6 +210,7 @@ def _on_postgresql(connection: BaseDatabaseWrapper) -> list[_Trigger]:
             SELECT tgname, tgenabled IN ('O', 'A'), pg_get_triggerdef(pg_trigger.oid, true),
                 lanname, prosrc, COALESCE(proconfig::text, '')
             FROM pg_trigger
+            JOIN pg_class ON pg_class.oid = tgrelid AND relname LIKE 'audit_%'
             JOIN pg_proc ON pg_proc.oid = tgfoid
             JOIN pg_language ON pg_language.oid = prolang
             WHERE NOT tgisinternal

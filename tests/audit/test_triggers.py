@@ -65,6 +65,19 @@ def test_one_that_has_only_the_name_is_named(statement, wrong):
     assert findings() == [f"database: the trigger {NAME} {wrong}."]
 
 
+def test_one_that_was_put_in_is_named():
+    """Such as one that keeps a copy of what is to expire."""
+    execute("CREATE TABLE elsewhere (text TEXT)")
+    copy = "INSERT INTO elsewhere (text) VALUES (NEW.text)"
+    if connection.vendor == "sqlite":
+        execute(f"CREATE TRIGGER keep AFTER INSERT ON audit_content BEGIN {copy}; END")
+    else:
+        body = f"BEGIN {copy}; RETURN NULL; END"
+        execute(f"CREATE FUNCTION keep() RETURNS trigger LANGUAGE plpgsql AS '{body}'")
+        execute("CREATE TRIGGER keep AFTER INSERT ON audit_content FOR EACH ROW EXECUTE FUNCTION keep()")
+    assert findings() == ["database: the trigger keep is none that the console made."]
+
+
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite's triggers have no functions")
 @pytest.mark.parametrize(
     "change",
