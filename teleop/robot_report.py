@@ -9,7 +9,7 @@ from datetime import date, datetime, time, timedelta
 from datetime import timezone as zones
 from typing import Any
 
-from django.db.models import Count, F, FloatField, Max, OuterRef, Subquery, Sum
+from django.db.models import Count, F, FloatField, Max, OuterRef, QuerySet, Subquery, Sum
 from django.db.models.fields.json import KeyTextTransform
 from django.db.models.functions import Cast, Coalesce, ExtractHour
 from msgspec import Struct
@@ -100,7 +100,7 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
     today = now.astimezone(zones.utc).date()
     since = today - timedelta(days=days - 1)
     driven = _driven(robot, since, today)
-    reasons = _held_back(robot, since)
+    reasons = _held_back(robot, since, today)
     use = _use(driven, since, days)
     return RobotReport(
         since=since,
@@ -108,16 +108,21 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
         driven_h=sum(use.hours),
         distance_m=sum(day.metres for day in use.days),
         interventions=sum(row["times"] for row in reasons),
-        stops=Record.objects.filter(robot_id=robot.pk, kind="stop.press", of=None, day__gte=since).count(),
+        stops=_of_days(robot, since, today).filter(kind="stop.press", of=None).count(),
         use=use,
         reasons=_reasons(reasons[:REASONS]),
-        faults=_faults(robot, since),
+        faults=_faults(robot, since, today),
     )
+
+
+def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
+    """Not of days to come either: a clock may have been ahead."""
+    return Record.objects.filter(robot_id=robot.pk, day__range=(since, until))
 
 
 def _driven(robot: Robot, since: date, until: date) -> list[Any]:
     """Of each hour in which a drive ended: how many did, seconds, metres."""
-    ended = Record.objects.filter(robot_id=robot.pk, kind="drive.end", day__range=(since, until))
+    ended = _of_days(robot, since, until).filter(kind="drive.end")
     return list(
         ended.order_by()
         .values("day", hour=ExtractHour("at"))
@@ -148,9 +153,9 @@ def _use(driven: list[Any], since: date, days: int) -> Use:
     return Use([Day(day, on_day[day], metres[day]) for day in period], hours, weekdays)
 
 
-def _held_back(robot: Robot, since: date) -> list[Any]:
+def _held_back(robot: Robot, since: date, until: date) -> list[Any]:
     """Each reason of the gate, the most frequent first: code, times, number of the newest record."""
-    begun = Record.objects.filter(robot_id=robot.pk, kind="gate.begin", day__gte=since)
+    begun = _of_days(robot, since, until).filter(kind="gate.begin")
     return list(
         begun.order_by()
         .values(code=F("outcome"))
@@ -168,8 +173,8 @@ def _reasons(rows: list[Any]) -> list[Reason]:
     ]
 
 
-def _faults(robot: Robot, since: date) -> list[Fault]:
-    page = Selection(Wanted(robot=robot.pk, since=since), ["fault"]).page(size=FAULTS)
+def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
+    page = Selection(Wanted(robot=robot.pk, since=since, until=until), ["fault"]).page(size=FAULTS)
     return [Fault(row.record.at, wording.subject(row.record), row.outcome) for row in page.rows]
 
 

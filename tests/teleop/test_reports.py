@@ -341,6 +341,15 @@ def test_what_is_older_or_another_robots_does_not_count(robot, other_robot, driv
     assert robot_report.report_of(robot, 30, TUESDAY).drives == 1
 
 
+def test_nor_does_what_a_clock_recorded_that_was_ahead(robot, drive, put, at):
+    at(TUESDAY + timedelta(days=1000))
+    drive()
+    put("stop.press")
+    record("fault", robot_id=robot.pk, outcome="bridge_lost")
+    report = robot_report.report_of(robot, 7, TUESDAY)
+    assert (report.drives, report.interventions, report.stops, report.faults) == (0, 0, 0, [])
+
+
 def test_the_last_faults_are_listed(robot, at):
     at(TUESDAY)
     record("fault", robot_id=robot.pk, outcome="bridge_lost", private={"words": "The link broke."})
