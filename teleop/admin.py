@@ -83,7 +83,7 @@ class ControlSessionAdmin(ListAdmin):
         """Every session that the filters leave."""
         return exports.response_of(
             _COLUMNS,
-            _chunks(_of_the_filters(form).filter(_days(form)).order_by("-started_at")),
+            _chunks(_of_the_filters(form).filter(_days(form)).order_by("-started_at", "-pk")),
             form.wanted(),
             actor=request.user,  # type: ignore[arg-type]  # signed in: this is the admin
             name="control-sessions",
@@ -96,7 +96,9 @@ def _chunks(newest: Sessions) -> Iterator[list[exports.Facts]]:
     found = list(newest[: exports.CHUNK])
     while found:
         yield [_facts(session) for session in found]
-        found = list(newest.filter(started_at__lt=found[-1].started_at)[: exports.CHUNK])
+        last = found[-1]
+        older = newest.filter(started_at__lte=last.started_at)
+        found = list(older.exclude(started_at=last.started_at, pk__gte=last.pk)[: exports.CHUNK])
 
 
 def _facts(session: ControlSession) -> exports.Facts:

@@ -208,3 +208,11 @@ async def test_control_sessions_are_exported_like_records(
     assert (done.outcome, done.parameters) == ("done", {"rows": 2})
     text, _response = await export(format_, f"robot={other_robot.pk}", name=SESSIONS)
     assert "Sam" in text and "Olga" not in text
+
+
+async def test_of_sessions_that_began_in_the_same_moment_none_is_left_out(export, sessions, monkeypatch):
+    monkeypatch.setattr(exports, "CHUNK", 1)
+    await ControlSession.objects.aupdate(started_at=timezone.now())
+    text, _response = await export("jsonl", name=SESSIONS)
+    people = {json.loads(line)["person"] for line in text.splitlines()}
+    assert people == {"Sam Staff", "Olga Operator"}
