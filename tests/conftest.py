@@ -28,8 +28,10 @@ from tests.disk import Disk
 from tests.pristine import pristine_copy
 
 # The same examples in every run: what turns red does so because of a change. HYPOTHESIS_PROFILE=search looks further.
-hypothesis.settings.register_profile("steady", derandomize=True)
-hypothesis.settings.register_profile("search")
+# How long an example takes says how busy the machine is.
+UNTIMED = hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.register_profile("steady", UNTIMED, derandomize=True)
+hypothesis.settings.register_profile("search", UNTIMED)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 PASSWORD = "a long walk on the beach"

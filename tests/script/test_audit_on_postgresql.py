@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.script.servers import postgresql
 from tests.script.support import outside
 
@@ -25,6 +27,7 @@ TESTS = [
 ]
 
 
+@pytest.mark.timeout(400)  # hundreds of tests
 def test_what_holds_on_sqlite_holds_on_postgresql() -> None:
     command = [sys.executable, "-m", "pytest", "-q", *TESTS]
     environment = {name: value for name, value in outside().items() if not name.startswith("PYTEST")}

@@ -276,7 +276,9 @@ async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(
     open_page, bridge, monkeypatch
 ):
     monkeypatch.setattr("teleop.rooms.REFRESH_S", 60.0)
+    bridge.offers = wire.Offers([])
     page = await open_page("observer")
+    await page.hears("offers")
     for seq in range(1, 6):
         await page.say("refresh", seq=seq)
         await page.hears("accepted", of="refresh", seq=seq)
