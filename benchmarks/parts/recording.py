@@ -13,7 +13,7 @@ from benchmarks.parts.observer import Observer
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 
-TURNS = (True, False, False, True) * 3  # whether it is recorded: what drifts evens out
+TURNS = (True, False, False, True) * 5  # whether it is recorded: what drifts evens out
 SAMPLES = 300  # of each turn
 MOST_TIMES = 1.05
 STANDSTILL_S = 1.5  # by then a drive has ended, on record or not
@@ -33,6 +33,8 @@ async def _measured(stack: Stack, off: Path) -> list[Figure]:
     delays_s: dict[bool, list[float]] = {True: [], False: []}
     async with Observer(stack.robots[ROBOT]) as observer, Driver(stack, ROBOT, cookie) as driver:
         await driver.take()
+        progress("warming up ...")  # whoever takes control has the robot's map and motions read
+        await drive(driver, observer, SAMPLES)
         for recorded in TURNS:
             progress("driving, recorded ..." if recorded else "driving, not recorded ...")
             _switch(off, recorded)
