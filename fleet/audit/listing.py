@@ -23,7 +23,7 @@ from msgspec.structs import replace
 from fleet.audit.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
-from fleet.audit.search import texts_among, texts_with
+from fleet.audit.search import indexed, texts_among, texts_with
 
 PAGE = 50  # rows
 COUNTED = 1000  # rows; of more it is only said that there are more
@@ -114,15 +114,16 @@ class Selection:
         )
 
     def day_beside(self, *, later: bool) -> datetime.date | None:
-        """The next day after, or before, the wanted ones that has rows."""
+        """The next day after, or before, the wanted ones that has rows; of words without an index a near one only."""
         edge = self._wanted.until if later else self._wanted.since
         beside = _moved(edge, 1 if later else -1)
         if beside is None:
             return None
         # Most often it is near, and a few days are soon looked through.
-        return self._first_day(
-            beside, _moved(beside, _NEAR if later else -_NEAR), later=later
-        ) or self._first_day(beside, None, later=later)
+        near = self._first_day(beside, _moved(beside, _NEAR if later else -_NEAR), later=later)
+        if near is not None or not indexed(self._wanted.words):
+            return near
+        return self._first_day(beside, None, later=later)
 
     def _first_day(
         self, beside: datetime.date, far: datetime.date | None, *, later: bool

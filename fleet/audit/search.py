@@ -33,6 +33,11 @@ def words_of(asked: str) -> tuple[str, ...]:
     return tuple(word for quoted, plain in found if (word := (quoted or plain).replace('"', "").strip()))
 
 
+def indexed(words: tuple[str, ...]) -> bool:
+    """Whether these words, if there are any, are looked up rather than looked for in all texts."""
+    return not words or any(len(word) >= TRIGRAM for word in words)
+
+
 def texts_with(words: tuple[str, ...]) -> list[Texts]:
     """Texts that have all of these words: queries with an index each, to be read in the order of their numbers."""
     long = tuple(word for word in words if len(word) >= TRIGRAM)

@@ -227,6 +227,17 @@ def test_a_day_beside_is_found_however_far_it_is(on_day):
     assert selection.day_beside(later=False) == datetime.date(2020, 1, 1)
 
 
+@pytest.mark.parametrize(("word", "far"), [("old", True), ("ol", False)])
+def test_of_words_too_short_for_the_index_only_a_near_day_is_looked_for(on_day, word, far):
+    for day in ("2020-01-01", "2026-11-04", "2026-11-24"):
+        on_day(day)
+        say("older")
+    day = datetime.date(2026, 11, 4)
+    selection = Selection(Wanted(since=day, until=day, words=(word,)), SPEECH)
+    assert selection.day_beside(later=True) == datetime.date(2026, 11, 24)
+    assert selection.day_beside(later=False) == (datetime.date(2020, 1, 1) if far else None)
+
+
 @pytest.mark.parametrize("day", [datetime.date.min, datetime.date.max])
 def test_the_ends_of_the_calendar_are_days_like_others(day, admin):
     say("hello")
