@@ -20,6 +20,7 @@ from robots.wire import Refusal
 
 NAMES = {"drive": "driving", "speech": "speech", "motions": "motions"}
 PARTING_S = 1.0  # zeros go to a chosen drive topic for at most so long after its holder's control
+PATIENCE_S = 3.0  # what is not connected by then may be asked for anew
 
 
 class Switch(Protocol):
@@ -52,6 +53,7 @@ class _Choice:
     topic: str
     asker: Asker
     number: Future[int]
+    since_s: float
     begun: bool = False  # it is on record, and being connected
 
 
@@ -134,12 +136,14 @@ class Choices:
             return
         parameters = {"use": use, "from": self.topic(use), "to": name}
         number = self._log.request(asker.holder, "topic.choose", parameters, now_s)
-        self._asked[use] = _Choice(name, asker, number)
+        self._asked[use] = _Choice(name, asker, number, now_s)
 
     def tick(self, busy: Mapping[str, str], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
         for use, choice in list(self._asked.items()):
-            if not choice.begun and choice.number.done():
+            if now_s - choice.since_s > PATIENCE_S:
+                self._withdraw(use, _silent(choice), now_s)
+            elif not choice.begun and choice.number.done():
                 self._recorded(use, choice, now_s)
         if self._parted_s is not None:
             self._part(self._parted_s, now_s)
@@ -147,11 +151,15 @@ class Choices:
             self._attend(use, busy.get(use))
             self._settle(use, now_s)
 
-    def attended(self, use: str, topics: Collection[str], now_s: float) -> None:
-        """The robot is connected to by these topics now; by others, if something else was asked for since."""
+    def attended(self, use: str, topics: Collection[str] | None, now_s: float) -> None:
+        """The robot is connected to by these topics now; by others, if something else was asked for since.
+
+        None: that failed, and what was connected before and is still wanted is all there is.
+        """
         self._unanswered[use] -= 1
         if not self._unanswered[use]:
-            self._connected[use] = topics
+            if topics is not None:
+                self._connected[use] = topics
             self._settle(use, now_s)
 
     def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
@@ -280,6 +288,11 @@ class Choices:
             return Refusal("no_listener", f"Nothing on the robot listens to {heard.name}.", "robot", figures)
         text = f"{heard.name} is {found} on the robot; needed is {heard.type}."
         return Refusal("wrong_type", text, "robot", figures | {"found": found})
+
+
+def _silent(choice: _Choice) -> Refusal:
+    text = f"{choice.topic} was not connected in time: ask again."
+    return Refusal("robot_silent", text, "robot", {"topic": choice.topic, "limit_s": PATIENCE_S})
 
 
 def goal_topic(topic: Topic) -> Topic:

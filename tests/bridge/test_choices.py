@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge.choices import PARTING_S
+from robots.bridge.choices import PARTING_S, PATIENCE_S
 from robots.bridge.config import Allowed, ArmSource
 from robots.bridge.gate.values import STILL, Velocity
 from tests.bridge.support import CONFIG, Bench, Outcome
@@ -234,6 +234,29 @@ def test_a_topic_that_was_let_go_meanwhile_is_not_taken_for_connected(bench):
     assert answers == []
     bench.core.orders.choices.attended(*again, bench.now_s)
     assert answers == [None]
+
+
+def test_a_topic_that_is_not_connected_in_time_is_not_chosen_later_and_may_be_asked_for_anew(bench):
+    answers = ask(bench, "drive", "/phone_vel")
+    bench.pass_time(PATIENCE_S + 0.1)
+    assert [refusal.code for refusal in answers] == ["robot_silent"]
+    asked, let_go = bench.base.attended
+    bench.core.orders.choices.attended(*asked, bench.now_s)
+    bench.core.orders.choices.attended(*let_go, bench.now_s)
+    assert (len(answers), chosen(bench), bench.base.switched) == (1, {}, [])
+    choose(bench, "drive", "/phone_vel")
+
+
+def test_a_topic_that_could_not_be_connected_is_in_the_way_of_no_later_choice(bench):
+    choose(bench, "speech", "/second_tts")
+    answers = ask(bench, "drive", "/phone_vel")
+    settled(bench)
+    bench.core.orders.choices.attended("drive", None, bench.now_s)
+    bench.pass_time(PATIENCE_S + 0.1)
+    assert [refusal.code for refusal in answers] == ["robot_silent"]
+    assert bench.core.orders.choices.connected("drive") == {"/key_vel"}
+    connects(bench)
+    choose(bench, "drive", "/phone_vel")
 
 
 def test_one_press_goes_back_to_the_default_also_where_nobody_listens(bench):

@@ -6,6 +6,7 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 
 # isort: split
 import itertools
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -14,7 +15,9 @@ from geometry_msgs.msg import Twist
 
 from robots import wire
 from robots.bridge.config import Allowed, Topic
+from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.types import message_class
+from tests.bridge.support import CONFIG
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import until
 
@@ -184,3 +187,20 @@ def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simu
     finally:
         hand.close()
         process.stop()
+
+
+def test_whatever_a_hostile_master_answers_choices_are_told_that_nothing_was_connected(monkeypatch):
+    def fails(_name):
+        raise ValueError("no answer of a master's")
+
+    told = []
+    base = RosBase(CONFIG)
+    base._core = SimpleNamespace(
+        orders=SimpleNamespace(choices=SimpleNamespace(attended=lambda *how: told.append(how)))
+    )
+    monkeypatch.setattr(base, "_post", lambda later: later())
+    monkeypatch.setattr(base, "_drive_publisher", fails)
+    with pytest.raises(ValueError, match="no answer"):
+        base._attend("drive", frozenset({"/key_vel", "/phone_vel"}))
+    [(use, connected, _)] = told
+    assert (use, connected) == ("drive", None)

@@ -329,7 +329,15 @@ class RosBase:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
 
     def _attend(self, use: str, topics: frozenset[str]) -> None:
-        """On the thread for it."""
+        """On the thread for it. Whatever comes of it is told: choices count the answers."""
+        connected = None
+        try:
+            self._connect(use, topics)
+            connected = topics
+        finally:
+            self._post(lambda: self._core.orders.choices.attended(use, connected, time.monotonic()))
+
+    def _connect(self, use: str, topics: frozenset[str]) -> None:
         if use == "drive":
             for name in topics - self._drives.keys():
                 self._drives[name] = publisher = self._drive_publisher(name)
@@ -341,7 +349,6 @@ class RosBase:
         elif use == "motions" and self._motions:
             self._motions.attend(topics)
             self.read_motions()
-        self._post(lambda: self._core.orders.choices.attended(use, topics, time.monotonic()))
 
     def _await_listener(self, publisher: rospy.Publisher) -> None:
         """A moment, so that a robot whose velocities go elsewhere now does not seem to be away."""
