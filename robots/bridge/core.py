@@ -137,12 +137,13 @@ class Core:
             self._end_control(reason, now_s)
 
     def hold(self, fence: int, reason: str, now_s: float) -> None:
-        """The holder's page is gone: zero now. A page that comes back counts its commands anew."""
+        """The holder's page is gone: zero now. A page that comes back counts its commands anew, and orders anew."""
         if self.grants.current is None or self.grants.current.fence != fence:
             return
         self._page_gone_s = now_s
         self._count_anew()
         self.halt(reason, now_s)
+        self.orders.page_left(now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:
         """A web process is gone. If control came through it, zero now; the grant runs out by itself."""

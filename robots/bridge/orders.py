@@ -33,6 +33,7 @@ from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
 ENDED = Refusal("bridge_ended", "It was not done: the robot's bridge ended.", "robot")
+LEFT = Refusal("link_lost", "It was not done: the page that asked for it was left.", "lease")
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
 
 # Called later, on the loop: the space from where the arm is, None if the action offers no such motion; and the time.
@@ -199,6 +200,14 @@ class Orders:
         self.motions.halt(refusal, now_s)
         self.speaking.deny(refusal, now_s)
         self.choices.withdraw(refusal, now_s)
+
+    def page_left(self, now_s: float) -> None:
+        """Who asked is gone: what has not begun will not, whoever comes back. `tick` bears what runs for a while."""
+        self._forget_looks(now_s, LEFT)
+        self.publishings.deny(LEFT.code, now_s, LEFT)
+        self.motions.deny(LEFT, now_s)
+        self.speaking.deny(LEFT, now_s)
+        self.choices.withdraw(LEFT, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""

@@ -91,12 +91,16 @@ class Publishings:
     def halt(self, why: str, now_s: float, refusal: Refusal = HALTED) -> None:
         """All of it ends, also what waits for its record, or for its listeners; `refusal` answers who waits."""
         self._publisher.halt()
+        self.deny(why, now_s, refusal)
+        for topic in list(self._running):
+            self._end(topic, why, now_s)
+
+    def deny(self, why: str, now_s: float, refusal: Refusal) -> None:
+        """What waits for its record will not be sent."""
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.asker.answer(refusal)
             self._tell_end(publishing, why, now_s)
-        for topic in list(self._running):
-            self._end(topic, why, now_s)
 
     @property
     def under_way(self) -> list[str]:

@@ -26,6 +26,12 @@ def test_whatever_is_asked_for_begins_once_it_is_on_record(bench, what):
     assert len(bench.begun) == 1
 
 
+def comes_back(bench):
+    """The page is loaded again, and has control as before."""
+    bench.core.hold(1, "the page was left", bench.now_s)
+    bench.granted()
+
+
 @pytest.mark.parametrize("what", ORDERS)
 @pytest.mark.parametrize(
     "happens",
@@ -35,6 +41,7 @@ def test_whatever_is_asked_for_begins_once_it_is_on_record(bench, what):
         lambda bench: bench.granted(link=2),
         lambda bench: bench.granted(fence=2),
         runs_out,
+        comes_back,
         lambda bench: bench.core.close(bench.now_s),
     ],
 )
@@ -48,6 +55,32 @@ def test_for_who_lost_control_or_left_meanwhile_it_does_not_and_that_is_on_recor
     assert len(answers) == 1
     _, (_, end) = bench.sink.records
     assert end.outcome not in ("", "unknown")
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_what_waits_is_refused_when_its_page_is_left_and_begins_for_the_page_that_came_back_if_asked_anew(
+    bench, what
+):
+    bench.sink.open.clear()
+    answers = bench.ask(ORDERS[what])
+    comes_back(bench)
+    assert [refusal.code for refusal in answers] == ["link_lost"]
+    anew = bench.ask(ORDERS[what])
+    bench.sink.open.set()
+    bench.obeys()
+    assert ([refusal.code for refusal in answers], anew) == (["link_lost"], [None])
+    assert len(bench.begun) == 1
+
+
+@pytest.mark.parametrize("what", ORDERS)
+def test_a_page_that_is_left_while_nothing_waits_changes_nothing_of_what_was_done(bench, what):
+    answers = bench.ask(ORDERS[what])
+    bench.obeys()
+    records = len(bench.sink.records)
+    comes_back(bench)
+    bench.obeys()
+    assert answers == [None]
+    assert (len(bench.begun), len(bench.sink.records)) == (1, records)
 
 
 @pytest.mark.parametrize("what", ORDERS)
