@@ -11,10 +11,10 @@ from django.conf import settings
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
+from robots.maps import CLOCKS
 from robots.models import Robot, RobotMap
 from teleop.models import ControlSession
 
-CLOCKS = timedelta(minutes=5)  # of the bridge's computer and of ours: they may differ by that much
 UNDER_WAY = timedelta(days=1)  # what was seen within that may still be wanted
 
 

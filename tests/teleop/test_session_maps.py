@@ -111,6 +111,21 @@ def test_where_the_map_changed_meanwhile_the_newest_is_shown(control, seen, driv
     assert ground_of(session) == newest.pk
 
 
+def test_a_map_that_was_first_seen_by_a_clock_years_ahead_is_shown_with_the_sessions_after_it(
+    control, seen, drive
+):
+    session = control()
+    drive(session)
+    ahead = seen(NOON + 3650 * DAY)
+    rows = {seen(NOON + minutes * MINUTE).pk for minutes in range(5)}
+    assert rows == {ground_of(session)}
+    assert list(RobotMap.objects.order_by("pk").values_list("pk", flat=True)) == [ahead.pk, *rows]
+
+
+def test_a_clock_that_is_set_back_by_minutes_makes_no_other_row(seen):
+    assert seen(NOON) == seen(NOON - 4 * MINUTE)
+
+
 def test_a_path_whose_place_on_the_map_is_not_known_is_drawn_on_none(control, seen, drive):
     session = control()
     drive(session)
