@@ -62,35 +62,50 @@ ENDS = {
 _EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
 
 
+_File = tuple[int, int]  # device and inode
+
+
 class _Opened(threading.local):
-    """A connection to a file of SQLite's, and which file that was when it was made."""
+    """A connection to a file of SQLite's, and which file and write-ahead log these were when it was made."""
 
     by: object = None
-    file: tuple[int, int] | None = None
+    files: tuple[_File, _File | None] | None = None
 
 
 _opened = _Opened()
 
 
 def _look_at_file() -> None:
-    """Write to the file that has the database's name now.
+    """Write to the file that has the database's name now, and to the log that has the log's.
 
-    A kept connection of SQLite's goes on with the one it opened, and what it writes into one that was removed or
-    replaced nobody can read.
+    A kept connection of SQLite's goes on with those it opened, and what it writes into one that was removed or
+    replaced nobody can read. While it is kept, nobody but who restores a backup removes the log.
     """
     if connection.vendor != "sqlite":
         return
-    try:
-        status = os.stat(connection.settings_dict["NAME"])
-    except OSError as error:
+    name = connection.settings_dict["NAME"]
+    file = _file_of(name)
+    if file is None:
         connection.close()
-        raise RecordError("the file of the database is gone") from error
-    file = (status.st_dev, status.st_ino)
-    if connection.connection is _opened.by and file != _opened.file:
+        raise RecordError("the file of the database is gone")
+    if connection.connection is _opened.by and (file, _log_of(name)) != _opened.files:
         connection.close()
     connection.ensure_connection()
     if connection.connection is not _opened.by:
-        _opened.by, _opened.file = connection.connection, file
+        _opened.by, _opened.files = connection.connection, (file, _log_of(name))
+
+
+def _log_of(name: object) -> _File | None:
+    return _file_of(f"{name}-wal")
+
+
+def _file_of(name: str) -> _File | None:
+    """What has this name; None: nothing has it."""
+    try:
+        status = os.stat(name)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:

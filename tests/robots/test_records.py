@@ -294,6 +294,13 @@ def test_a_connection_that_is_kept_writes_no_file_that_was_replaced_or_is_gone(
         copied(other)
         other.replace(file)
         assert held(sink.begin_drive(holder, START))
+        kept = connection.connection
+        Path(f"{file}-wal").unlink()
+        assert held(sink.begin_drive(holder, START))
+        assert connection.connection is not kept
+        kept = connection.connection
+        assert held(sink.begin_drive(holder, START))
+        assert connection.connection is kept
         file.unlink()
         for _ in range(2):
             with pytest.raises(RecordError, match="the file of the database is gone"):
