@@ -27,6 +27,9 @@ from teleop.models import ControlSession
 SESSIONS = 20  # of a page
 RECORDS = 30
 CHUNK = 500  # others' records in memory
+TRIES = 5000  # to sign in, by anybody: the page reads no more of them
+
+_TRIED = "account.sign_in_failed"
 
 # Kinds of others' records that are about a person, whose identifier stands in this parameter.
 _ABOUT = {
@@ -35,7 +38,7 @@ _ABOUT = {
     "role.change": "user",
     "control.take_over": "holder",
     "audit.export": "person",
-    "account.sign_in_failed": "user",
+    _TRIED: "user",
 }
 # Those of which the details, too, are about nobody else: names and addresses of the account.
 _DETAILED = {"account.create", "account.change", "role.change"}
@@ -81,14 +84,14 @@ class About(Struct, frozen=True):
 
 
 def recorded_by_others(user: User, before: int | None) -> About:
-    """The newest, or those below a number."""
-    numbers = _numbers_about(user, before, RECORDS + 1)
+    """The newest, or those below a number; tries to sign in of late alone, for strangers make any number of them."""
+    numbers = _numbers_about(user, before, RECORDS + 1, tries_since=_tries_of_late())
     return About(rows_of(numbers[:RECORDS]), older=len(numbers) > RECORDS)
 
 
 def by(record: Record) -> By:
     """Who made another's record: somebody, that is, and nobody by name."""
-    if record.kind == "account.sign_in_failed":
+    if record.kind == _TRIED:
         return By.UNKNOWN
     return By.OTHER if record.actor_id else By.CONSOLE
 
@@ -145,13 +148,22 @@ def _exported(row: Row, user: User) -> dict[str, Any]:
     }
 
 
-def _numbers_about(user: User, before: int | None, limit: int) -> list[int]:
+def _tries_of_late() -> int:
+    """The number of the oldest try to sign in that the page reads: by the index alone, whoever was meant."""
+    tries = Record.objects.filter(kind=_TRIED).order_by("-pk").values_list("pk", flat=True)
+    return next(iter(tries[TRIES - 1 : TRIES]), 0)
+
+
+def _numbers_about(user: User, before: int | None, limit: int, tries_since: int = 0) -> list[int]:
     """At most so many, newest first: of each source by an index of its own, and merged."""
     person = str(user.pk)
     sessions = ControlSession.objects.filter(user=user).values("pk")
     sources = [
         Q(session_id__in=sessions),
-        *(Q(kind=kind, **{f"parameters__{name}": person}) for kind, name in _ABOUT.items()),
+        *(
+            Q(kind=kind, pk__gte=tries_since if kind == _TRIED else 0, **{f"parameters__{name}": person})
+            for kind, name in _ABOUT.items()
+        ),
     ]
     others = Record.objects.exclude(actor=person).exclude(real_actor=person).order_by("-pk")
     # Requests alone; not by the index of outcomes, by which SQLite would look at half of the log.

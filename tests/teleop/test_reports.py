@@ -480,6 +480,31 @@ def test_it_has_who_tried_to_sign_in_as_one_and_nothing_of_where_from(operator, 
     )
 
 
+def test_of_tries_to_sign_in_the_page_has_those_of_late_and_the_export_all(
+    operator, second_operator, signed_in, monkeypatch
+):
+    monkeypatch.setattr(own_data, "TRIES", 4)
+    people = [operator] * 2 + [second_operator] * 3 + [operator]
+    tries = [
+        record("account.sign_in_failed", outcome="refused", parameters={"user": str(person.pk)}).pk
+        for person in people
+    ]
+    page = signed_in(operator).get(reverse("your-data"))
+    assert [line.what for line in page.context["about"]].count("sign-in failed") == 1
+    exported = [json.loads(line) for text, _ in own_data._lines_about(operator) for line in text.splitlines()]
+    found = [entry["number"] for entry in exported if entry["kind"] == "account.sign_in_failed"]
+    assert found == [tries[5], tries[1], tries[0]]
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="what PostgreSQL does depends on its statistics")
+def test_which_tries_are_of_late_the_index_alone_tells(operator):
+    with CaptureQueriesContext(connection) as asked:
+        own_data.recorded_by_others(operator, None)
+    with connection.cursor() as cursor:
+        cursor.execute(f"EXPLAIN QUERY PLAN {asked[0]['sql']}")
+        assert "COVERING INDEX audit_kind" in str(cursor.fetchall())
+
+
 def test_one_reads_which_role_one_was_given_and_what_was_changed_of_ones_account(
     operator, robot, staff, signed_in
 ):
