@@ -100,7 +100,7 @@ class Selection:
         return Page(rows_of(found[:size]), newer=False, older=len(found) > size, count=len(found))
 
     def chunks(self, size: int) -> Iterator[list[Row]]:
-        """All rows, newest first. What is recorded meanwhile is newer, and so not among them."""
+        """All rows, newest first, as of about now: what is just being recorded may be among them or not."""
         before: int | None = None
         while found := self.numbers(size, before=before):
             yield rows_of(found)

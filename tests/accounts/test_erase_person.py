@@ -1,9 +1,7 @@
 """A person can be forgotten, and the log stays whole."""
 
 import io
-import time
 import uuid
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest import mock
@@ -16,6 +14,7 @@ from fleet.accounts.models import User
 from fleet.audit import record, retention
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.verify import verify_all
+from tests.script.support import until
 
 pytestmark = pytest.mark.django_db
 
@@ -24,14 +23,6 @@ def erase(username: str = "operator") -> str:
     words = io.StringIO()
     call_command("erase_person", username, yes=True, stdout=words)
     return words.getvalue()
-
-
-def until(done: Callable[[], object], timeout_s: float = 20.0) -> None:
-    """Wait for what another thread does."""
-    ends_s = time.monotonic() + timeout_s
-    while not done():
-        assert time.monotonic() < ends_s
-        time.sleep(0.02)
 
 
 def test_nothing_names_an_erased_person_any_more(operator, staff):
@@ -110,7 +101,7 @@ def test_what_is_being_recorded_meanwhile_is_found_too(operator, staff):
         with transaction.atomic():
             record("refusal", actor=staff, robot_id=robot_id, private={"words": "Olga Operator has control."})
             erased = pool.submit(erase_and_close)
-            until(lambda: erased.done() or waits_for_us())
+            until(lambda: erased.done() or waits_for_us(), "an erasure that waits for us", 20.0)
         erased.result()
     assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
 
