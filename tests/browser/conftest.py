@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import cache
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
@@ -55,15 +57,31 @@ def browser() -> Iterator[Browser]:
         browser.close()
 
 
+@pytest.fixture(scope="package")
+def cookies(stack: Stack, browser: Browser) -> Callable[[str], Any]:
+    """`cookies("operator")`: what the sign-in page gave that person. Each signs in once, by that page."""
+
+    @cache
+    def signed_in(role: str) -> Any:
+        somebody = Person(stack, browser, role)
+        try:
+            somebody.sign_in()
+            return somebody.context.cookies()
+        finally:
+            somebody.leave()
+
+    return signed_in
+
+
 @pytest.fixture
-def person(stack: Stack, browser: Browser) -> Iterator[Callable[..., Person]]:
-    """`person("operator", width=360, height=640, touch=True)`: signed in, in a browser of their own."""
+def person(stack: Stack, browser: Browser, cookies: Callable[[str], Any]) -> Iterator[Callable[..., Person]]:
+    """`person("operator", width=360, height=640, touch=True)`: signed in, in a browser of their own, on no page yet."""
     with ExitStack() as leaving:
 
         def arrive(role: str, **looks: object) -> Person:
             somebody = Person(stack, browser, role, **looks)  # type: ignore[arg-type]
             leaving.callback(somebody.leave)
-            somebody.sign_in()
+            somebody.context.add_cookies(cookies(role))
             return somebody
 
         yield arrive

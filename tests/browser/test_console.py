@@ -194,6 +194,7 @@ def test_notices_are_kept_in_a_log_and_never_lie_over_stop_or_joystick(
 
 def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) -> None:
     observer = person("observer")
+    observer.open("/")
     note = observer.page.get_by_label("Cookies")
     observer.press("Understood")
     observer.open("/")

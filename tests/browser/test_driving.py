@@ -271,6 +271,7 @@ def test_the_stop_goes_another_way_when_there_is_no_live_connection(person: Arri
 
 def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: Stack) -> None:
     staff = person("staff")
+    staff.open("/")
     staff.until(lambda: "fleet" in staff.heard, "the cards")
     staff.press("Stop all")
 

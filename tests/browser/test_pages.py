@@ -191,6 +191,7 @@ def test_the_page_asks_nothing_of_the_internet_and_breaks_no_rule_of_its_own(per
 
 def test_the_theme_is_kept(person: Arrive) -> None:
     staff = person("staff", theme="light")
+    staff.open("/")
     background = "getComputedStyle(document.documentElement).backgroundColor"
     light = staff.page.evaluate(background)
     staff.page.locator("summary").click()
@@ -202,6 +203,7 @@ def test_the_theme_is_kept(person: Arrive) -> None:
 
 def test_cards_say_how_each_robot_is(person: Arrive) -> None:
     operator = person("operator")
+    operator.open("/")
     card = operator.page.locator("[data-robot=tiago-1]")
     card.get_by_text("Online").wait_for()
     assert card.get_by_text("practice").is_visible()

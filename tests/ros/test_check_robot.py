@@ -95,10 +95,12 @@ def test_the_simulated_tiago_is_ready_to_be_driven(
     robot: Robot, rosmaster: Master, simulator: Callable[..., SimulatorProcess]
 ) -> None:
     running = simulator(world="office")
-    answers = check(robot, rosmaster)
+    try:
+        answers = check(robot, rosmaster)
+    finally:
+        running.stop()
     assert {name: answer["text"] for name, answer in answers.items() if answer["level"] != "ok"} == {}
     assert running.node in answers["drive"]["text"]
-    running.stop()
 
 
 def test_a_robot_that_is_off_is_one_answer_with_what_to_do(robot: Robot, rosmaster: Master) -> None:

@@ -122,12 +122,26 @@ def test_ctrl_c_ends_everything_and_passwords_stay(port: int, start: Start):
     second.assert_nothing_left()
 
 
-def test_nothing_outlives_a_demo_that_is_killed(port: int, start: Start):
+def test_a_port_serves_one_demo_and_nothing_outlives_it_when_it_is_killed(port: int, start: Start):
     demo = start(port)
+    assert_the_port_is_refused_to_a_second(demo)
     assert len(demo.family) > 10  # three masters, three simulators, three bridges, supervisor, web process
     demo.process.kill()
     demo.process.wait()
     demo.assert_nothing_left()
+
+
+def assert_the_port_is_refused_to_a_second(demo: Demo) -> None:
+    other = subprocess.run(
+        ["script/demo", "--port", str(demo.port)],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        timeout=ENDED_S,
+    )
+    assert other.returncode == 1
+    assert f"Cannot listen on port {demo.port}" in other.stderr
+    assert listens(demo.port)
 
 
 def test_a_part_that_dies_is_named_and_ends_the_demo(port: int, start: Start):
@@ -217,13 +231,3 @@ async def drive_over_tls(console: OnTheNetwork) -> None:
         await driver.hold_stick(1.0, 0.0, lambda: driver.odometry and driver.odometry.x - began_at.x > 0.1)
         await driver.stop()
         await driver.until(lambda: driver.state and driver.state.stop.state == "stopped")
-
-
-def test_a_second_demo_takes_another_port_and_never_the_same(port: int, start: Start):
-    start(port)
-    other = subprocess.run(
-        ["script/demo", "--port", str(port)], cwd=REPOSITORY, capture_output=True, text=True, timeout=ENDED_S
-    )
-    assert other.returncode == 1
-    assert f"Cannot listen on port {port}" in other.stderr
-    assert listens(port)

@@ -25,9 +25,13 @@ class MasterError(Exception):
 
 
 class _Transport(xmlrpc.client.Transport):
+    def __init__(self, timeout_s: float) -> None:
+        super().__init__()
+        self._timeout_s = timeout_s
+
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         connection = super().make_connection(host)
-        connection.timeout = TIMEOUT_S
+        connection.timeout = self._timeout_s
         return connection
 
 
@@ -41,11 +45,12 @@ class SystemState:
 
 
 class Master:
-    """One master, as the node `caller` calls it. Every call raises MasterError within about a second."""
+    """One master (or one node), as the node `caller` calls it. Calls raise MasterError within about `timeout_s`."""
 
-    def __init__(self, uri: str, caller: str) -> None:
+    def __init__(self, uri: str, caller: str, timeout_s: float = TIMEOUT_S) -> None:
         self.uri = uri
         self._caller = caller
+        self._timeout_s = timeout_s
 
     def alive(self) -> None:
         """Return if the master answers."""
@@ -71,7 +76,7 @@ class Master:
     def call(self, method: str, *arguments: object) -> Any:
         """One call of the master (or slave) API; returns its value."""
         try:
-            with xmlrpc.client.ServerProxy(self.uri, transport=_Transport()) as proxy:
+            with xmlrpc.client.ServerProxy(self.uri, transport=_Transport(self._timeout_s)) as proxy:
                 code, text, value = getattr(proxy, method)(self._caller, *arguments)
         except socket.gaierror as error:
             host = urlsplit(self.uri).hostname

@@ -35,10 +35,11 @@ from robots.bridge.findings import (
     TopicFound,
 )
 from robots.bridge.ros.master import Master, MasterError, SystemState
-from robots.bridge.ros.tcpros import CONNECT_S, connect_to_publisher, read, read_header, read_length
+from robots.bridge.ros.tcpros import connect_to_publisher, read, read_header, read_length
 from robots.bridge.ros.types import UnknownTypeError, message_class
 
 CALLBACK_S = 2.0
+NODE_S = 3.0  # a robot that is busy is not one that is silent
 HEAD = 512  # bytes of a message that are looked at: its std_msgs/Header
 
 
@@ -91,7 +92,7 @@ def _host(name: str, nodes: int, uri: str) -> HostFound:
     except OSError:
         return HostFound(name, nodes)
     try:
-        socket.create_connection((address, urlsplit(uri).port or 80), CONNECT_S).close()
+        socket.create_connection((address, urlsplit(uri).port or 80), NODE_S).close()
     except OSError as error:
         return HostFound(name, nodes, address, str(error))
     return HostFound(name, nodes, address)
@@ -158,7 +159,7 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
     errors = []
     for node in publishers:
         try:
-            with connect_to_publisher(asked.topic, uris[node], CALLER) as connection:
+            with connect_to_publisher(asked.topic, uris[node], CALLER, NODE_S) as connection:
                 return _listen(connection, asked, found, time.monotonic() + listen_s)
         except KeyError:
             errors.append(f"{node} has no address at the master")

@@ -24,14 +24,16 @@ def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) 
     return connection
 
 
-def connect_to_publisher(topic: str, node_uri: str, caller: str) -> socket.socket:
+def connect_to_publisher(
+    topic: str, node_uri: str, caller: str, timeout_s: float = CONNECT_S
+) -> socket.socket:
     """A subscriber's connection to one publisher, whatever its type."""
-    protocol = Master(node_uri, caller).call("requestTopic", topic, [["TCPROS"]])
+    protocol = Master(node_uri, caller, timeout_s).call("requestTopic", topic, [["TCPROS"]])
     if not protocol:
         raise ValueError("does not offer TCPROS")
     _, host, port = protocol
     wanted = {"callerid": caller, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-    return connect(host, port, wanted)
+    return connect(host, port, wanted, timeout_s)
 
 
 def read_header(connection: socket.socket) -> Header:
