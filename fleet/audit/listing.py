@@ -16,7 +16,8 @@ from typing import Any
 from uuid import UUID
 
 from django.db import connection
-from django.db.models import Exists, OuterRef, Q, QuerySet
+from django.db.models import OuterRef, Q, QuerySet, Subquery
+from django.db.models.lookups import IsNull
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -154,7 +155,7 @@ class Selection:
             return [texts_among([_row_of(*record) for record in told], self._wanted.words)]
         requests = Selection(replace(self._wanted, words=(), outcome=""), self._kinds)._streams()
         return [
-            texts.filter(Exists(stream.filter(pk=OuterRef("pk"))), told, self._within)
+            texts.filter(_there_is(stream.filter(pk=OuterRef("pk"))), told, self._within)
             for stream in requests
             if stream.exists()
             for told in self._outcome_wanted()
@@ -170,9 +171,9 @@ class Selection:
         by = Record.objects.filter(outcome=outcome)
         told = []
         if others := kinds.difference(_OWN_ROW):
-            told.append(Q(Exists(by.filter(of=OuterRef("pk"), kind__in=others))))
+            told.append(_there_is(by.filter(of=OuterRef("pk"), kind__in=others)))
         if own := kinds.difference(_END_OF.values()):
-            told.append(Q(Exists(by.filter(pk=OuterRef("pk"), kind__in=own))))
+            told.append(_there_is(by.filter(pk=OuterRef("pk"), kind__in=own)))
         return told
 
     @cached_property
@@ -263,6 +264,11 @@ def with_ends(kinds: Iterable[str]) -> list[str]:
     """The kinds and those that tell how they ended."""
     kinds = list(kinds)
     return [*kinds, *(_END_OF[kind] for kind in kinds if kind in _END_OF)]
+
+
+def _there_is(records: QuerySet[Record]) -> Q:
+    """For each text by itself. Of EXISTS, PostgreSQL makes a join with all such records, for the first few texts too."""
+    return Q(IsNull(Subquery(records.order_by().values("pk")[:1]), False))
 
 
 def row_of(record: Record) -> Row:
