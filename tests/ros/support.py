@@ -26,6 +26,8 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 import rosgraph
 import rospy
 
+from robots.bridge.ros.publishing import immediate_publisher
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 ROSMASTER = "/usr/bin/rosmaster"
 PATIENCE_S = 20.0
@@ -224,8 +226,11 @@ class RosClient:
 
     @contextmanager
     def speak(self, topic: str, kind: type, listeners: int = 1) -> Iterator[rospy.Publisher]:
-        """Publish for the length of a `with` block, which begins when `listeners` are connected."""
-        publisher = rospy.Publisher(topic, kind, queue_size=10, tcp_nodelay=True)
+        """Publish for the length of a `with` block, which begins when `listeners` are connected.
+
+        At once: what still stood in a queue at the end of the block would be lost.
+        """
+        publisher = immediate_publisher(topic, kind, PATIENCE_S)
         try:
             until(lambda: publisher.get_num_connections() >= listeners, f"{listeners} listeners on {topic}")
             yield publisher

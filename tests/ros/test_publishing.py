@@ -42,7 +42,7 @@ def test_what_is_late_or_withdrawn_or_heard_by_others_is_not_sent_to_who_comes(
         monkeypatch.setattr(publishing, "PATIENCE_S", 0.0)
     if lost == "heard":
         with ros.listen(topic(sender), String) as first:
-            ros.connected(first)
+            until(lambda: sender.publisher.get_num_connections(), "somebody listens")
             sender.send(String("old"))
             assert first.next().data == "old"
         until(lambda: not sender.publisher.get_num_connections(), "nobody listens any more")
