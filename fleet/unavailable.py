@@ -50,7 +50,7 @@ def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | 
         case _:
             return None
     logger.error("%s %s: %s", request.method, request.path, error)
-    if request.get_preferred_type(["text/html", "application/json"]) == "application/json":
+    if request.get_preferred_type(["application/json", "text/html"]) == "application/json":
         response: HttpResponse = JsonResponse(refusal, status=503)
     else:
         response = render(request, "503.html", refusal, status=503)

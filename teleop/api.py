@@ -12,7 +12,7 @@ from typing import Any, cast
 import msgspec
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from rest_framework.exceptions import APIException
+from rest_framework.exceptions import APIException, AuthenticationFailed, NotAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView, exception_handler
@@ -30,6 +30,7 @@ from teleop.selectors import holding_of
 
 LONGEST_PAGE = 200  # entries of history at once
 HIGHEST_NUMBER = 2**63 - 1
+SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.", "account")
 
 
 class BadQuery(APIException):
@@ -44,12 +45,14 @@ def explained(error: Exception, context: dict[str, Any]) -> Response | None:
     response = exception_handler(error, context)
     if response is None:
         return None
+    if isinstance(error, NotAuthenticated | AuthenticationFailed):
+        return Response(msgspec.to_builtins(SIGNED_OUT), status=401)
     known = isinstance(error, APIException)
     code = cast(APIException, error).default_code if known else "not_found"
     text = (
         str(cast(APIException, error).detail) if known else "There is no such robot, or you may not see it."
     )
-    rule = "account" if response.status_code in (401, 403) else "wire"
+    rule = "account" if response.status_code == 403 else "wire"
     refusal = Refusal(code, text, rule)
     response.data = msgspec.to_builtins(refusal)
     _note(refusal, context["request"])

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from robots.wire import Refusal
+from robots.wire import MOST_LOOKS, Refusal
 from teleop.views_out import Send
 
 log = logging.getLogger(__name__)
 
 LOOKS = 8  # of one connection
-TOPICS = 32  # of all connections here at one robot: as many as one message to its bridge holds
 
 
 @dataclass
@@ -51,9 +50,11 @@ class Looker:
             if len(self.at) >= LOOKS:
                 text = f"At most {LOOKS} topics are shown at once: close one first."
                 return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": LOOKS})
-            if topic not in self._looks.wanted and len(self._looks.wanted) >= TOPICS:
-                text = f"People look at {TOPICS} topics of this robot already, which is as many as it shows."
-                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": TOPICS})
+            if topic not in self._looks.wanted and len(self._looks.wanted) >= MOST_LOOKS:
+                text = (
+                    f"People look at {MOST_LOOKS} topics of this robot already, which is as many as it shows."
+                )
+                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MOST_LOOKS})
         self.at[topic] = Look(rate_hz)
         self.news.set()  # somebody else may look already: then the newest is there
         self._looks.changed()

@@ -20,7 +20,7 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
-from robots.wire import Refusal
+from robots.wire import MOST_LOOKS, Refusal
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,6 @@ START_S = 10.0  # the same, while the process still starts
 SILENCE_S = 1.0  # a publishing ends within this, or the process does
 RESTART_S = (1.0, 10.0)  # the pause before another process, doubled while none lives for as long
 END_S = 2.0  # after its stdin was closed
-MOST_LOOKS = 30  # topics of one robot that are looked at
 MOST_ASKED = 32  # questions of one link under way
 MOST_UNSENT = 200  # requests, while there is no process
 LARGEST_LINE = 4 * 1024 * 1024  # bytes

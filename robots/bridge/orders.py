@@ -221,7 +221,7 @@ class Orders:
     def close(self, now_s: float) -> None:
         """The bridge ends."""
         self._forget_looks(now_s, ENDED)
-        self.publishings.halt("bridge ended", now_s, ENDED)
+        self.publishings.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
         self.speaking.close(ENDED, now_s)
         self.choices.close(ENDED, now_s)

@@ -164,7 +164,7 @@ class Bridge:
         loop.add_reader(lifeline, self._lifeline, lifeline)
 
     def _publishing_lost(self) -> None:
-        self._core.orders.publishings.halt("inspector ended", time.monotonic())
+        self._core.orders.publishings.halt("inspector_ended", time.monotonic())
 
     def _name_lost(self) -> None:
         self._exit_code = EXIT_NAME_LOST

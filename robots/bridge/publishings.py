@@ -85,7 +85,7 @@ class Publishings:
         """Its holder ends what is published there."""
         if topic not in self._running:
             return Refusal("not_publishing", f"Nothing is published on {topic} at a rate.", "robot")
-        self._end(topic, "stopped by its holder", now_s)
+        self._end(topic, "cancelled", now_s)
         return None
 
     def halt(self, why: str, now_s: float, refusal: Refusal = HALTED) -> None:

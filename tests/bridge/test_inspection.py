@@ -14,7 +14,7 @@ import pytest
 
 from robots import wire
 from robots.bridge import inspection
-from robots.bridge.inspection import MOST_ASKED, MOST_LOOKS, Inspection
+from robots.bridge.inspection import MOST_ASKED, Inspection
 from tests.bridge.support import CONFIG
 
 PATIENCE_S = 20.0
@@ -146,10 +146,10 @@ async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wan
 
 async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
     ann, ben = Viewer(), Viewer()
-    relay.look_at(ann, {f"/t{number}": 1.0 for number in range(MOST_LOOKS)})
+    relay.look_at(ann, {f"/t{number}": 1.0 for number in range(wire.MOST_LOOKS)})
     relay.look_at(ben, {"/t0": 1.0, "/one_more": 1.0})
     assert ben.seen["/one_more"]["refusal"]["code"] == "too_many_looks"
-    await ann.until(lambda: len(ann.seen) == MOST_LOOKS)
+    await ann.until(lambda: len(ann.seen) == wire.MOST_LOOKS)
     assert ben.seen["/t0"] == {"rate": 1.0}
     assert "/one_more" not in relay._wanted()
 

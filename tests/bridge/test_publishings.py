@@ -88,7 +88,7 @@ def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
     bench.recorded()
     assert bench.publisher.stopped == ["/notes"]
     kind, end = bench.sink.records[-1]
-    assert (kind, end.outcome) == ("publish.end", "stopped by its holder")
+    assert (kind, end.outcome) == ("publish.end", "cancelled")
     assert end.duration_s == pytest.approx(1.0, abs=0.1)
     assert bench.order(wire.PublishStop(1, "/notes")).code == "not_publishing"
 
@@ -110,7 +110,7 @@ def test_what_is_published_at_a_rate_gives_way_to_the_next_message_there(bench):
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "control_ended"),
         (lambda bench: bench.core.link_lost(1, bench.now_s) or bench.pass_time(2.2), "link_lost"),
-        (lambda bench: bench.core.close(bench.now_s), "bridge ended"),
+        (lambda bench: bench.core.close(bench.now_s), "bridge_ended"),
     ],
 )
 def test_nobody_left_to_answer_for_it_ends_it(bench, happens, outcome):

@@ -184,7 +184,7 @@ def test_an_inspector_that_dies_is_replaced_and_what_it_published_does_not_begin
         )
         assert number > 0
         falls_silent(notes)
-    assert "publish.end inspector ended" in bridge.records.read_text()
+    assert "publish.end inspector_ended" in bridge.records.read_text()
 
 
 def test_a_bridge_that_is_killed_takes_its_inspector_along(rosmaster, tmp_path):
