@@ -29,6 +29,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
         driver = await Person(stack, cookie).sit_down()
         note = wire.Publish(driver.fence or 1, NOTES, "std_msgs/String", {"data": "Here."}, NOTES_HZ)
         assert isinstance(await driver.order(note), wire.Accepted)
+        await hold(driver, 0.0, NOTICED_S, until=lambda: free(driver))
         await hold(driver, TURN, 10.0, until=lambda: turning(driver))
         with database_away:
             away_s = time.time()
@@ -47,7 +48,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
         await hold(driver, TURN, LOOKED_S)
         assert witness.last_velocity_s < back_s, "the robot moved though the stick was never let go"
 
-        await hold(driver, 0.0, NOTICED_S, until=lambda: driver.state and not driver.state.neutral_needed)
+        await hold(driver, 0.0, NOTICED_S, until=lambda: free(driver))
         await hold(driver, TURN, NOTICED_S, until=lambda: turning(driver))
         await hold(driver, 0.0, NOTICED_S, until=lambda: not turning(driver))
         await driver.__aexit__(None, None, None)
@@ -72,6 +73,12 @@ async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:
             return
         await driver.drive(0.0, turn)
         await asyncio.sleep(DRIVE_PERIOD_S)
+
+
+def free(driver: Driver) -> bool:
+    """The bridge has seen the stick of this control in the middle."""
+    state = driver.state
+    return bool(state and state.fence == driver.fence and not state.neutral_needed)
 
 
 def turning(driver: Driver) -> bool:
