@@ -24,6 +24,7 @@ from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
 from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
 from robots.bridge.publishings import Publisher
@@ -35,6 +36,7 @@ log = logging.getLogger(__name__)
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
 ODOMETRY_ONLINE_S = 1.0
 CLOCK_SKEW_S = 0.5  # below, nobody need know
+REACHED_S = 1.0  # after joining the master: whoever listens to cancels is connected by then
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
@@ -107,6 +109,9 @@ class Core:
         self._sent = STILL
         self._publish_until_s = float("-inf")
         self._stop_pressed_s: float | None = None
+        self._cancelling = left.latched  # everybody's goals, again and again
+        self._cancelled_s = float("-inf")
+        self._joined_s = float("inf")  # the robot's master
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._odometry: tuple[float, Pose, Velocity] | None = None
@@ -170,7 +175,7 @@ class Core:
         return self._twists.take(drive, now_s) or self._decide(now_s)
 
     def stop(self, by: str, reason: str, now_s: float) -> None:
-        """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is a stop of its own."""
+        """Emergency stop: zero at once, latched, everybody's goals cancelled till then. Each press is one of its own."""
         stop = self.stop_state
         is_first = stop.state == "clear"
         if is_first:
@@ -178,7 +183,8 @@ class Core:
             self._stop_pressed_s = now_s
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self.halt("the robot was stopped", now_s)
-        self._base.cancel_all()
+        self._cancelling = True
+        self._cancel_all(now_s)
         self.orders.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
@@ -194,6 +200,7 @@ class Core:
         self.stop_state = StopState("clear", number=stop.number)
         self._stop_pressed_s = None
         self.halt("the stop was cleared", now_s)
+        self._cancel_all(now_s)
         self._verdict = _IDLE
         return None
 
@@ -213,6 +220,7 @@ class Core:
         self.orders.tick(self._sent, self._page_gone_s, now_s)
         if self.stop_state.state == "stopping" and still and self._odometry:
             self._see_standstill(self._odometry[0])
+        self._repeat_cancel(now_s)
 
     def recorded(self, now_s: float) -> None:
         """A record is in: what waited for it need not wait for the next tick."""
@@ -231,9 +239,12 @@ class Core:
         """The master came or went, or a survey of the robot's topics is in."""
         if status.phase != self._ros.phase:
             log.info("ROS: %s: %s", status.phase, status.text)
-        lost = self._ros.phase == "connecting" and status.phase != "connecting"
+        joined, was_joined = status.phase == "connecting", self._ros.phase == "connecting"
         self._ros = status
-        if lost:
+        if joined and not was_joined:
+            self._joined_s = now_s
+        elif was_joined and not joined:
+            self._joined_s = float("inf")
             self.halt("the robot's ROS master was lost", now_s)
 
     def odometry(
@@ -480,6 +491,25 @@ class Core:
         self.halt(reason, now_s)
         self.orders.control_ended(reason, now_s)
         self._announce(Ended(ended.fence, reason))
+
+    def _repeat_cancel(self, now_s: float) -> None:
+        """A cancel may reach nobody: the master is away, or a listener not connected yet. And others ask for more.
+
+        So it is repeated while the stop is latched; if it was cleared before the robot could be reached, until then.
+        """
+        if not self._cancelling:
+            return
+        if now_s - self._cancelled_s >= CANCEL_AGAIN_S:
+            self._cancel_all(now_s)
+        self._cancelling = self.stop_state.state != "clear" or now_s - self._joined_s < REACHED_S
+
+    def _cancel_all(self, now_s: float) -> None:
+        """Cancel everybody's goals. The stop itself hangs by nothing that comes of it."""
+        self._cancelled_s = now_s
+        try:
+            self._base.cancel_all()
+        except Exception:
+            log.exception("goals were not cancelled")
 
     def _see_standstill(self, seen_s: float) -> None:
         """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""

@@ -9,7 +9,7 @@ from robots.bridge.core import RosStatus
 from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 from robots.bridge.store import Persisted
 from robots.wire import Grant
-from tests.bridge.support import Bench
+from tests.bridge.support import ORDERS, Bench, ObedientBench
 
 FORWARD = Velocity(0.5, 0.0, 0.0)
 
@@ -155,11 +155,73 @@ def test_stop_sends_zero_cancels_every_goal_and_holds(bench):
     bench.granted().driving()
     bench.core.stop("Bob", "", bench.now_s)
     assert bench.last == STILL
-    assert bench.base.cancelled == 1
+    assert bench.base.cancelled >= 1
     assert bench.stick(0.5).code == "stopped"
     assert bench.stick(0.0) is None
     assert bench.stick(0.5).code == "stopped"
     assert bench.last == STILL
+
+
+def cancels(bench, seconds: float) -> int:
+    """How often everybody's goals are cancelled while time passes."""
+    before = bench.base.cancelled
+    bench.pass_time(seconds)
+    return bench.base.cancelled - before
+
+
+def test_a_stop_that_was_pressed_while_the_master_was_away_cancels_once_it_is_there():
+    bench = Bench()
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.pass_time(60.0)
+    assert cancels(bench.online(), 1.0) >= 2  # the first may find no listener connected yet
+
+
+def test_a_stop_that_an_earlier_bridge_left_cancels_once_the_master_is_there():
+    assert cancels(Bench(left=Persisted(True, "Bob", "", 4)).online(), 1.0) >= 2
+
+
+def test_a_stop_cancels_for_as_long_as_it_is_latched_and_no_longer(bench):
+    bench.pass_time(5.0)
+    bench.core.stop("Bob", "", bench.now_s)
+    assert cancels(bench, 10.0) == pytest.approx(20, abs=2)  # also what others ask for meanwhile
+    before = bench.base.cancelled
+    assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
+    assert bench.base.cancelled == before + 1  # and what they asked for a moment ago
+    assert cancels(bench, 10.0) == 0
+
+
+def test_a_stop_that_was_cleared_before_the_robot_could_be_reached_cancels_all_the_same():
+    bench = Bench()
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
+    bench.pass_time(60.0)
+    assert cancels(bench.online(), 2.0) >= 2
+    assert cancels(bench, 10.0) == 0
+
+
+def test_a_stop_that_was_cleared_while_the_master_was_away_cancels_when_it_is_back(bench):
+    bench.pass_time(5.0)
+    bench.core.stop("Bob", "", bench.now_s)  # over a network that is gone already
+    bench.core.ros_status(RosStatus("waiting", "No ROS master answers."), bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
+    bench.pass_time(60.0)
+    assert cancels(bench.online(), 2.0) >= 2
+
+
+def test_a_stop_is_a_stop_although_its_cancel_fails():
+    bench = ObedientBench()
+    bench.base.cancel_all = fails
+    bench.ask(ORDERS["motion"])
+    bench.obeys()
+    assert bench.base.played
+    bench.core.stop("Bob", "", bench.now_s)
+    assert len(bench.base.cancelled_goals) == 1
+    bench.core.tick(bench.now_s + 0.5)
+    assert bench.stick(0.5).code == "stopped"
+
+
+def fails() -> None:
+    raise RuntimeError("publish() to a closed topic")
 
 
 def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):

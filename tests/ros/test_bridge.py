@@ -19,6 +19,7 @@ from xmlrpc.client import ServerProxy
 import msgspec
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rospy.msg import serialize_message
@@ -132,6 +133,19 @@ def test_a_killed_bridge_leaves_a_robot_that_stops_by_itself_and_remembers_a_sto
     assert state.stop.state == "stopping"  # until odometry is there again
     assert state.stop.by == "Bob"
     again.state_until(lambda state: state.stop.state == "stopped", "standstill, seen")
+
+
+def test_a_stop_that_was_latched_before_the_bridge_began_cancels_everybodys_goals(
+    ros, hand, bridge, bridges, rosmaster
+):
+    with ros.listen("/play_motion/cancel", GoalID) as cancels:
+        hand.send(wire.LinkStop("Bob"))
+        until(lambda: b'"latched":true' in state_file(bridge).read_bytes(), "the latch on disk")
+        bridge.kill()
+        until(lambda: not cancels.publishers, "the bridge's end")
+        cancels.drain()
+        bridges(rosmaster, bridge.config)
+        assert cancels.next() == GoalID()
 
 
 def state_file(bridge: BridgeProcess) -> Path:
