@@ -175,7 +175,7 @@ class Core:
         return self._twists.take(drive, now_s) or self._decide(now_s)
 
     def stop(self, by: str, reason: str, now_s: float) -> None:
-        """Emergency stop: zero at once, latched, everybody's goals cancelled till then. Each press is one of its own."""
+        """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is one of its own."""
         stop = self.stop_state
         is_first = stop.state == "clear"
         if is_first:
