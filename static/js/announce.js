@@ -21,6 +21,13 @@ export class Announcer {
     if (this.#timer === null) this.#speak();
   }
 
+  /** What was said under this key is over: the next time it is news. */
+  forget(key) {
+    if (key !== this.#said) return;
+    this.#said = "";
+    this.#waiting = null;
+  }
+
   close() {
     clearTimeout(this.#timer);
   }

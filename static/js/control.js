@@ -66,6 +66,7 @@ class ControlPage {
   #echoes = new Echoes();
   #echoTrips = new RoundTrips();
   #control = null;
+  #mine = false; // control, as the server last said; also while the connection is lost
   #facts = null;
   #state = null;
   #gone = null;
@@ -102,7 +103,7 @@ class ControlPage {
     });
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
-      answered: () => !this.#isCut() && this.#state !== null && this.#state.stop.state !== "clear",
+      answered: (sinceMs) => this.#viewMs > sinceMs && this.#state.stop.state !== "clear",
       say: (text) => this.#face.stopSays(text),
       fail: (text) => {
         this.#face.stopSays(gettext("Not confirmed"));
@@ -179,6 +180,7 @@ class ControlPage {
       stick: this.#stick,
       holonomic: () => this.#facts?.holonomic ?? false,
       holds: () => this.#drives,
+      mayStop: () => this.#mine,
       stop: () => this.#stopButton.press(),
     };
     const menu = document.querySelector(".menu");
@@ -281,6 +283,7 @@ class ControlPage {
   #onControl(control) {
     const { fence: before } = this.#control ?? {};
     this.#control = control;
+    this.#mine = control.state === "yours";
     this.#panel.control = control;
     if (control.state === "yours" && control.fence !== before) {
       this.#stick.neutralise("control-began");
@@ -311,6 +314,7 @@ class ControlPage {
   #onRefused({ of, refusal }) {
     if (of === "drive" && SHOWN_ELSEWHERE.has(refusal.code)) return;
     if (of === "clear") this.#clearing = false;
+    if (of === "release") this.#releasing = false;
     const level = of === "stop" ? "error" : "warning";
     this.#tell(level, `${of} ${refusal.code}`, refusal.text);
   }

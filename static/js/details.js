@@ -17,6 +17,16 @@ export function watchersText({ watchers, watchers_more: more }) {
   return names.join(", ") || gettext("Nobody");
 }
 
+/** How far the robot's clock is from the console's, if far enough to be reported: positive is ahead. */
+export function clockText({ clock_skew_s: skewS }) {
+  if (!skewS) return "";
+  const text =
+    skewS > 0
+      ? gettext("The robot’s clock is %s s ahead of this console’s.")
+      : gettext("The robot’s clock is %s s behind this console’s.");
+  return interpolate(text, [Math.abs(skewS).toFixed(1)]);
+}
+
 function sameTexts(list, texts) {
   return (
     list.children.length === texts.length &&
@@ -36,12 +46,15 @@ export class Details {
   }
 
   set state(state) {
-    const { watchers, sensors, latency, foreign, refusals, "all-limits": limits } = this.#parts;
+    const { watchers, sensors, clock, latency, foreign, refusals } = this.#parts;
+    const { "all-limits": limits } = this.#parts;
     const { limits: standing = [] } = state.verdict;
     fill(limits, standing.length ? standing : [gettext("None")]);
     say(latency, latencyText(state));
     say(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);
+    say(clock, clockText(state));
+    show(clock, clock.textContent !== "");
     show(foreign, state.foreign.length > 0);
     say(
       foreign,

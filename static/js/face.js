@@ -5,7 +5,7 @@ import { Details, fill } from "./details.js";
 import { mark, say, show } from "./dom.js";
 import { banner, limitsOf, stopText, verdictText } from "./standing.js";
 
-const STOP_SAID_MS = 3000;
+const STOP_SAID_MS = 5000; // longer than the stop button waits for an answer
 const LOW_BATTERY_PERCENT = 20;
 
 export class Face {
@@ -13,6 +13,7 @@ export class Face {
   #parts;
   #details;
   #announcer;
+  #bannerTitle = "";
   #stopSaid = { text: "", untilMs: 0 };
 
   /** @param {HTMLElement} root carries the robot's stop for the style sheet */
@@ -59,6 +60,8 @@ export class Face {
   #showBanner(shown, mayClear) {
     const { banner: box, "banner-title": title, "banner-text": text, clear } = this.#parts;
     show(box, shown !== null);
+    if (!shown) this.#announcer.forget(this.#bannerTitle);
+    this.#bannerTitle = shown?.title ?? "";
     if (!shown) return;
     mark(box, "level", shown.level);
     say(title, shown.title);
@@ -77,9 +80,9 @@ export class Face {
 
   #showRobot(state, cut) {
     mark(this.#root, "stop", state.stop.state);
-    if (state.stop.state !== "clear") this.#stopSaid.untilMs = 0; // the robot itself has the word
+    if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot itself has the word
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
-    say(this.#parts["stop-state"], stopText(state.stop) || said);
+    say(this.#parts["stop-state"], said || stopText(state.stop));
     this.#showBattery(state);
     this.#showGate(state.verdict, cut);
     this.#details.state = state;

@@ -1,14 +1,16 @@
 /** The fleet page: a card per robot, live. */
 
 import { mark, parts, say, show } from "./dom.js";
+import { Pulse } from "./pulse.js";
 import { LiveSocket, socketUrl } from "./socket.js";
 import { phaseTitle, standstillText, verdictText } from "./standing.js";
 import { StopButton } from "./stop.js";
 
 const STALE_MS = 3000;
 const SIGNED_OUT = 4401;
+const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last brought the page anew
 
-/** What a card says of one robot. Pure. */
+/** What a card says of one robot: its state, or the refusal that says why it is not known. Pure. */
 export function cardOf({ state, refusal }) {
   if (!state)
     return {
@@ -22,9 +24,9 @@ export function cardOf({ state, refusal }) {
   const online = state.phase === "online";
   const { stop } = state;
   return {
-    level: refusal ? "fail" : online ? "ok" : "warn",
-    status: refusal ? gettext("No link") : phaseTitle(state.phase),
-    why: refusal?.text ?? (online ? "" : state.text),
+    level: online ? "ok" : "warn",
+    status: phaseTitle(state.phase),
+    why: online ? "" : state.text,
     driver: state.holder ?? gettext("Nobody"),
     battery:
       state.battery_percent === null
@@ -47,39 +49,45 @@ function stopWord(state) {
   return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
 }
 
-function connectionText(live, open) {
-  if (live) return gettext("Live");
-  return open ? gettext("No news") : gettext("Offline");
+function connectionFact({ live, open, heard }) {
+  if (live) return { level: "ok", text: gettext("Live") };
+  if (!open) return { level: "fail", text: gettext("Offline") };
+  return heard
+    ? { level: "fail", text: gettext("No news") }
+    : { level: "warn", text: gettext("Connecting") };
 }
 
-class FleetPage {
+export class FleetPage {
   #socket;
+  #pulse;
   #cards = new Map();
   #connection;
   #stopAllState;
-  #heardMs = performance.now();
+  #heardMs = -Infinity; // when this connection last said how the robots are
   #robots = {};
-  #slugs = null; // as first heard
   #timer;
   #stops = [];
 
   constructor(root) {
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
+    this.#pulse = new Pulse(this.#socket);
     const page = parts(document);
     this.#connection = page.connection;
     this.#stopAllState = page["stop-all-state"];
     for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
     this.#stops.push(
       new StopButton(page["stop-all"], {
-        send: () => this.#socket.send({ t: "stop_all" }),
-        answered: () =>
+        send: () => this.#send({ t: "stop_all" }),
+        // Of robots without link the server says itself whether it reached them.
+        answered: (sinceMs) =>
+          this.#heardMs > sinceMs &&
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
         say: (text) => say(this.#stopAllState, text),
         fail: (text) => say(this.#stopAllState, text),
       }),
     );
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
-    this.#socket.addEventListener("open", () => this.#look());
+    this.#socket.addEventListener("open", () => this.#opened());
     this.#socket.addEventListener("down", ({ detail }) => this.#lost(detail.code));
     this.#timer = setInterval(() => this.#look(), 500);
     this.#socket.connect();
@@ -88,7 +96,17 @@ class FleetPage {
   close() {
     clearInterval(this.#timer);
     for (const stop of this.#stops) stop.close();
+    this.#pulse.close();
     this.#socket.close();
+  }
+
+  get #live() {
+    return this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
+  }
+
+  /** Over the socket; true only if an answer can be expected there. */
+  #send(message) {
+    return this.#socket.send(message) && this.#live;
   }
 
   #take(card) {
@@ -97,29 +115,51 @@ class FleetPage {
     this.#cards.set(slug, { card, own });
     this.#stops.push(
       new StopButton(own.stop, {
-        send: () => this.#socket.send({ t: "stop", slug }),
-        answered: () => (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
-        say: (text) => say(own["stop-state"], text),
-        fail: (text) => say(this.#stopAllState, text),
+        send: () => this.#send({ t: "stop", slug }),
+        answered: (sinceMs) =>
+          this.#heardMs > sinceMs && (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
+        say: (text) => this.#stopSays(own, text),
+        fail: (text) => {
+          this.#stopSays(own, gettext("Not confirmed"));
+          say(this.#stopAllState, text);
+        },
       }),
     );
   }
 
+  /** What becomes of a card's stop, until the robot itself reports. */
+  #stopSays(own, text) {
+    say(own["stop-state"], text);
+    show(own["stop-why"], false);
+  }
+
+  #opened() {
+    this.#pulse.begin();
+    this.#heardMs = -Infinity;
+    this.#look();
+  }
+
   #heard(message) {
+    this.#pulse.heard(message);
     if (message.t === "refused") say(this.#stopAllState, message.refusal.text);
     if (message.t !== "fleet") return;
     this.#heardMs = performance.now();
-    this.#followRegistry(Object.keys(message.robots).sort().join());
+    this.#followRegistry(Object.keys(message.robots));
     this.#robots = message.robots;
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
     this.#look();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
 
-  /** Robots that come and go while the page is open bring the page anew. */
+  /** Robots that come and go bring the page anew: once, should the next page still have other ones. */
   #followRegistry(slugs) {
-    this.#slugs ??= slugs;
-    if (slugs !== this.#slugs) location.reload();
+    const told = slugs.sort().join();
+    if (told === [...this.#cards.keys()].sort().join()) {
+      sessionStorage.removeItem(RELOADED_FOR);
+    } else if (sessionStorage.getItem(RELOADED_FOR) !== told) {
+      sessionStorage.setItem(RELOADED_FOR, told);
+      location.reload();
+    }
   }
 
   #show(slug, robot) {
@@ -147,9 +187,11 @@ class FleetPage {
   }
 
   #look() {
-    const live = this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
-    mark(this.#connection, "level", live ? "ok" : "fail");
-    say(this.#connection, connectionText(live, this.#socket.open));
+    const live = this.#live;
+    const heard = this.#heardMs > -Infinity;
+    const { level, text } = connectionFact({ live, open: this.#socket.open, heard });
+    mark(this.#connection, "level", level);
+    say(this.#connection, text);
     for (const { card } of this.#cards.values()) mark(card, "stale", !live);
   }
 }

@@ -11,10 +11,14 @@ export function firstPad(pads) {
 }
 
 /**
- * @param {{stick: import("./stick.js").Stick, holonomic: () => boolean, holds: () => boolean, stop: () => void}} host
+ * @param {object} host
+ * @param {import("./stick.js").Stick} host.stick
+ * @param {() => boolean} host.holonomic
+ * @param {() => boolean} host.mayStop control is this person's, as far as is known: also while the connection is lost
+ * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
-export function listenToGamepad({ stick, holonomic, holds, stop }) {
+export function listenToGamepad({ stick, holonomic, mayStop, stop }) {
   if (!navigator.getGamepads) return () => {}; // withheld on plain http from another host
   const listening = new AbortController();
   const { signal } = listening;
@@ -30,7 +34,7 @@ export function listenToGamepad({ stick, holonomic, holds, stop }) {
     }
     stick.feed("gamepad", fromGamepad(pad.axes, holonomic()));
     const stopIsDown = Boolean(pad.buttons[STOP_BUTTON]?.pressed);
-    if (stopIsDown && !stopWasDown && holds()) stop();
+    if (stopIsDown && !stopWasDown && mayStop()) stop();
     stopWasDown = stopIsDown;
     frame = requestAnimationFrame(look);
   };

@@ -21,13 +21,12 @@ export function outcomeText(outcome) {
   return texts[outcome] ?? outcome ?? gettext("not over yet");
 }
 
-/** The time if it was today, else the day and the time. */
+/** The time if it was today, else the day and the time; with the zone, for the records of the same are in UTC. */
 export function whenText(at, now = new Date()) {
   const when = new Date(at);
-  const options =
-    when.toDateString() === now.toDateString()
-      ? { timeStyle: "short" }
-      : { dateStyle: "medium", timeStyle: "short" };
+  const day = { year: "numeric", month: "short", day: "numeric" };
+  const time = { hour: "2-digit", minute: "2-digit", timeZoneName: "short" };
+  const options = when.toDateString() === now.toDateString() ? time : { ...day, ...time };
   return new Intl.DateTimeFormat(document.documentElement.lang || "en", options).format(when);
 }
 

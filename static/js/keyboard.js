@@ -40,22 +40,27 @@ export function isEditing(target) {
 
 /**
  * Listens on the window while a person has control.
- * @param {{stick: import("./stick.js").Stick, holonomic: () => boolean, holds: () => boolean, stop: () => void}} host
+ * @param {object} host
+ * @param {import("./stick.js").Stick} host.stick
+ * @param {() => boolean} host.holonomic
+ * @param {() => boolean} host.holds this person has control and may drive now
+ * @param {() => boolean} host.mayStop control is this person's, as far as is known: also while the connection is lost
+ * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
-export function listenToKeys({ stick, holonomic, holds, stop }) {
+export function listenToKeys({ stick, holonomic, holds, mayStop, stop }) {
   const held = new Set();
   const listening = new AbortController();
   const { signal } = listening;
   const feed = () => stick.feed("keyboard", axesOf(held, holonomic()));
 
   const down = (event) => {
-    if (!holds() || isEditing(event.target)) return;
+    if (isEditing(event.target)) return;
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.code === "Space") {
+    if (event.code === "Space" && mayStop()) {
       event.preventDefault();
       if (!event.repeat) stop();
-    } else if (event.code in AXES) {
+    } else if (event.code in AXES && holds()) {
       event.preventDefault();
       held.add(event.code);
       feed();
@@ -63,7 +68,7 @@ export function listenToKeys({ stick, holonomic, holds, stop }) {
   };
   const up = (event) => {
     // A button under the focus would answer to the same space.
-    if (event.code === "Space" && holds() && !isEditing(event.target)) event.preventDefault();
+    if (event.code === "Space" && mayStop() && !isEditing(event.target)) event.preventDefault();
     if (held.delete(event.code)) feed();
   };
   const forget = () => {

@@ -27,6 +27,12 @@ function words(level, said) {
   return [sign, make("p", { children: [strong, " ", said] })];
 }
 
+/** This browser's time of day; with its zone, for the records of the same are in UTC. */
+function timeText(at) {
+  const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", timeZoneName: "short" };
+  return at.toLocaleTimeString(document.documentElement.lang || "en", options);
+}
+
 function timesText(times) {
   return times > 1 ? `×${times}` : "";
 }
@@ -176,7 +182,7 @@ export class Notices {
 
   #fillLog() {
     const rows = this.#log.map(({ level, text, times, at }) => {
-      const time = make("time", { text: at.toLocaleTimeString() });
+      const time = make("time", { text: timeText(at) });
       time.dateTime = at.toISOString();
       const count = make("span", { className: "notice-times", text: timesText(times) });
       return make("li", {

@@ -2,6 +2,10 @@
 
 import { waitBefore } from "./backoff.js";
 
+const OPEN_WITHIN_MS = 3000; // an attempt begun while the network was away may wait for its next packet much longer
+const SLOW_WITHIN_MS = 10_000;
+const QUICK_ATTEMPTS = 4; // then it may be a network that takes its time
+
 /** @param {string} path such as "/ws/fleet/" */
 export function socketUrl(path, base = location.href) {
   const url = new URL(path, base);
@@ -18,8 +22,10 @@ export class LiveSocket extends EventTarget {
   #socket = null;
   #attempt = 0;
   #retry = null;
+  #patience = null;
   #closed = false;
   #wake = () => {
+    if (!this.open) this.reset(); // it was begun while the network was away
     clearTimeout(this.#retry);
     this.connect();
   };
@@ -43,7 +49,10 @@ export class LiveSocket extends EventTarget {
     if (this.#closed || this.#socket) return;
     const socket = new WebSocket(this.#url);
     this.#socket = socket;
+    const patienceMs = this.#attempt < QUICK_ATTEMPTS ? OPEN_WITHIN_MS : SLOW_WITHIN_MS;
+    this.#patience = setTimeout(() => this.reset(), patienceMs);
     socket.addEventListener("open", () => {
+      clearTimeout(this.#patience);
       this.#attempt = 0;
       this.#tell("open");
     });
@@ -58,7 +67,7 @@ export class LiveSocket extends EventTarget {
     return true;
   }
 
-  /** Gives a connection up that no longer answers, and connects anew. */
+  /** Gives a connection up that does not answer, and connects anew. */
   reset() {
     const socket = this.#socket;
     if (!socket) return;
@@ -70,12 +79,14 @@ export class LiveSocket extends EventTarget {
     this.#closed = true;
     window.removeEventListener("online", this.#wake);
     clearTimeout(this.#retry);
+    clearTimeout(this.#patience);
     this.#socket?.close();
   }
 
   #lost(socket, code) {
     if (socket !== this.#socket) return;
     this.#socket = null;
+    clearTimeout(this.#patience);
     this.#tell("down", { code });
     if (this.#closed) return;
     clearTimeout(this.#retry);

@@ -4,6 +4,7 @@
  */
 
 const ANSWER_MS = 400;
+const PATIENCE_MS = 4000; // the server itself gives a robot up after 3 s
 const SAME_PRESS_MS = 1000;
 
 export class StopButton {
@@ -20,9 +21,9 @@ export class StopButton {
   /**
    * @param {HTMLFormElement} form its address takes the stop when the socket cannot
    * @param {object} ways
-   * @param {() => boolean} ways.send over the socket; false if there is none
-   * @param {() => boolean} ways.answered whether the robot's side has reported a stop since
-   * @param {(text: string) => void} ways.say that it is on its way
+   * @param {() => boolean} ways.send over the socket; false if no answer can be expected there
+   * @param {(sinceMs: number) => boolean} ways.answered whether the robot's side has reported a stop since
+   * @param {(text: string) => void} ways.say that it is on its way, and that it arrived
    * @param {(text: string) => void} ways.fail that it did not arrive, and what to do
    */
   constructor(form, { send, answered, say, fail }) {
@@ -39,11 +40,12 @@ export class StopButton {
 
   /** Stop, now. */
   press() {
-    this.#pressedMs = performance.now();
-    this.#say(gettext("Stop sent"));
+    const sinceMs = performance.now();
+    this.#pressedMs = sinceMs;
     clearTimeout(this.#timer);
     if (this.#send()) {
-      this.#timer = setTimeout(() => this.#answered() || this.#post(), ANSWER_MS);
+      this.#say(gettext("Stop sent"));
+      this.#timer = setTimeout(() => this.#answered(sinceMs) || this.#post(), ANSWER_MS);
     } else {
       this.#post();
     }
@@ -62,16 +64,20 @@ export class StopButton {
   }
 
   async #post() {
+    this.#say(gettext("Sending the stop"));
     try {
       const answer = await fetch(this.#form.action, {
         method: "POST",
         body: new FormData(this.#form),
         headers: { Accept: "application/json" },
         keepalive: true,
+        signal: AbortSignal.timeout(PATIENCE_MS),
       });
-      if (!answer.ok) this.#fail(await reasonIn(answer));
-    } catch {
-      this.#fail(noWay());
+      const { text } = await answer.json(); // the server names the robots that it did not reach
+      if (answer.ok) this.#say(text);
+      else this.#fail(text ?? noWay());
+    } catch (error) {
+      this.#fail(error.name === "TimeoutError" ? noAnswer() : noWay());
     }
   }
 }
@@ -80,11 +86,6 @@ function noWay() {
   return gettext("The stop could not be sent. Use the red button on the robot.");
 }
 
-/** The server names the robots that it did not reach. */
-async function reasonIn(answer) {
-  try {
-    return (await answer.json()).text ?? noWay();
-  } catch {
-    return noWay();
-  }
+function noAnswer() {
+  return gettext("No answer to the stop. Press again, or use the red button on the robot.");
 }

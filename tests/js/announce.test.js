@@ -18,4 +18,23 @@ describe("announcements", () => {
     expect(region.textContent).toBe("held: laser, ahead");
     announcer.close();
   });
+
+  it("come a second time if the first was over, and not once they are over", () => {
+    const region = document.createElement("p");
+    const announcer = new Announcer(region);
+    announcer.say("No connection. Connecting again.", "No connection");
+    announcer.say("Slowed.", "slowed");
+    announcer.forget("No connection"); // something else was said since
+    announcer.forget("slowed");
+    vi.advanceTimersByTime(4000);
+    expect(region.textContent).toBe("No connection. Connecting again.");
+
+    region.textContent = "";
+    announcer.say("No connection. Connecting again.", "No connection");
+    announcer.forget("No connection");
+    vi.advanceTimersByTime(4000);
+    announcer.say("No connection. Connecting again.", "No connection");
+    expect(region.textContent).toBe("No connection. Connecting again.");
+    announcer.close();
+  });
 });

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { latencyText, watchersText } from "../../static/js/details.js";
+import { clockText, Details, latencyText, watchersText } from "../../static/js/details.js";
 
 test("a latency that was not measured yet is said to be assumed", () => {
   expect(latencyText({ latency_s: 0.2, latency_measured: false })).toBe("200 ms (assumed)");
@@ -10,4 +10,35 @@ test("a crowd of onlookers is some names and a number", () => {
   expect(watchersText({ watchers: [], watchers_more: 0 })).toBe("Nobody");
   expect(watchersText({ watchers: ["Ann", "Bob"], watchers_more: 0 })).toBe("Ann, Bob");
   expect(watchersText({ watchers: ["Ann", "Bob"], watchers_more: 12 })).toBe("Ann, Bob, 12 more");
+});
+
+test("a clock that is off is told in words", () => {
+  expect(clockText({ clock_skew_s: null })).toBe("");
+  expect(clockText({ clock_skew_s: 3.2 })).toBe(
+    "The robot’s clock is 3.2 s ahead of this console’s.",
+  );
+  expect(clockText({ clock_skew_s: -0.84 })).toBe(
+    "The robot’s clock is 0.8 s behind this console’s.",
+  );
+});
+
+test("the line about the clock is there while it is off, and only then", () => {
+  const names = ["watchers", "sensors", "clock", "latency", "foreign", "refusals", "all-limits"];
+  const parts = Object.fromEntries(names.map((name) => [name, document.createElement("p")]));
+  const details = new Details(parts);
+  const state = {
+    verdict: {},
+    latency_s: 0.1,
+    latency_measured: true,
+    watchers: [],
+    watchers_more: 0,
+    sensors: [],
+    foreign: [],
+    refused: {},
+  };
+  details.state = { ...state, clock_skew_s: 3.2 };
+  expect(parts.clock.hidden).toBe(false);
+  expect(parts.clock.textContent).toContain("3.2 s ahead");
+  details.state = { ...state, clock_skew_s: null };
+  expect(parts.clock.hidden).toBe(true);
 });

@@ -1,17 +1,18 @@
-import { describe, expect, it } from "vitest";
-import { cardOf } from "../../static/js/fleet.js";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { cardOf, FleetPage } from "../../static/js/fleet.js";
+import { FakeSocket, made } from "./fake_socket.js";
+
+const state = {
+  phase: "online",
+  text: "",
+  stop: { state: "clear", by: null, reason: "", standstill_ms: null },
+  verdict: { code: "idle", text: "", limits: [] },
+  battery_percent: 83.6,
+  charging: true,
+  holder: null,
+};
 
 describe("a card", () => {
-  const state = {
-    phase: "online",
-    text: "",
-    stop: { state: "clear", by: null, reason: "", standstill_ms: null },
-    verdict: { code: "idle", text: "", limits: [] },
-    battery_percent: 83.6,
-    charging: true,
-    holder: null,
-  };
-
   it("says how the robot is", () => {
     expect(cardOf({ state, refusal: null })).toMatchObject({
       level: "ok",
@@ -40,5 +41,130 @@ describe("a card", () => {
       stopped: true,
       stopWhy: "by Bo. Standstill confirmed after 300 ms.",
     });
+  });
+});
+
+describe("the fleet page", () => {
+  let page;
+  let reload;
+
+  const clear = { state, refusal: null };
+  const stopped = { state: { ...state, stop: { ...state.stop, state: "stopped" } }, refusal: null };
+  const part = (name) => document.querySelector(`[data-part=${name}]`);
+  const hears = (robots) => made.at(-1).says(JSON.stringify({ t: "fleet", robots }));
+  const said = (kind) => made.flatMap(({ sent }) => sent).filter(({ t }) => t === kind);
+  const press = (form) =>
+    part(form).querySelector("button").dispatchEvent(new Event("pointerdown"));
+
+  function open() {
+    document.body.innerHTML = `
+      <main data-socket="/ws/fleet/">
+        <span data-part="connection"></span>
+        <article data-robot="tiago-1">
+          <span data-part="status"></span><p data-part="why"></p><b data-part="battery"></b><b data-part="driver"></b>
+          <b data-part="gate"></b><b data-part="stop-state"></b><b data-part="stop-why"></b>
+          <form data-part="stop" action="/robots/tiago-1/stop/"><button></button></form>
+        </article>
+      </main>
+      <form data-part="stop-all" action="/stop-all/"><b data-part="stop-all-state"></b><button></button></form>`;
+    page = new FleetPage(document.querySelector("main"));
+    made.at(-1).opens();
+  }
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    sessionStorage.clear();
+    FakeSocket.begin();
+    vi.stubGlobal("WebSocket", FakeSocket);
+    const answer = { ok: true, json: async () => ({ text: "Stopped." }) };
+    vi.stubGlobal(
+      "fetch",
+      vi.fn(async () => answer),
+    );
+    reload = vi.spyOn(location, "reload").mockImplementation(() => {});
+    open();
+  });
+
+  afterEach(() => {
+    page.close();
+    document.body.replaceChildren();
+    vi.restoreAllMocks();
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
+  });
+
+  it("is content with the socket when the robots report the stop", () => {
+    hears({ "tiago-1": clear });
+    press("stop");
+    press("stop-all");
+    expect(said("stop")).toEqual([{ t: "stop", slug: "tiago-1" }]);
+    vi.advanceTimersByTime(100);
+    hears({ "tiago-1": stopped });
+    vi.advanceTimersByTime(400);
+    expect(fetch).not.toHaveBeenCalled();
+    expect(part("stop-state").textContent).toBe("Stopped");
+  });
+
+  it.each([
+    ["stop", "/robots/tiago-1/stop/", "stop-state"],
+    ["stop-all", "/stop-all/", "stop-all-state"],
+  ])("takes no old word of a robot for an answer (%s)", async (form, address, told) => {
+    hears({ "tiago-1": stopped }); // the last that is heard: somebody clears the stop meanwhile
+    press(form);
+    expect(part(told).textContent).toBe("Stop sent");
+    await vi.advanceTimersByTimeAsync(400);
+    expect(fetch.mock.calls.map(([url]) => new URL(url).pathname)).toEqual([address]);
+    expect(part(told).textContent).toBe("Stopped.");
+  });
+
+  it.each(["stop", "stop-all"])(
+    "sends at once both ways when nothing was heard for long (%s)",
+    (form) => {
+      hears({ "tiago-1": stopped });
+      vi.advanceTimersByTime(3100);
+      expect(part("connection").textContent).toBe("No news");
+      press(form);
+      expect(said(form.replace("-", "_"))).toHaveLength(1);
+      expect(fetch).toHaveBeenCalledTimes(1);
+    },
+  );
+
+  it("sends at once both ways before anything was heard, and says that it is not live yet", () => {
+    vi.advanceTimersByTime(500);
+    expect(part("connection").textContent).toBe("Connecting");
+    press("stop-all");
+    expect(fetch).toHaveBeenCalledTimes(1);
+  });
+
+  it("says at the card and at the edge of the page that a stop was not confirmed", async () => {
+    const answer = { ok: false, json: async () => ({ text: "Not reached: TIAGo 1." }) };
+    fetch.mockResolvedValue(answer);
+    press("stop");
+    await vi.advanceTimersByTimeAsync(0);
+    expect(part("stop-state").textContent).toBe("Not confirmed");
+    expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 1.");
+  });
+
+  it("gives a connection up that answers nothing, and comes back", () => {
+    hears({ "tiago-1": clear });
+    vi.advanceTimersByTime(6500);
+    expect(said("ping").length).toBeGreaterThan(0);
+    expect(made).toHaveLength(2);
+    made[1].opens();
+    expect(part("connection").textContent).toBe("Connecting");
+    hears({ "tiago-1": clear });
+    expect(part("connection").textContent).toBe("Live");
+  });
+
+  it("is brought anew when the first that is heard has other robots than the page, once in a row", () => {
+    hears({ "tiago-1": clear, "tiago-2": clear });
+    expect(reload).toHaveBeenCalledTimes(1);
+    page.close();
+    open();
+    hears({ "tiago-2": clear, "tiago-1": clear });
+    expect(reload).toHaveBeenCalledTimes(1);
+    hears({ "tiago-1": clear });
+    hears({});
+    expect(reload).toHaveBeenCalledTimes(2);
   });
 });

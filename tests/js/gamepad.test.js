@@ -18,7 +18,7 @@ describe("a gamepad", () => {
   let pads;
   let stick;
   let stop;
-  let holds;
+  let mayStop;
   let end;
   const frame = () => vi.advanceTimersByTime(20);
 
@@ -28,8 +28,8 @@ describe("a gamepad", () => {
     vi.stubGlobal("navigator", { getGamepads: () => pads });
     stick = new Stick();
     stop = vi.fn();
-    holds = true;
-    end = listenToGamepad({ stick, holonomic: () => false, holds: () => holds, stop });
+    mayStop = true;
+    end = listenToGamepad({ stick, holonomic: () => false, mayStop: () => mayStop, stop });
     frame();
   });
 
@@ -57,7 +57,7 @@ describe("a gamepad", () => {
     expect(stop).toHaveBeenCalledTimes(1);
     pads[0].buttons[1].pressed = false;
     frame();
-    holds = false;
+    mayStop = false;
     pads[0].buttons[1].pressed = true;
     frame();
     expect(stop).toHaveBeenCalledTimes(1);

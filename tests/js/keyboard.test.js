@@ -24,6 +24,7 @@ describe("the keyboard", () => {
   let stick;
   let stop;
   let holds;
+  let mayStop;
   let end;
 
   const press = (type, code, target = document.body, extra = {}) => {
@@ -36,7 +37,9 @@ describe("the keyboard", () => {
     stick = new Stick();
     stop = vi.fn();
     holds = true;
-    end = listenToKeys({ stick, holonomic: () => false, holds: () => holds, stop });
+    mayStop = true;
+    const host = { holonomic: () => false, holds: () => holds, mayStop: () => mayStop };
+    end = listenToKeys({ stick, stop, ...host });
   });
 
   afterEach(() => {
@@ -53,11 +56,20 @@ describe("the keyboard", () => {
 
   it("is inert without control: nothing drives, space is a space", () => {
     holds = false;
+    mayStop = false;
     press("keydown", "KeyW");
     const space = press("keydown", "Space");
     expect(stick.axes).toEqual(NEUTRAL);
     expect(stop).not.toHaveBeenCalled();
     expect(space.defaultPrevented).toBe(false);
+  });
+
+  it("stops, and drives not, while the connection of who had control is lost", () => {
+    holds = false;
+    press("keydown", "KeyW");
+    expect(press("keydown", "Space").defaultPrevented).toBe(true);
+    expect(stop).toHaveBeenCalledTimes(1);
+    expect(stick.axes).toEqual(NEUTRAL);
   });
 
   it("stops by space, once per press", () => {

@@ -1,38 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveSocket, socketUrl } from "../../static/js/socket.js";
-
-let made;
-
-class FakeSocket extends EventTarget {
-  static OPEN = 1;
-  readyState = 0;
-  bufferedAmount = 0;
-  sent = [];
-
-  constructor(url) {
-    super();
-    this.url = url;
-    made.push(this);
-  }
-
-  opens() {
-    this.readyState = 1;
-    this.dispatchEvent(new Event("open"));
-  }
-
-  says(text) {
-    this.dispatchEvent(Object.assign(new Event("message"), { data: text }));
-  }
-
-  send(text) {
-    this.sent.push(JSON.parse(text));
-  }
-
-  close(code = 1006) {
-    this.readyState = 3;
-    this.dispatchEvent(Object.assign(new Event("close"), { code }));
-  }
-}
+import { FakeSocket, made } from "./fake_socket.js";
 
 describe("the address", () => {
   it("is as safe as the page's own", () => {
@@ -48,7 +16,7 @@ describe("the live socket", () => {
 
   beforeEach(() => {
     vi.useFakeTimers();
-    made = [];
+    FakeSocket.begin();
     vi.stubGlobal("WebSocket", FakeSocket);
     socket = new LiveSocket("ws://here/");
     socket.connect();
@@ -114,8 +82,40 @@ describe("the live socket", () => {
     expect(made).toHaveLength(2);
   });
 
-  it("stays away once closed", () => {
-    made[0].opens();
+  it("gives up an attempt that does not open, and takes one back that does", () => {
+    vi.advanceTimersByTime(2900);
+    expect(made).toHaveLength(1);
+    vi.advanceTimersByTime(100 + 250);
+    expect(made).toHaveLength(2);
+    expect(made[0].readyState).toBe(3);
+    made[1].opens();
+    vi.advanceTimersByTime(60_000);
+    expect(made).toHaveLength(2);
+    expect(socket.open).toBe(true);
+  });
+
+  it("is patient after some attempts: it may be a slow network", () => {
+    for (let failures = 0; failures < 4; failures += 1) {
+      made.at(-1).close();
+      vi.advanceTimersByTime(2000);
+    }
+    vi.advanceTimersByTime(7000);
+    expect(made).toHaveLength(5);
+    made[4].opens();
+    expect(socket.open).toBe(true);
+  });
+
+  it("begins anew when the device is back in the network, whatever an attempt still waits for", () => {
+    window.dispatchEvent(new Event("online"));
+    expect(made).toHaveLength(2);
+    expect(made[0].readyState).toBe(3);
+    made[1].opens();
+    window.dispatchEvent(new Event("online")); // an open one is left alone
+    expect(made).toHaveLength(2);
+  });
+
+  it.each([true, false])("stays away once closed (open before: %s)", (opens) => {
+    if (opens) made[0].opens();
     socket.close();
     vi.advanceTimersByTime(10_000);
     window.dispatchEvent(new Event("online"));

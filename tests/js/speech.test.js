@@ -209,6 +209,9 @@ describe("the history", () => {
     const now = new Date("2026-11-21T12:00:00Z");
     expect(whenText("2026-11-21T10:00:00Z", now)).not.toContain("2026");
     expect(whenText("2026-11-19T10:00:00Z", now)).toContain("2026");
+    const parts = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(now);
+    const zone = parts.find(({ type }) => type === "timeZoneName").value;
+    expect(whenText("2026-11-21T10:00:00Z", now)).toContain(zone);
     expect(outcomeText("done")).toBe("done");
     expect(outcomeText(null)).toBe("not over yet");
   });

@@ -16,7 +16,7 @@ describe("the stop button", () => {
     form.append(document.createElement("button"));
     ways = { send: vi.fn(() => true), answered: vi.fn(() => true), say: vi.fn(), fail: vi.fn() };
     stop = new StopButton(form, ways);
-    vi.stubGlobal("fetch", answer(true, {}));
+    vi.stubGlobal("fetch", answer(true, { text: "Stopped." }));
     vi.advanceTimersByTime(5000);
   });
 
@@ -69,6 +69,53 @@ describe("the stop button", () => {
     press();
     vi.advanceTimersByTime(5000);
     expect(fetch).not.toHaveBeenCalled();
+  });
+
+  it("asks whether a stop was reported since this press", () => {
+    press();
+    const pressedMs = performance.now();
+    vi.advanceTimersByTime(400);
+    expect(ways.answered).toHaveBeenCalledWith(pressedMs);
+  });
+
+  it("tells that the stop arrived by the form's address, and until then that it is being sent", async () => {
+    ways.send.mockReturnValue(false);
+    press();
+    expect(ways.say.mock.calls).toEqual([["Sending the stop"]]);
+    await settle();
+    expect(ways.say).toHaveBeenLastCalledWith("Stopped.");
+    expect(ways.fail).not.toHaveBeenCalled();
+  });
+
+  it("tells within seconds that no answer came", async () => {
+    const timeOut = (ms) => {
+      const ending = new AbortController();
+      setTimeout(() => ending.abort(new DOMException("", "TimeoutError")), ms);
+      return ending.signal;
+    };
+    vi.spyOn(AbortSignal, "timeout").mockImplementation(timeOut); // the timers here are not the browser's
+    const never = (_address, { signal }) =>
+      new Promise((_resolve, reject) => {
+        signal.addEventListener("abort", () => reject(signal.reason));
+      });
+    vi.stubGlobal("fetch", vi.fn(never));
+    ways.send.mockReturnValue(false);
+    press();
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(ways.fail.mock.calls[0][0]).toContain("No answer");
+    vi.restoreAllMocks();
+  });
+
+  it("takes no page for success", async () => {
+    ways.send.mockReturnValue(false);
+    const page = async () => JSON.parse("<!doctype html>");
+    vi.stubGlobal(
+      "fetch",
+      vi.fn(async () => ({ ok: true, json: page })),
+    );
+    press();
+    await settle();
+    expect(ways.fail.mock.calls[0][0]).toContain("red button");
   });
 
   it("names what was not reached", async () => {

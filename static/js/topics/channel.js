@@ -1,5 +1,6 @@
 /** The connection for the robot's topics: questions with one answer each, and live views. */
 
+import { Pulse } from "../pulse.js";
 import { LiveSocket } from "../socket.js";
 
 const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment
@@ -13,10 +14,12 @@ class RefusedError extends Error {
   }
 }
 
-/** Events: "open", "down". Open only while somebody looks. */
+/** Events: "open", "down", "refused" (detail: what nobody asked for). Open only while somebody looks. */
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
+  #pulse = null;
+  #listening = null; // a closed socket may have more to say: nobody hears it
   #seq = 0;
   #asked = new Map();
   #looks = new Map();
@@ -30,14 +33,20 @@ export class TopicsChannel extends EventTarget {
   open() {
     if (this.#socket) return;
     this.#socket = new LiveSocket(this.#url);
-    this.#socket.addEventListener("open", () => this.#opened());
-    this.#socket.addEventListener("down", () => this.#lost());
-    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#pulse = new Pulse(this.#socket);
+    this.#listening = new AbortController();
+    const { signal } = this.#listening;
+    this.#socket.addEventListener("open", () => this.#opened(), { signal });
+    this.#socket.addEventListener("down", () => this.#lost(), { signal });
+    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail), { signal });
     this.#socket.connect();
   }
 
   close() {
-    this.#socket?.close();
+    if (!this.#socket) return;
+    this.#listening.abort();
+    this.#pulse.close();
+    this.#socket.close();
     this.#socket = null;
     this.#lost();
   }
@@ -74,6 +83,7 @@ export class TopicsChannel extends EventTarget {
   }
 
   #opened() {
+    this.#pulse.begin();
     for (const [topic, { rateHz }] of this.#looks) {
       this.#socket.send({ t: "look", topic, rate_hz: rateHz });
     }
@@ -87,6 +97,7 @@ export class TopicsChannel extends EventTarget {
   }
 
   #heard(message) {
+    this.#pulse.heard(message);
     if (message.t === "shown") {
       this.#looks.get(message.topic)?.shown(message);
       requestAnimationFrame(() => this.#socket?.send({ t: "ack" }));

@@ -1,7 +1,7 @@
 /** The Topics tab: where input goes, what the robot says, what may be published, called and set. */
 
 import { closable } from "../dialog.js";
-import { show } from "../dom.js";
+import { mark, show } from "../dom.js";
 import { SearchList } from "../list.js";
 import { whyNot } from "../roles.js";
 import { useLabel } from "../uses.js";
@@ -113,6 +113,8 @@ export class TopicsTab {
   // --- wiring ----------------------------------------------------------------------------------
 
   #listen() {
+    this.#channel.addEventListener("open", () => mark(this.#parts.watches, "stale", false));
+    this.#channel.addEventListener("down", () => mark(this.#parts.watches, "stale", true));
     this.#channel.addEventListener("open", () => this.#refresh());
     this.#channel.addEventListener("open", () => this.#publish.connected());
     this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));

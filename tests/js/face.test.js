@@ -1,0 +1,73 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Face } from "../../static/js/face.js";
+
+const STOP = { state: "clear", by: null, reason: "", standstill_ms: null };
+const STATE = {
+  phase: "online",
+  text: "",
+  stop: STOP,
+  verdict: { code: "idle", text: "", limits: [] },
+  battery_percent: null,
+  latency_s: 0.1,
+  latency_measured: true,
+  watchers: [],
+  watchers_more: 0,
+  sensors: [],
+  foreign: [],
+  refused: {},
+  clock_skew_s: null,
+};
+const LIVE = { connected: true, gone: null, state: STATE, sinceViewMs: 0, cut: false };
+const LOST = { ...LIVE, connected: false, cut: true };
+const STOPPED = { ...STATE, stop: { ...STOP, state: "stopped", standstill_ms: 300 } };
+
+describe("the face of the control page", () => {
+  const named = {};
+  const parts = new Proxy(named, {
+    get(_parts, name) {
+      named[name] ??= document.createElement("p");
+      return named[name];
+    },
+  });
+  let face;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    face = new Face(document.createElement("main"), parts);
+  });
+  afterEach(() => {
+    face.close();
+    vi.useRealTimers();
+  });
+
+  it("announces a lost connection each time", () => {
+    for (let time = 0; time < 2; time += 1) {
+      parts.live.textContent = "";
+      face.show(LOST);
+      face.show(LOST);
+      expect(parts.live.textContent).toContain("No connection");
+      face.show(LIVE);
+      vi.advanceTimersByTime(5000);
+    }
+  });
+
+  it("leaves the word to the robot once it reports the stop", () => {
+    face.show(LIVE);
+    face.stopSays("Stop sent");
+    face.show(LIVE);
+    expect(parts["stop-state"].textContent).toBe("Stop sent");
+    face.show({ ...LIVE, state: STOPPED });
+    expect(parts["stop-state"].textContent).toBe("Standstill after 300 ms");
+    face.show(LIVE);
+    expect(parts["stop-state"].textContent).toBe("");
+  });
+
+  it("tells what becomes of a stop while the last that was heard of the robot is old", () => {
+    const old = { ...LOST, state: STOPPED };
+    face.show(old);
+    face.stopSays("Sending the stop");
+    vi.advanceTimersByTime(4000);
+    face.show(old);
+    expect(parts["stop-state"].textContent).toBe("Sending the stop");
+  });
+});

@@ -1,0 +1,64 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { TopicsChannel } from "../../../static/js/topics/channel.js";
+import { FakeSocket, made } from "../fake_socket.js";
+
+/** A browser tells the end of a socket later than it was asked for, on a dead network by many seconds. */
+class SlowSocket extends FakeSocket {
+  close() {
+    this.readyState = 2;
+  }
+
+  ends() {
+    super.close();
+  }
+}
+
+describe("the channel of the topics", () => {
+  let channel;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    FakeSocket.begin();
+    vi.stubGlobal("WebSocket", SlowSocket);
+    channel = new TopicsChannel("ws://here/");
+    channel.open();
+    made[0].opens();
+  });
+
+  afterEach(() => {
+    channel.close();
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
+  });
+
+  it("hears nothing more of a socket that it has closed", async () => {
+    channel.close();
+    channel.open();
+    made[1].opens();
+    const shown = vi.fn();
+    channel.look("/odom", 5, shown);
+    const asked = channel.ask({ t: "topics" });
+    made[0].says('{"t": "shown", "topic": "/odom", "number": 1}');
+    made[0].ends();
+    made[1].says('{"t": "graph", "seq": 1, "topics": []}');
+    expect(await asked).toMatchObject({ t: "graph" });
+    expect(shown).not.toHaveBeenCalled();
+  });
+
+  it("tells when nothing is heard any more, and asks for what was looked at again", () => {
+    const down = vi.fn();
+    channel.addEventListener("down", down);
+    channel.look("/odom", 5, () => {});
+    vi.advanceTimersByTime(6000);
+    expect(down).toHaveBeenCalledTimes(1);
+    vi.advanceTimersByTime(250);
+    made[1].opens();
+    expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
+  });
+
+  it("lets a question fail with the connection", async () => {
+    const asked = expect(channel.ask({ t: "topics" })).rejects.toThrow("connection was lost");
+    made[0].ends();
+    await asked;
+  });
+});
