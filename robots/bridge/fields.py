@@ -110,7 +110,7 @@ def _whole(type_name: str, given: Any, path: str) -> int:
     if isinstance(given, bool) or not isinstance(given, int):
         raise BadField(path, f"{path}: a whole number ({type_name}), not {_named(given)}.")
     if not low <= given <= high:
-        raise BadField(path, f"{path}: {type_name} goes from {low} to {high}; {given} does not fit.")
+        raise BadField(path, f"{path}: {type_name} goes from {low} to {high}; {_named(given)} does not fit.")
     return given
 
 
@@ -124,7 +124,7 @@ def _number(type_name: str, given: Any, path: str) -> float:
     if not math.isfinite(value):
         raise BadField(path, f"{path}: a finite number is wanted.")
     if abs(value) > FLOATS[type_name]:
-        raise BadField(path, f"{path}: {given} is too large for {type_name}.")
+        raise BadField(path, f"{path}: {_named(given)} is too large for {type_name}.")
     return value
 
 
@@ -140,12 +140,15 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
         if not 0 <= nsecs < 1_000_000_000:
             raise BadField(f"{path}.nsecs", f"{path}.nsecs: from 0 to 999999999.")
         return {"secs": secs, "nsecs": nsecs}
-    if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
+    if isinstance(given, bool) or not isinstance(given, int | float):
         also = ' or "now"' if type_name == "time" else ""
         raise BadField(path, f"{path}: seconds, or secs and nsecs{also}, not {_named(given)}.")
-    nanoseconds = round(given * 1_000_000_000)
-    secs = _whole(STAMPS[type_name], nanoseconds // 1_000_000_000, path)
-    return {"secs": secs, "nsecs": nanoseconds % 1_000_000_000}
+    low, high = INTEGERS[STAMPS[type_name]]
+    if not low <= given < high + 1:  # also what is not finite
+        raise BadField(path, f"{path}: a {type_name} has from {low} to {high} seconds, not {_named(given)}.")
+    whole, part = divmod(given, 1)
+    nanoseconds = round(part * 1_000_000_000)
+    return {"secs": int(whole) + nanoseconds // 1_000_000_000, "nsecs": nanoseconds % 1_000_000_000}
 
 
 def _text(given: Any, path: str) -> str:
@@ -196,5 +199,7 @@ def _named(value: Any) -> str:
             return "an array"
         case str():
             return f"the text “{value[:20]}”"
+        case int() if value.bit_length() > 128:  # Python writes out no more than some thousand digits
+            return "a very large number"
         case _:
             return str(value)[:40]

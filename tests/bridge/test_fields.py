@@ -97,6 +97,21 @@ def test_a_wrong_field_of_a_twist_is_named(given, path, says):
         ({"a_time": "yesterday"}, "a_time", '"now"'),
         ({"a_duration": "now"}, "a_duration", "seconds"),
         ({"a_time": -1}, "a_time", "from 0"),
+        ({"a_time": 1e300}, "a_time", "4294967295"),
+        ({"a_time": 2**32}, "a_time", "4294967295"),
+        ({"a_time": 10**400}, "a_time", "a very large number"),
+        ({"a_time": math.inf}, "a_time", "not inf"),
+        ({"a_time": math.nan}, "a_time", "not nan"),
+        ({"a_time.secs": 1e300}, "a_time.secs", "a very large number"),
+        ({"a_duration": 1e300}, "a_duration", "2147483647"),
+        ({"a_duration": -1e300}, "a_duration", "-2147483648"),
+        ({"a_duration": -(10**5000)}, "a_duration", "a very large number"),
+        ({"header.stamp": 1e300}, "header.stamp", "4294967295"),
+        ({"a_int32": math.inf}, "a_int32", "not inf"),
+        ({"a_int32": math.nan}, "a_int32", "not nan"),
+        ({"a_uint64": 10**5000}, "a_uint64", "a very large number"),
+        ({"a_float32": 10**300}, "a_float32", "a very large number"),
+        ({"names": [10**5000]}, "names[0]", "a very large number"),
         ({"a_time.nsecs": 10**9}, "a_time.nsecs", "999999999"),
         ({"a_time": {"hours": 1}}, "a_time", "secs and nsecs"),
         ({"nothing.at_all": 1}, "nothing.at_all", "the fields are: none"),
@@ -126,6 +141,9 @@ def test_times_are_seconds_or_parts_or_now():
     assert values["a_time"] == {"secs": 1, "nsecs": 250_000_000}
     assert values["a_duration"] == {"secs": -1, "nsecs": 500_000_000}
     assert values["header"] == {"stamp": "now"}
+    ends = fitted(EVERYTHING, {"a_time": 2**32 - 0.5, "a_duration": -(2**31)})
+    assert ends["a_time"] == {"secs": 2**32 - 1, "nsecs": 500_000_000}
+    assert ends["a_duration"] == {"secs": -(2**31), "nsecs": 0}
 
 
 # --- bytes ---------------------------------------------------------------------------------------------
