@@ -183,7 +183,8 @@ class _NoTopics:
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None: ...
 
-    def publish(self, order: wire.Publish) -> None: ...
+    def publish(self, order: wire.Publish) -> bool:
+        return False
 
     def publish_stop(self, topic: str) -> None: ...
 

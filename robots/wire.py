@@ -31,7 +31,9 @@ TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]
 TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
 Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
 Use = Literal["drive", "speech", "motions"]
-Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz
+SLOWEST_HZ = 0.1  # of what is repeated
+Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
+LookRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
 TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 
 
@@ -220,6 +222,8 @@ class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
 
     def __post_init__(self) -> None:
         _require_shallow(self.fields)
+        if 0.0 < self.rate_hz < SLOWEST_HZ:
+            raise ValueError(f"rate_hz is 0 for once, else at least {SLOWEST_HZ}")
 
 
 class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
@@ -331,7 +335,6 @@ class Request(Struct, frozen=True):
 
     id: int
     name: str
-    waiting_s: float
 
 
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
@@ -674,7 +677,7 @@ class Look(Struct, frozen=True, tag_field="t", tag="look"):
     """Show the messages of a topic, newest wins, at most `rate_hz` of them; `Shown` follows, each after an `Ack`."""
 
     topic: TopicName
-    rate_hz: Annotated[float, Meta(gt=0.0, le=10.0)] = 5.0
+    rate_hz: LookRate = 5.0
 
 
 class Unlook(Struct, frozen=True, tag_field="t", tag="unlook"):
@@ -858,7 +861,7 @@ class Inspect(Struct, frozen=True, tag_field="t", tag="inspect"):
 class LookAt(Struct, frozen=True, tag_field="t", tag="look_at"):
     """All topics whose messages are looked at through this web process, with the highest rate that is wanted."""
 
-    topics: dict[TopicName, Annotated[float, Meta(gt=0.0, le=10.0)]]
+    topics: dict[TopicName, LookRate]
 
 
 class Watch(Struct, frozen=True, tag_field="t", tag="watch"):

@@ -65,11 +65,7 @@ def control_for(standing: Standing, *, user: UUID, tab: Tab, rights: Rights) -> 
         session=str(holding.session) if mine else None,
         remaining_s=round((holding.term_ends_at - now).total_seconds(), 1),
         resumable_s=round(rules.resumable_s(holding, now), 1) if phase is Phase.AWAY else None,
-        requests=[
-            wire.Request(ask.id, ask.name, round((now - ask.asked_at).total_seconds(), 1)) for ask in asks
-        ]
-        if mine or rights.supervises
-        else [],
+        requests=[wire.Request(ask.id, ask.name) for ask in asks] if mine or rights.supervises else [],
         asking=next((ask.id for ask in asks if ask.tab.connection == tab.connection), None),
         may_take_over=rules.may_take_over(holding, user=user, supervises=rights.supervises, now=now) is None
         and _refusal(rights) is None,

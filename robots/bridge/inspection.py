@@ -196,16 +196,15 @@ class Inspection:
         number = self._expect(None, lambda given: then(given, time.monotonic()), self._patience_s)
         self._ask(number, Check(number, order))
 
-    def publish(self, order: wire.Publish) -> None:
-        """Send it now, or from now on. Without a process nothing is sent, also not later."""
-        if self._stdin is None:
+    def publish(self, order: wire.Publish) -> bool:
+        """Send it now, or from now on. False: there is no process that would; it is not sent later either."""
+        if not self._send(order):
             log.warning("the inspector is gone: nothing is published on %s", order.topic)
-            asyncio.get_running_loop().call_soon(self._lost)
-            return
+            return False
         self._has_published = True
         if order.rate_hz:
             self._talking.add(order.topic)
-        self._send(order)
+        return True
 
     def keep_alive(self) -> None:
         """What is published at a rate may go on for `LIFE_S` of the inspector's."""
@@ -304,14 +303,15 @@ class Inspection:
         elif len(self._unsent) < MOST_UNSENT:
             self._unsent[number] = wire.encode(request)
 
-    def _send(self, request: Request) -> None:
-        """To the process that is there now; what concerns publishing is for no other."""
-        if self._stdin is None:
-            return
+    def _send(self, request: Request) -> bool:
+        """To the process that is there now; what concerns publishing is for no other. False: none hears it."""
+        if self._stdin is None or self._stdin.is_closing():
+            return False
         if self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
             self._kill("it does not read")
-        else:
-            self._stdin.write(wire.encode(request) + b"\n")
+            return False
+        self._stdin.write(wire.encode(request) + b"\n")
+        return True
 
     def _need(self) -> None:
         """Have a process, for another while."""
@@ -361,10 +361,13 @@ class Inspection:
         self._process, self._stdin, self._let_go = process, process.stdin, False
         try:
             self._stdin.write(msgspec.json.encode(self._config) + b"\n")
-            self._send(wire.LookAt(self._wanted()))
-            for unsent in self._unsent.values():
-                self._stdin.write(unsent + b"\n")
-            self._unsent.clear()
+            if self._closing.is_set():  # while this was being started, so that `close` found nothing to end
+                self._end()
+            else:
+                self._send(wire.LookAt(self._wanted()))
+                for unsent in self._unsent.values():
+                    self._stdin.write(unsent + b"\n")
+                self._unsent.clear()
             while line := await process.stdout.readline():
                 self._hear(line)
         finally:

@@ -14,6 +14,9 @@ from robots.bridge.drives import Asker, DriveLog, not_recorded
 from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
+NOT_SENT = Refusal(
+    "inspector_silent", "Nothing was published: the robot's inspector is gone. Ask again.", "robot"
+)
 HALTED = Refusal(
     "halted", "It was not done: control ended, or the robot was stopped, before it was on record.", "robot"
 )
@@ -25,8 +28,8 @@ class Publisher(Protocol):
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
         """Whether the fields fit the type's definition; `then` is called once, with what does not, and the time."""
 
-    def publish(self, order: wire.Publish) -> None:
-        """Send it once, or at its rate in the place of what was sent there at a rate before."""
+    def publish(self, order: wire.Publish) -> bool:
+        """Send it once, or at its rate in the place of what was sent there at a rate before. False: it is not sent."""
 
     def publish_stop(self, topic: str) -> None:
         """Send no more there."""
@@ -73,11 +76,10 @@ class Publishings:
         for publishing in due:
             error = publishing.number.exception()
             refusal = not_recorded(error) if error else why_not(publishing.asker, now_s)
+            refusal = refusal or self._send(publishing, now_s)
             publishing.asker.answer(refusal)
             if refusal is not None:
                 self._tell_end(publishing, refusal.code, now_s)
-            else:
-                self._send(publishing, now_s)
         if self._running:
             self._publisher.keep_alive()
 
@@ -116,14 +118,16 @@ class Publishings:
             for topic, publishing in self._running.items()
         ]
 
-    def _send(self, publishing: _Publishing, now_s: float) -> None:
+    def _send(self, publishing: _Publishing, now_s: float) -> Refusal | None:
         topic = publishing.order.topic
         self._end(topic, "replaced", now_s)
-        self._publisher.publish(publishing.order)
+        if not self._publisher.publish(publishing.order):
+            return NOT_SENT
         if publishing.order.rate_hz:
             self._running[topic] = publishing
         else:
             self._tell_end(publishing, "sent", now_s)
+        return None
 
     def _end(self, topic: str, outcome: str, now_s: float) -> None:
         publishing = self._running.pop(topic, None)

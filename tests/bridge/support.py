@@ -236,6 +236,7 @@ class MemoryPublisher:
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
         self.fault: Refusal | None = None
+        self.is_there = True
         self.published: list[wire.Publish] = []
         self.stopped: list[str] = []
         self.halts = 0
@@ -248,8 +249,10 @@ class MemoryPublisher:
         else:
             self.waiting.append(lambda: then(self.fault, self._now()))
 
-    def publish(self, order: wire.Publish) -> None:
-        self.published.append(order)
+    def publish(self, order: wire.Publish) -> bool:
+        if self.is_there:
+            self.published.append(order)
+        return self.is_there
 
     def publish_stop(self, topic: str) -> None:
         self.stopped.append(topic)

@@ -160,9 +160,9 @@ async def test_there_is_no_process_before_somebody_needs_one_nor_long_after(make
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    await asyncio.sleep(0.2)  # looked at for longer than the pause
     process = relay._process
-    assert process is not None and process.returncode is None
+    relay._end_if_idle()  # looked at for longer than the pause
+    assert process is not None and relay._process is process and not relay._let_go
     relay.look_at(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
     relay.look_at(ann, {"/y": 1.0})  # and again
@@ -219,11 +219,9 @@ async def test_what_was_published_at_a_rate_is_told_as_lost_when_the_process_die
     assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # and it does not begin again
 
 
-async def test_without_a_process_nothing_is_published_also_not_later(make):
-    lost = asyncio.Event()
-    relay = make(lost=lost.set)
-    relay.publish(AT_A_RATE)
-    await asyncio.wait_for(lost.wait(), PATIENCE_S)
+async def test_without_a_process_nothing_is_published_also_not_later(relay):
+    assert not relay.publish(ORDER)
+    assert not relay.publish(AT_A_RATE)
     ann = Viewer()
     relay.look_at(ann, {"/published": 1.0})
     assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}
@@ -265,8 +263,10 @@ async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
     process = relay._process
     assert process is not None
     relay.ask(ann, question(1, "/doze"))
+    assert relay.publish(ORDER)
     for _ in range(10):  # more than a pipe holds
         relay.check(msgspec.structs.replace(ORDER, fields={"data": "x" * 60_000}), lambda *_: None)
+    assert not relay.publish(ORDER)
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) in KILLED
 
 
@@ -287,3 +287,20 @@ async def test_with_the_bridge_its_inspector_ends(make):
     assert process is not None
     await relay.close()
     assert process.returncode == 0
+
+
+async def test_an_inspector_that_was_just_being_started_ends_with_the_bridge_too(make):
+    relay = make()
+    relay.ask(Viewer(), question(1, "/doze"))
+    await asyncio.sleep(0)  # it is on its way
+    assert relay._running is not None and relay._process is None
+    await asyncio.wait_for(relay.close(), PATIENCE_S)
+
+
+@pytest.mark.parametrize("rate_hz", [1e-300, 0.05, 0.0, 11.0])
+def test_nobody_looks_so_rarely_that_the_next_message_is_never_due(rate_hz):
+    look = f'{{"t":"look","topic":"/odom","rate_hz":{rate_hz}}}'
+    look_at = f'{{"t":"look_at","topics":{{"/odom":{rate_hz}}}}}'
+    for door, raw in ((wire.topics_message, look), (wire.link_request, look_at)):
+        with pytest.raises(wire.WireError):
+            door(raw)

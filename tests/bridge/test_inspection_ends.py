@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
 import textwrap
 import time
@@ -201,16 +202,20 @@ async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_an
 
 
 async def test_who_asks_an_inspector_that_is_being_let_go_is_answered_by_the_next_without_a_pause(
-    listen, monkeypatch
+    listen, monkeypatch, tmp_path
 ):
     monkeypatch.setattr(inspection, "RESTART_S", (600.0, 600.0))
-    monkeypatch.setattr(inspection, "ANSWER_S", 0.05)  # not enough for the process that ends
-    relay, ear = await listen(end="time.sleep(0.3)")
+    monkeypatch.setattr(inspection, "END_S", PATIENCE_S)
+    monkeypatch.setattr(inspection, "ANSWER_S", 0.0)  # not enough for the process that ends
+    may_end = tmp_path / "may end"
+    os.mkfifo(may_end)
+    relay, ear = await listen(end=f"open({str(may_end)!r}).read()")
     await ear.hears("look_at")
     process = relay._process
     relay.look_at(ear, {})
     relay._end()
     assert process.returncode is None
     relay.ask(ear, question(1))
+    await asyncio.to_thread(may_end.write_bytes, b"")
     assert (await ear.answer(1)).name == "/a"
     assert process.returncode == 0

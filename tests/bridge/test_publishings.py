@@ -35,6 +35,13 @@ def settled(bench):
     bench.recorded()
 
 
+def settled_after(bench, order):
+    """The answers to an order, once its record is in."""
+    answers = bench.ask(order)
+    settled(bench)
+    return answers
+
+
 def shown(bench):
     return bench.core.state(bench.now_s, []).publishing
 
@@ -77,6 +84,27 @@ def test_what_is_sent_once_is_on_record_with_that_as_its_end(bench):
     settled(bench)
     assert bench.sink.kinds == ["publish.start", "publish.end"]
     assert bench.sink.records[-1][1].outcome == "sent"
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, 5.0])
+def test_what_was_not_handed_on_is_neither_accepted_nor_on_record_as_sent(bench, rate_hz):
+    bench.publisher.is_there = False
+    [refusal] = settled_after(bench, note(rate_hz))
+    assert refusal.code == "inspector_silent"
+    assert bench.sink.records[-1] == (
+        "publish.end",
+        Outcome("inspector_silent", topic="/notes", duration_s=pytest.approx(0.0, abs=0.1)),
+    )
+    assert shown(bench) == []
+
+
+@pytest.mark.parametrize("rate_hz", [1e-300, 0.05, -1.0, 51.0])
+def test_a_rate_is_one_at_which_somebody_would_wait_for_the_next(rate_hz):
+    raw = wire.encode(note(5.0)).replace(b'"rate_hz":5.0', f'"rate_hz":{rate_hz}'.encode())
+    for door in (wire.browser_message, wire.link_request):
+        with pytest.raises(wire.WireError) as caught:
+            door(raw)
+        assert caught.value.refusal.code == "invalid"
 
 
 def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
@@ -304,6 +332,7 @@ def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench
         ({"linear.x": 0.1, "linear": {"x": 0.2}}, "linear.x"),
         ({"twist.linear.x": 0.1, "header.bogus": 1}, "header.bogus"),
         ({"twist.linear.z": 0.1}, "twist.linear.z"),
+        ({"header.stamp": 1e300}, "header.stamp"),
     ],
 )
 def test_what_is_given_twice_or_unknown_or_out_of_the_plane_is_no_velocity(fields, path):

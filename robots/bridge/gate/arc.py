@@ -28,7 +28,6 @@ Way = tuple[float, float]  # the direction in which a twist sets out: its cosine
 
 STRAIGHT_ON: Way = (1.0, 0.0)
 STRAIGHT_PER_M = 0.001  # |w| <= 0.001 |v| counts as straight: a turning circle of more than a kilometre
-_TINY = 1e-12
 _HAIR_M = 1e-9  # added to both ends of an edge: between two nothing slips through
 
 
