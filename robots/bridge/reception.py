@@ -45,10 +45,10 @@ class Reception:
 
     def closed(self, link: Link) -> None:
         """A web process is gone: what was controlled through it stops."""
-        del self._drives[link]
+        self._core.link_lost(link.number, time.monotonic())
         self._leasing.forget(link)
         self._inspection.forget(link)
-        self._core.link_lost(link.number, time.monotonic())
+        del self._drives[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
         """One message."""

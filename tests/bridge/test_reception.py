@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import time
 from itertools import pairwise
+from unittest.mock import patch
 
 import pytest
 
 from robots import wire
+from robots.bridge.gate.values import STILL
 from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.reception import DRIVES_AT_ONCE, REFUSAL_GAP_S, Reception
@@ -31,10 +33,26 @@ def door(bench, tmp_path):
     leasing.close()
 
 
-def drive(seq: int, fence: int = GRANT.fence) -> bytes:
+def drive(seq: int, fence: int = GRANT.fence, x: float = 0.0) -> bytes:
     return wire.encode(
-        wire.Drive(fence=fence, seq=seq, sent_ms=time.monotonic() * 1000, x=0.0, w=0.0, share=1.0)
+        wire.Drive(fence=fence, seq=seq, sent_ms=time.monotonic() * 1000, x=x, w=0.0, share=1.0)
     )
+
+
+async def driven(door, bench) -> Wire:
+    """A link through which the robot is driven, by the door's clock."""
+    bench.now_s = time.monotonic()
+    bench.online()
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, wire.encode(GRANT))
+    await link.hears(wire.Granted(GRANT.fence))
+    await door.received(link, drive(1))
+    await door.received(link, drive(2, x=0.5))
+    bench.recorded()
+    await door.received(link, drive(3, x=0.5))
+    assert bench.last.vx > 0
+    return link
 
 
 async def test_between_the_commands_of_a_flood_the_tick_has_its_turn(door, bench):
@@ -115,6 +133,18 @@ async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, 
     assert (refused.of, refused.refusal.code, refused.seq) == ("link_clear", "stopped_again", 6)
     await door.received(link, wire.encode(wire.LinkClear("Ann", number=1, seq=7)))
     assert (link.reports[-1].stop.state, link.reports[-1].seq) == ("clear", 7)
+
+
+async def test_a_link_that_closes_stops_what_was_driven_through_it_at_once(door, bench):
+    door.closed(await driven(door, bench))
+    assert bench.last == STILL
+
+
+async def test_nothing_else_that_comes_of_a_closed_link_is_before_the_stop(door, bench):
+    link = await driven(door, bench)
+    with patch.object(Inspection, "forget", side_effect=BrokenPipeError), pytest.raises(BrokenPipeError):
+        door.closed(link)
+    assert bench.last == STILL
 
 
 async def test_every_order_gets_one_answer_with_its_number(door):
