@@ -81,8 +81,7 @@ class Bridge:
             leave_within(END_S)
             self._links.shut()  # nobody drives a robot that is being let go of
             now_s = time.monotonic()
-            self._core.close(now_s)
-            self._base.stop()
+            self._let_go(now_s)
             await self._maps.close()
             await asyncio.gather(
                 self._inspection.close(),
@@ -162,6 +161,13 @@ class Bridge:
         lifeline = sys.stdin.fileno()
         os.set_blocking(lifeline, False)
         loop.add_reader(lifeline, self._lifeline, lifeline)
+
+    def _let_go(self, now_s: float) -> None:
+        """The robot is left at zero, whatever comes of telling those who still wait for something."""
+        try:
+            self._core.close(now_s)
+        finally:
+            self._base.stop()
 
     def _publishing_lost(self) -> None:
         self._core.orders.publishings.halt("inspector_ended", time.monotonic())
