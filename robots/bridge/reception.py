@@ -8,8 +8,8 @@ the robot's sensors keep theirs.
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
-from functools import partial
 
 from robots import wire
 from robots.bridge.core import Core
@@ -18,12 +18,19 @@ from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.link import Link
 
+log = logging.getLogger(__name__)
+
 DRIVES_PER_S = 200.0  # what a page may send at most; a stick sends 20 to 50
 DRIVES_AT_ONCE = 50.0
 REFUSAL_GAP_S = 0.25  # refused messages of one code are answered this often
 
 _FLOOD = wire.Refusal(
     "flood", f"More than {DRIVES_PER_S:.0f} commands a second.", "wire", {"limit_per_s": DRIVES_PER_S}
+)
+_FAULT = wire.Refusal(
+    "bridge_fault",
+    "The bridge failed at this; its log says how. Whether it was carried out is not known.",
+    "robot",
 )
 
 
@@ -87,8 +94,7 @@ class Reception:
             case wire.LinkCancel():
                 self._answer(link, message, self._core.orders.cancel(message.what, message.by))
             case order if isinstance(order, wire.Order):
-                answer = partial(self._answer, link, order)
-                self._core.orders.take(order, link.number, now_s, answer)
+                self._take(link, order, now_s)
 
     async def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> None:
         if self._drives[link].spend(now_s):
@@ -99,6 +105,22 @@ class Reception:
             await asyncio.sleep(0)
         if refusal is not None:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
+
+    def _take(self, link: Link, order: wire.Order, now_s: float) -> None:
+        """One order's fault is not the end of a link: pictures and drives of a whole web process come over it."""
+        is_open = True
+
+        def answer(refusal: wire.Refusal | None) -> None:
+            nonlocal is_open
+            if is_open:
+                is_open = False
+                self._answer(link, order, refusal)
+
+        try:
+            self._core.orders.take(order, link.number, now_s, answer)
+        except Exception:
+            log.exception("an order broke: %s", wire.kind_of(order))
+            answer(_FAULT)
 
     def _answer(
         self, link: Link, order: wire.Order | wire.LinkCancel | wire.Refresh, refusal: wire.Refusal | None

@@ -13,6 +13,7 @@ from robots import wire
 from robots.bridge.gate.values import STILL
 from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
+from robots.bridge.orders import Orders
 from robots.bridge.reception import DRIVES_AT_ONCE, REFUSAL_GAP_S, Reception
 from robots.bridge.store import Store
 from tests.bridge.support import Bench, Wire
@@ -157,6 +158,45 @@ async def test_every_order_gets_one_answer_with_its_number(door):
     answers = [report for report in link.reports if isinstance(report, wire.Accepted | wire.Refused)]
     assert [(answer.of, answer.seq) for answer in answers] == [("play", 0), ("play", 1), ("play", 2)]
     assert {answer.refusal.code for answer in answers} == {"robot_offline"}
+
+
+async def test_an_order_that_breaks_is_refused_and_the_link_goes_on(door, bench, caplog):
+    link = await driven(door, bench)
+    with patch.object(Orders, "_end", side_effect=OverflowError("cannot convert float infinity to integer")):
+        await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
+    refused = link.reports[-1]
+    assert (refused.of, refused.seq, refused.refusal.code) == ("say_cancel", 7, "bridge_fault")
+    assert "float infinity" in caplog.text
+    assert bench.core.refused["bridge_fault"] == 1
+    await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 8)))
+    assert link.reports[-1].refusal.code == "no_speech"
+
+
+async def test_an_order_that_breaks_after_its_answer_gets_no_other_one(door, bench):
+    link = await driven(door, bench)
+
+    def breaks(order, by, now_s, answer):
+        answer(None)
+        raise OverflowError
+
+    with patch.object(bench.core.orders, "take", breaks):
+        await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
+    assert link.reports[-1] == wire.Accepted("say_cancel", 7, GRANT.fence)
+
+
+async def test_an_order_that_broke_is_not_answered_later(door, bench):
+    link = await driven(door, bench)
+    later = []
+
+    def breaks(order, by, now_s, answer):
+        later.append(answer)
+        raise OverflowError
+
+    with patch.object(bench.core.orders, "take", breaks):
+        await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
+    refused = link.reports[-1]
+    later[0](None)
+    assert link.reports[-1] is refused
 
 
 async def test_a_web_process_hears_what_the_robot_offers_at_once_and_again_when_it_asks(door, bench):
