@@ -130,8 +130,9 @@ class Core:
             self._end_control("Control was given to somebody else.", now_s)
             self._count_anew()
             self._neutral = "you have just taken control"
-        elif self._page_gone_s is not None:
+        elif self._page_gone_s is not None or link != self.grants.link:
             self._count_anew()
+            self.halt("the page came back", now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
         self.grants.take(grant, link, now_s)
@@ -141,9 +142,12 @@ class Core:
         if self.grants.current and self.grants.current.fence == fence:
             self._end_control(reason, now_s)
 
-    def hold(self, fence: int, reason: str, now_s: float) -> None:
-        """The holder's page is gone: zero now. A page that comes back counts its commands anew, and orders anew."""
-        if self.grants.current is None or self.grants.current.fence != fence:
+    def hold(self, fence: int, reason: str, link: int, now_s: float) -> None:
+        """The holder's page is gone: zero now. A page that comes back counts its commands anew, and orders anew.
+
+        By another link than the grant's it is late news: the page is back, by that one.
+        """
+        if self.grants.current is None or (self.grants.current.fence, self.grants.link) != (fence, link):
             return
         self._page_gone_s = now_s
         self._count_anew()
@@ -152,8 +156,8 @@ class Core:
 
     def link_lost(self, link: int, now_s: float) -> None:
         """A web process is gone. If control came through it, zero now; the grant runs out by itself."""
-        if self.grants.current and self.grants.link == link:
-            self.hold(self.grants.current.fence, "the console lost its link to the robot", now_s)
+        if self.grants.current:
+            self.hold(self.grants.current.fence, "the console lost its link to the robot", link, now_s)
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """A stick position: publish at once what the gate allows of it. Returns why nothing of it was, if so."""

@@ -80,7 +80,7 @@ class Leasing:
             case Revoke():
                 self._core.revoke(message.fence, message.reason, now_s)
             case Hold():
-                self._core.hold(message.fence, message.reason, now_s)
+                self._core.hold(message.fence, message.reason, link.number, now_s)
 
     def _write_number(self) -> None:
         self._writing = True

@@ -133,12 +133,32 @@ def test_another_web_process_that_goes_does_not_disturb_the_drive(bench):
 
 def test_a_page_that_came_back_may_count_from_one_again(bench):
     bench.granted().driving()
-    bench.core.hold(1, "the page was closed", bench.now_s)
+    bench.core.hold(1, "the page was closed", 1, bench.now_s)
     assert bench.last == STILL
     bench.seq = 0
     bench.pass_time(1.0)
     bench.granted()  # the same number, a fresh page with a fresh clock
     bench.driving()
+
+
+def test_a_page_that_comes_back_by_another_link_begins_anew_also_before_the_first_one_misses_it(bench):
+    bench.granted(link=1).driving()
+    grant = bench.core.grants.current
+    bench.core.grant(grant, 2, bench.now_s)
+    assert bench.last == STILL
+    bench.seq = 0
+    assert bench.stick(0.5, link=2).code == "neutral_needed"
+
+
+def test_a_hold_by_the_link_that_a_page_has_left_does_not_disturb_its_drive_by_another_one(bench):
+    bench.granted(link=1).granted(link=2)
+    bench.stick(0.5, link=2)
+    bench.recorded()
+    assert bench.stick(0.5, link=2) is None
+    bench.core.hold(1, "The page is gone.", 1, bench.now_s)
+    assert bench.last == FORWARD
+    bench.core.hold(1, "The page is gone.", 2, bench.now_s)
+    assert bench.last == STILL
 
 
 def test_zeros_are_repeated_for_a_second_and_then_the_topic_is_left_to_others(bench):

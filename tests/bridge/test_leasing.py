@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from uuid import uuid4
+from uuid import UUID
 
 import pytest
 
@@ -106,6 +106,19 @@ async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_a
     assert asks_to_move(core, 5) is None, "the page came back and begins with number 1 again"
 
 
+async def test_a_page_is_gone_only_for_the_link_that_its_control_came_by(leasing, core, disk):
+    left, back = Wire(1), Wire(2)
+    disk.free.set()
+    leasing.hear(left, GRANT)
+    await left.hears(wire.Granted(5))
+    leasing.hear(back, GRANT)
+    assert core.drive(wire.Drive(fence=5, seq=9, sent_ms=0.0, x=0.0, w=0.0), 2, 100.0) is None
+    leasing.hear(left, wire.Hold(5, "The page is gone."))
+    assert core.state(100.0, []).seq == 9, "it counts on"
+    leasing.hear(back, wire.Hold(5, "The page is gone."))
+    assert core.state(100.0, []).seq is None
+
+
 async def test_an_older_holder_is_revoked_while_the_next_number_is_written(leasing, core, disk):
     link = Wire(1)
     disk.free.set()
@@ -157,7 +170,7 @@ async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(leasing, cor
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()
-    link = BridgeLink(uuid4(), address)
+    link = BridgeLink(UUID(core.config.robot_id), address)
     link.subscribe(follower := Follower())
     try:
         await follower.until("up")
