@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import threading
 import time
@@ -18,6 +19,9 @@ from std_srvs.srv import SetBool, SetBoolResponse
 from robots import wire
 from robots.bridge.inspection import SILENCE_S, Alive, Check, Question, Silence
 from robots.bridge.ros.inspector import __main__ as program
+from robots.bridge.ros.inspector.definitions import Definitions
+from robots.bridge.ros.inspector.looks import Looks
+from robots.bridge.ros.inspector.publishing import Leave, Publishings
 from robots.bridge.ros.master import Master
 from robots.bridge.ros.publishing import heard_by
 from robots.bridge.ros.tcpros import connect_to_publisher
@@ -183,3 +187,29 @@ def test_who_only_looks_is_no_listener(inspector, ros):
             inbox.next()
             assert len(heard_by(publisher)) == 1
     inspector.look()
+
+
+NEVER_HZ = 1e-300  # no door lets it in: nobody can wait for so long
+
+
+@pytest.fixture
+def given_up(monkeypatch) -> threading.Event:
+    """Set where the process would end."""
+    event = threading.Event()
+    monkeypatch.setattr(os, "_exit", lambda _status: event.set())
+    return event
+
+
+def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given_up):
+    looks = Looks(Definitions(tmp_path), lambda *_: None)
+    looks.look_at({"/look/never": NEVER_HZ})
+    assert given_up.wait(PATIENCE_S)
+    for look in looks._looks.values():
+        look.close()
+
+
+def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path, given_up):
+    definition = Definitions(tmp_path).of_type("std_msgs/String")
+    publishings = Publishings(Master(rosmaster.uri, "/test"))
+    publishings.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), Leave(), NEVER_HZ)
+    assert given_up.wait(PATIENCE_S)

@@ -42,6 +42,7 @@ from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.inspector.publishing import Leave
+from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.tcpros import Header, connect_to_publisher, read_header
 from robots.ending import leave_within
@@ -118,7 +119,7 @@ class Inspector:
             return
         try:
             self._made_node().looks.look_at(topics)
-        except OSError:
+        except (OSError, MasterError):
             text = f"No ROS master answers at {self._config.master_uri}."
             refusal = wire.Refusal("robot_offline", text, "robot")
             for topic in topics:
@@ -291,21 +292,12 @@ def main() -> None:
     config = msgspec.json.decode(sys.stdin.buffer.readline(), type=BridgeConfig)
     say = Lines()
     inspector = Inspector(config, say)
-    threading.Thread(target=_or_end, args=(inspector.run,), name="node", daemon=True).start()
+    start_vital(inspector.run, "node")
     say(wire.encode(Ready()))
     for line in sys.stdin.buffer:
         inspector.hear(line)
     leave_within(END_S)
     inspector.close()
-
-
-def _or_end(work: Callable[[], None]) -> None:
-    """A node that fails ends the process: the bridge starts another."""
-    try:
-        work()
-    except Exception as error:
-        log.error("the inspector ends: %s", error, exc_info=not isinstance(error, OSError))
-        os._exit(1)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import xmlrpc.client
 from collections.abc import Iterator
 from typing import Any
 
@@ -77,11 +78,12 @@ def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
 def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Parameter:
     """Set it; what the master then has is the answer. Raises BadField for what XML-RPC cannot carry."""
     try:
-        master.call("setParam", name, value)
+        xmlrpc.client.dumps((value,))
     except (TypeError, OverflowError) as error:
         raise BadField(
             name, f"{name}: a parameter is a text, a number, true or false, or made of these."
         ) from error
+    master.call("setParam", name, value)
     return parameter(master, name, seq)
 
 

@@ -23,6 +23,7 @@ from robots import wire
 from robots.bridge.packing import Broken, Limits, TooLarge
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
+from robots.bridge.ros.inspector.vital import start_vital
 
 log = logging.getLogger(__name__)
 
@@ -156,8 +157,7 @@ class Looks:
         self._wanted: Mapping[str, float] = {}
         self._looks: dict[str, Look] = {}
         self._awake = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name="looks", daemon=True)
-        self._thread.start()
+        start_vital(self._run, "looks")
 
     def look_at(self, topics: Mapping[str, float]) -> None:
         """Exactly these topics from now on, at most so many messages a second of each."""

@@ -6,8 +6,8 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 
 import logging
 import os
-import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import rospy
@@ -16,6 +16,7 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
 from robots.bridge.ros.inspector.publishing import Publishings
+from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.master import INSPECTOR, DeathWatch, Master
 
 log = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ class Node:
             disable_rostime=True,
             disable_rosout=True,
         )
-        threading.Thread(target=_end_with_the_master, args=(watch,), name="master", daemon=True).start()
+        start_vital(partial(_end_with_the_master, watch), "master")
         self.looks = Looks(definitions, send)
         self.publishings = Publishings(master)
 

@@ -17,6 +17,7 @@ from functools import partial
 import rospy
 
 from robots.bridge.ros.inspector.definitions import Definition
+from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.master import Master, MasterError
 from robots.bridge.ros.publishing import immediate_publisher, publish
 
@@ -65,8 +66,7 @@ class _Talk:
         self._repeated: tuple[Bytes, Leave, float] | None = None  # and its rate (Hz)
         self._news = threading.Condition()
         self._closed = False
-        self._thread = threading.Thread(target=self._run, name=f"publish {topic}", daemon=True)
-        self._thread.start()
+        self._thread = start_vital(self._run, f"publish {topic}")
 
     def say(self, data: Bytes, leave: Leave, rate_hz: float) -> bool:
         """Send this. False: the topic is being closed, nothing is sent there any more."""

@@ -1,0 +1,27 @@
+"""Threads without which the inspector would be there and not do what the bridge believes that it does."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections.abc import Callable
+
+from robots.bridge.ros.master import MasterError
+
+log = logging.getLogger(__name__)
+
+
+def start_vital(work: Callable[[], None], name: str) -> threading.Thread:
+    """Work on a thread. If it fails, the process ends: the bridge starts another, and tells what ended so."""
+    thread = threading.Thread(target=_or_end, args=(work,), name=name, daemon=True)
+    thread.start()
+    return thread
+
+
+def _or_end(work: Callable[[], None]) -> None:
+    try:
+        work()
+    except Exception as error:
+        log.error("the inspector ends: %s", error, exc_info=not isinstance(error, OSError | MasterError))
+        os._exit(1)
