@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 DRIVES_PER_S = 200.0  # what a page may send at most; a stick sends 20 to 50
 DRIVES_AT_ONCE = 50.0
-REFUSAL_GAP_S = 0.25  # refused messages of one code are answered this often
+REFUSAL_GAP_S = 0.25  # a link's refused messages of one kind and code are answered this often
 
 _FLOOD = wire.Refusal(
     "flood", f"More than {DRIVES_PER_S:.0f} commands a second.", "wire", {"limit_per_s": DRIVES_PER_S}
@@ -42,11 +42,12 @@ class Reception:
         self._leasing = leasing
         self._inspection = inspection
         self._drives: dict[Link, Budget] = {}
-        self._answered: dict[str, float] = {}  # when, by code
+        self._refused: dict[Link, dict[tuple[str, str], float]] = {}  # when last, by kind and code
 
     def opened(self, link: Link) -> None:
         """The first word to a web process."""
         self._drives[link] = Budget(DRIVES_PER_S, DRIVES_AT_ONCE)
+        self._refused[link] = {}
         link.report(self._core.hello(time.monotonic()))
         link.report(self._core.orders.catalogue.now())
 
@@ -55,7 +56,7 @@ class Reception:
         self._core.link_lost(link.number, time.monotonic())
         self._leasing.forget(link)
         self._inspection.forget(link)
-        del self._drives[link]
+        del self._drives[link], self._refused[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
         """One message."""
@@ -146,7 +147,7 @@ class Reception:
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
         """Answer, but not thirty times a second."""
-        code = refused.refusal.code
-        if now_s - self._answered.get(code, float("-inf")) >= REFUSAL_GAP_S:
-            self._answered[code] = now_s
+        answered, key = self._refused[link], (refused.of, refused.refusal.code)
+        if now_s - answered.get(key, float("-inf")) >= REFUSAL_GAP_S:
+            answered[key] = now_s
             link.report(refused)

@@ -108,6 +108,17 @@ async def test_a_flood_is_answered_a_few_times_a_second(door):
     assert 1 <= refused.count("flood") <= 1 + (time.monotonic() - begun_s) / REFUSAL_GAP_S
 
 
+async def test_a_refusal_is_not_swallowed_by_one_of_another_link(door):
+    links = Wire(1), Wire(2)
+    for link in links:
+        door.opened(link)
+        await door.received(link, drive(1))
+        await door.received(link, b"{")
+    for link in links:
+        refused = [report.refusal.code for report in link.reports if isinstance(report, wire.Refused)]
+        assert refused == ["no_lease", "not_json"]
+
+
 async def test_rubbish_is_answered_and_counted(door, bench):
     link = Wire(1)
     door.opened(link)
