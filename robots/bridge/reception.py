@@ -79,6 +79,7 @@ class Reception:
                 refusal = self._core.clear(message.number, now_s)
                 if refusal is None:
                     self._latch_changed(link, message.seq)
+                    log.info("stop %d was cleared by %s", message.number, message.by)
                 else:
                     link.report(wire.Refused("link_clear", refusal, message.seq))
             case wire.Watch():

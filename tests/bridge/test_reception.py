@@ -135,7 +135,8 @@ async def test_another_protocol_is_said_in_words(door):
     assert link.ended
 
 
-async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, bench):
+async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, bench, caplog):
+    caplog.set_level("INFO")
     link = Wire(1)
     door.opened(link)
     await door.received(link, wire.encode(wire.LinkStop("Ann", seq=5)))
@@ -145,6 +146,7 @@ async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, 
     assert (refused.of, refused.refusal.code, refused.seq) == ("link_clear", "stopped_again", 6)
     await door.received(link, wire.encode(wire.LinkClear("Ann", number=1, seq=7)))
     assert (link.reports[-1].stop.state, link.reports[-1].seq) == ("clear", 7)
+    assert caplog.messages == ["stop 1 was cleared by Ann"]
 
 
 async def test_a_link_that_closes_stops_what_was_driven_through_it_at_once(door, bench):
