@@ -80,7 +80,17 @@ class Store:
                 file.flush()
                 os.fsync(file.fileno())
             fresh.replace(self._path)
+            _sync_folder(self._path.parent)
         except OSError:
             if state.latched:
                 self._path.unlink(missing_ok=True)
             raise
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the names of its files on the disk: until then a power cut brings back the file of before."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,5 +1,9 @@
 """What survives a kill."""
 
+import os
+import stat
+from unittest.mock import patch
+
 import pytest
 
 from robots.bridge.store import AlreadyRunning, Persisted, Store
@@ -43,6 +47,29 @@ def test_a_stop_that_cannot_be_written_takes_the_file_away_which_says_the_same(s
     with pytest.raises(OSError, match="directory"):
         store.save(Persisted(True, "Ann", "", 7))
     assert store.load(7).latched
+
+
+def test_what_is_saved_is_there_after_a_power_cut(store, tmp_path):
+    """The file's content is on the disk before it has its name, and the name when `save` returns."""
+    synced = []
+
+    def fsync(descriptor: int) -> None:
+        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
+        synced.append((is_folder, (tmp_path / "robot.json").exists()))
+
+    with patch.object(os, "fsync", fsync):
+        store.save(Persisted(True, "Ann", "", 7))
+    assert synced == [(False, False), (True, True)]
+
+
+def test_a_stop_whose_name_does_not_get_to_the_disk_takes_the_file_away_too(store):
+    store.save(Persisted(False, "", "", 7))
+    with (
+        patch.object(os, "fsync", side_effect=[None, OSError(5, "I/O error")]),
+        pytest.raises(OSError, match="I/O"),
+    ):
+        store.save(Persisted(True, "Ann", "", 7))
+    assert "missing" in store.load(7).reason
 
 
 def test_a_second_bridge_on_this_machine_is_refused(store, tmp_path):
