@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+from playwright.sync_api import WebSocketRoute
 
 from script.stack.stack import Stack
 from tests.browser.people import Fingers, Person
@@ -265,6 +266,61 @@ def test_the_stop_goes_another_way_when_there_is_no_live_connection(person: Arri
     observer.page.get_by_role("button", name="Stop").click()
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
     assert operator.state["stop"]["by"] == "Observer"
+    operator.clear()
+    operator.release()
+
+
+def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive) -> None:
+    operator, observer = person("operator"), person("observer")
+    sockets: list[WebSocketRoute] = []
+    lost = False
+
+    def route(socket: WebSocketRoute) -> None:
+        if lost:
+            socket.close()
+        else:
+            socket.connect_to_server()
+            sockets.append(socket)
+
+    operator.page.route_web_socket("**/ws/**", route)
+    operator.take("tiago-2")
+    observer.watch("tiago-2")
+    lost = True
+    for socket in sockets:
+        socket.close()
+    operator.part("banner-title").get_by_text("No connection").wait_for()
+    operator.page.keyboard.press("Space")
+    observer.until(lambda: observer.state["stop"]["state"] == "stopped", "the stop")
+    assert observer.state["stop"]["by"] == "Operator"
+    lost = False
+    operator.watch("tiago-2")  # within the ten seconds in which control is kept
+    operator.clear()
+    operator.release()
+
+
+@pytest.mark.parametrize(
+    ("path", "button", "told"),
+    [
+        ("/robots/tiago-2/", "Stop", "stop-state"),
+        ("/", "Stop TIAGo Two", "stop-state"),
+        ("/", "Stop all", "stop-all-state"),
+    ],
+    ids=["control page", "card", "stop all"],
+)
+def test_the_stop_arrives_though_the_socket_swallows_everything(
+    person: Arrive, path: str, button: str, told: str
+) -> None:
+    operator, observer = person("operator"), person("observer")
+    operator.take("tiago-2")
+    silent: list[WebSocketRoute] = []
+    observer.page.route_web_socket("**/ws/**", lambda socket: silent.append(socket))  # and that is all
+    observer.open(path)
+    observer.until(lambda: silent, "a socket")
+    observer.page.get_by_role("button", name=button, exact=True).click()
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    assert operator.state["stop"]["by"] == "Observer"
+    observer.part(told).get_by_text("Stopped.").last.wait_for()
+    observer.until(lambda: len(silent) > 1, "the page to give the silent socket up")
     operator.clear()
     operator.release()
 
