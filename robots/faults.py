@@ -93,7 +93,7 @@ class RobotWatch:
             self._next_s = now_s + LOOK_S
             for robot in Robot.objects.filter(enabled=True).select_related("profile"):
                 if robot.id not in self._asked:
-                    self._asked[robot.id] = _ask(link_address(robot))
+                    self._asked[robot.id] = _ask(robot.id, link_address(robot))
 
     def _note(self, robot_id: UUID, now: Condition) -> None:
         self._unwell[robot_id] = self._unwell.get(robot_id, 0) + 1 if now.fault else 0
@@ -105,13 +105,13 @@ class RobotWatch:
             self._told[robot_id] = at_fault
 
 
-def _ask(address: LinkAddress) -> Future[Condition]:
+def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
     """Ask beside, in a thread that the end of the process does not wait for."""
     answer: Future[Condition] = Future()
 
     def ask() -> None:
         try:
-            answer.set_result(condition_of(address))
+            answer.set_result(condition_of(robot_id, address))
         except Exception:  # whatever it is, the robot is asked again
             log.exception("a robot could not be asked how it is")
             answer.set_result(Condition("link_fault", "The console failed to ask the robot's bridge."))
@@ -120,10 +120,10 @@ def _ask(address: LinkAddress) -> Future[Condition]:
     return answer
 
 
-def condition_of(address: LinkAddress) -> Condition:
-    """How the robot behind a bridge is."""
+def condition_of(robot_id: UUID, address: LinkAddress) -> Condition:
+    """How a robot is, by its bridge."""
     try:
-        state = hello_once(address).state
+        state = hello_once(robot_id, address).state
     except LinkRefused as refused:
         return Condition(refused.refusal.code, refused.refusal.text)
     return Condition() if state.phase == "online" else Condition("robot_offline", state.text)

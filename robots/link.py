@@ -2,6 +2,7 @@
 
 A `BridgeLink` keeps itself connected and hands on what the bridge says; it never waits for a slow
 bridge and never queues commands. `stop_once` is for commands that have no event loop.
+A bridge says first whose it is. Until it said that it is this robot's, it is told nothing but who calls.
 """
 
 from __future__ import annotations
@@ -46,7 +47,20 @@ _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it."
 _FAULTY = Refusal("link_fault", "The console failed to follow the robot's bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot's bridge has too much to answer: wait a moment.", "wire")
 
+_STRANGE = Refusal(
+    "other_robot",
+    "At this robot's bridge address another robot's bridge answers: staff must correct the address.",
+    "robot",
+)
+
 _ORDER_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.Order), wire.LinkCancel))
+
+
+class _Hello(Struct, tag_field="t", tag="bridge_hello"):
+    """What a hello says in every protocol. A stop needs no more of it."""
+
+    robot: UUID
+    slug: str
 
 
 class LinkRefused(Exception):
@@ -93,7 +107,7 @@ class BridgeLink:
         self.state: State | None = None
         self.offers: wire.Offers | None = None
         self.highest_fence = 0
-        self._socket: ClientConnection | None = None
+        self._socket: ClientConnection | None = None  # to a bridge that said that it is this robot's
         self._listeners: set[Listener] = set()
         self._watchers: dict[Listener, frozenset[str]] = {}
         self._looking: Looking[Listener] = Looking(self._tell_looks)
@@ -270,7 +284,8 @@ class BridgeLink:
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
                 self._went_down(why_down(error))
             except LinkRefused as error:
-                log.error("the bridge of %s: %s", self.robot_id, error)
+                if error.refusal != self.refusal:
+                    log.error("the bridge of %s: %s", self.robot_id, error)
                 self._went_down(error.refusal)
             except Exception:
                 log.exception("the link to %s failed", self.robot_id)
@@ -279,9 +294,13 @@ class BridgeLink:
             self._pause_s = min(2 * self._pause_s, _BACK_OFF_S[1])
 
     async def _talk(self, socket: ClientConnection) -> None:
-        self._socket = socket
         try:
-            await self._send(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}"))
+            hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
+            await socket.send(wire.encode(hello), text=True)
+            heard = await socket.recv()
+            _require_robot(heard, self.robot_id, self.address)
+            self._socket = socket
+            self._heard(wire.link_report(heard))
             if self._watchers:
                 self._send_watchers()
             if topics := self._looking.topics:
@@ -364,12 +383,14 @@ class BridgeLink:
 
     def _went_down(self, refusal: Refusal) -> None:
         """Everybody who waits is told; the last state is no longer the truth."""
-        was_up, self.up, self.refusal = self.up, False, refusal
+        was_up, before = self.up, self.refusal
+        self.up, self.refusal = False, refusal
         self.state = self.offers = None
         for inquiries in (self._grants, self._latch, self._orders, self._questions):
             inquiries.answer_all(LinkRefused(refusal))
         if was_up:
             log.warning("link to %s lost: %s", self.robot_id, refusal.text)
+        if refusal != before:
             for listener in list(self._listeners):
                 listener.on_link(False, refusal)
 
@@ -397,38 +418,59 @@ class Links:
 links = Links()
 
 
-def stop_once(address: LinkAddress, by: str, reason: str = "") -> Stopped:
-    """Press the emergency stop over a connection of its own. Raises LinkRefused, after `_ONCE_S` at the latest."""
-    return _ask_once(address, wire.LinkStop(by, reason), Stopped)
+def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Stopped:
+    """Press the emergency stop of this robot (None: of whichever listens there) over a connection of its own.
+
+    Raises LinkRefused, after `_ONCE_S` at the latest.
+    """
+    # No hello of ours, for a bridge of another protocol would close at it: a stop is heard in any dialect.
+    return _ask_once(robot_id, address, wire.LinkStop(by, reason), Stopped)
 
 
-def hello_once(address: LinkAddress) -> wire.BridgeHello:
-    """What the bridge says of the robot now, over a connection of its own. Raises LinkRefused."""
-    return _ask_once(address, None, wire.BridgeHello)
+def hello_once(robot_id: UUID, address: LinkAddress) -> wire.BridgeHello:
+    """What the bridge says of this robot now, over a connection of its own. Raises LinkRefused."""
+    return _ask_once(robot_id, address, None, wire.BridgeHello)
 
 
-def _ask_once(address: LinkAddress, question: Struct | None, answer: type[_Report]) -> _Report:
+def _ask_once(
+    robot_id: UUID | None, address: LinkAddress, question: Struct | None, answer: type[_Report]
+) -> _Report:
     end_s = time.monotonic() + _ONCE_S
     try:
         with open_sync(address) as socket:
-            socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"command {os.getpid()}")), text=True)
+
+            def heard() -> str | bytes:
+                return socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
+
+            raw = heard()
+            _require_robot(raw, robot_id, address)
             if question is not None:
                 socket.send(wire.encode(question), text=True)
+                raw = heard()
             while True:
-                raw = socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
                 report = wire.link_report(raw) if isinstance(raw, str) else None
                 if isinstance(report, answer):
                     return report
-                if (
-                    isinstance(report, Refused) and report.of != "link_hello"
-                ):  # a stop is heard in any dialect
+                if isinstance(report, Refused):
                     raise LinkRefused(report.refusal)
+                raw = heard()
     except msgspec.DecodeError as error:
         raise LinkRefused(_FOREIGN) from error
     except TimeoutError as error:
         raise LinkRefused(_SILENT) from error
     except (OSError, InvalidHandshake, ConnectionClosed) as error:
         raise LinkRefused(why_down(error)) from error
+
+
+def _require_robot(hello: str | bytes, robot_id: UUID | None, address: LinkAddress) -> None:
+    """Raise unless this, a bridge's first word, is of the bridge of `robot_id`."""
+    said = msgspec.json.decode(hello, type=_Hello)
+    if robot_id is not None and said.robot != robot_id:
+        place = address.unix_path or f"{address.host}:{address.port}"
+        log.error(
+            "at %s, the bridge address of robot %s, answers the bridge of %s", place, robot_id, said.slug
+        )
+        raise LinkRefused(_STRANGE)
 
 
 async def _answered(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:

@@ -16,23 +16,27 @@ from fleet.audit.models import Record
 from robots.bridge.config import LinkAddress
 from robots.link import LinkRefused, stop_once
 from robots.models import Robot
+from robots.selectors import link_address
 from robots.wire import Refusal, Stopped
 
 log = logging.getLogger(__name__)
 
 
-def press(address: LinkAddress, by: str, reason: str = "") -> Stopped | Refusal:
-    """Stop one robot over a connection of its own; returns what its bridge said, or why it was not reached."""
+def press(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Stopped | Refusal:
+    """Stop one robot, or whichever listens there, over a connection of its own.
+
+    Returns what its bridge said, or why it was not reached.
+    """
     try:
-        return stop_once(address, by, reason)
+        return stop_once(robot_id, address, by, reason)
     except LinkRefused as refused:
         return refused.refusal
 
 
-def press_all(addresses: Sequence[LinkAddress], by: str, reason: str = "") -> list[Stopped | Refusal]:
+def press_all(robots: Sequence[Robot], by: str, reason: str = "") -> list[Stopped | Refusal]:
     """`press` everywhere at once."""
-    with ThreadPoolExecutor(max(len(addresses), 1)) as threads:
-        return list(threads.map(lambda address: press(address, by, reason), addresses))
+    with ThreadPoolExecutor(max(len(robots), 1)) as threads:
+        return list(threads.map(lambda robot: press(robot.id, link_address(robot), by, reason), robots))
 
 
 def record_press(

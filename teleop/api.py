@@ -182,6 +182,6 @@ def entry(robot: Robot, user: User) -> dict[str, Any]:
 
 def _state(robot: Robot) -> tuple[object, Refusal | None]:
     try:
-        return hello_once(link_address(robot)).state, None
+        return hello_once(robot.id, link_address(robot)).state, None
     except LinkRefused as refused:
         return None, out_of_service(robot) or refused.refusal

@@ -13,7 +13,6 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.link import BridgeLink, LinkRefused
 from robots.models import Robot
-from robots.selectors import link_address
 from robots.stops import press, press_all, record_outcome, record_press
 from robots.wire import LinkClear, LinkStop, Refusal, Stopped
 from teleop.database import in_database, in_database_beside
@@ -63,7 +62,7 @@ async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
         return await link.stop(LinkStop(by=by))
     except LinkRefused:
         # The link may be waiting before its next attempt: a stop makes its own.
-        return await asyncio.to_thread(press, link.address, by)
+        return await asyncio.to_thread(press, link.robot_id, link.address, by)
 
 
 async def _record(
@@ -101,7 +100,7 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
 
 def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Stopped | Refusal]:
     """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
-    results = press_all([link_address(robot) for robot in robots], user.display_name)
+    results = press_all(robots, user.display_name)
     for robot, result in zip(robots, results, strict=True):
         in_database_beside(_record_both, robot.id, user, through, result)
     return results

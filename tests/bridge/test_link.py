@@ -23,8 +23,10 @@ from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.link import LinkServer
 from robots.connections import _headers
-from robots.link import BridgeLink, LinkRefused, Links, stop_once
-from tests.bridge.support import Bench
+from robots.link import BridgeLink, LinkRefused, Links, hello_once, stop_once
+from tests.bridge.support import CONFIG, Bench
+
+ROBOT = uuid.UUID(CONFIG.robot_id)  # of the bridge on the bench
 
 
 def free_port() -> int:
@@ -38,6 +40,7 @@ class Bridge:
 
     def __init__(self, address: LinkAddress) -> None:
         self.bench = Bench().online()
+        self.heard: list[wire.LinkRequest] = []
         self.drives: list[wire.Drive] = []
         self.server = LinkServer(address, self.opened, self.received, self.closed)
         self.lost = asyncio.Event()
@@ -51,6 +54,7 @@ class Bridge:
 
     async def received(self, link, raw):
         message = wire.link_request(raw)
+        self.heard.append(message)
         if self.silent:
             return
         match message:
@@ -106,6 +110,12 @@ class Follower:
             if found == kind:
                 return what
 
+    async def until_refused(self, code):
+        """The refusal with which the link is down."""
+        while (refusal := await self.until("down")) is None or refusal.code != code:
+            pass
+        return refusal
+
 
 @pytest.fixture
 def certificate(tmp_path):
@@ -158,7 +168,7 @@ async def bridge(address):
 
 @pytest.fixture
 async def link(bridge, address):
-    link = BridgeLink(uuid.uuid4(), address)
+    link = BridgeLink(ROBOT, address)
     link.follower = Follower()
     link.subscribe(link.follower)
     await link.follower.until("up")
@@ -263,7 +273,7 @@ async def test_a_bridge_that_ends_hears_no_command_any_more(link, bridge):
 
 
 async def test_the_stop_command_needs_no_event_loop(bridge, address):
-    stopped = await asyncio.to_thread(stop_once, address, "the command line")
+    stopped = await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
     assert stopped.stop.by == "the command line"
     assert bridge.bench.core.stop_state.state == "stopping"
 
@@ -271,7 +281,7 @@ async def test_the_stop_command_needs_no_event_loop(bridge, address):
 async def test_a_stop_command_without_a_bridge_says_so(tmp_path):
     address = LinkAddress(unix_path=str(tmp_path / "nobody.sock"))
     with pytest.raises(LinkRefused, match="not running"):
-        await asyncio.to_thread(stop_once, address, "the command line")
+        await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
 
 
 async def test_an_answer_goes_to_the_question_that_it_answers(link, bridge):
@@ -325,7 +335,7 @@ async def test_a_bridge_of_another_protocol_is_not_used_and_not_asked_without_pa
 
     server = LinkServer(address, opened, received, lambda link: None)
     await server.start()
-    link = BridgeLink(uuid.uuid4(), address)
+    link = BridgeLink(ROBOT, address)
     try:
         times_s = [await asyncio.wait_for(asked.get(), 10) for _ in range(4)]
         assert (link.up, link.refusal.code) == (False, "protocol")
@@ -345,8 +355,8 @@ async def test_a_link_that_is_ended_closes_after_its_last_word(link, bridge):
 
 async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, monkeypatch):
     monkeypatch.setattr(robots.link, "_LINGER_S", 0.05)
-    links, robot_id, follower = Links(), uuid.uuid4(), Follower()
-    link = links.get(robot_id, address)
+    links, follower = Links(), Follower()
+    link = links.get(ROBOT, address)
     link.subscribe(follower)
     await follower.until("up")
     await asyncio.sleep(0.1)
@@ -354,7 +364,7 @@ async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, mo
     link.unsubscribe(follower)
     await asyncio.wait_for(bridge.lost.wait(), 5)
     assert link.closed
-    assert links.get(robot_id, address) is not link
+    assert links.get(ROBOT, address) is not link
     await links.close()
 
 
@@ -373,7 +383,7 @@ async def test_the_stop_command_gives_up_on_a_bridge_that_talks_and_does_not_ans
     talking = asyncio.create_task(chatter())
     try:
         with pytest.raises(LinkRefused) as refused:
-            await asyncio.wait_for(asyncio.to_thread(stop_once, address, "the command line"), 5)
+            await asyncio.wait_for(asyncio.to_thread(stop_once, ROBOT, address, "the command line"), 5)
     finally:
         talking.cancel()
     assert refused.value.refusal.code == "bridge_silent"
@@ -386,7 +396,82 @@ async def test_a_stop_command_that_the_bridge_refuses_says_why(bridge, address, 
 
     monkeypatch.setattr(bridge.server, "_on_message", refuse)
     with pytest.raises(LinkRefused, match="does not fit"):
-        await asyncio.to_thread(stop_once, address, "the command line")
+        await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
+
+
+class TestWhoseBridge:
+    """Two robots with one bridge address: nothing that is meant for the one reaches the other."""
+
+    @pytest.fixture
+    async def stray(self, bridge, address):
+        """The link of another robot to this one's bridge."""
+        link = BridgeLink(uuid.uuid4(), address)
+        link.follower = Follower()
+        link.subscribe(link.follower)
+        yield link
+        await link.close()
+
+    async def test_the_link_never_comes_up_and_says_why(self, stray, bridge):
+        refusal = await stray.follower.until_refused("other_robot")
+        assert (refusal.rule, stray.up, stray.highest_fence) == ("robot", False, 0)
+        assert "tiago" not in refusal.text  # who may see this robot need not know of the other
+
+    async def test_the_bridge_hears_nothing_but_a_hello(self, stray, bridge):
+        stray.watch(stray.follower, ["Ann"])
+        stray.look_at(stray.follower, {"/odom": 5.0})
+        await stray.follower.until_refused("other_robot")
+        for asked in (stray.grant(grant(2)), stray.stop(wire.LinkStop("Ann"))):
+            with pytest.raises(LinkRefused) as refused:
+                await asked
+            assert refused.value.refusal.code == "other_robot"
+        assert not await stray.forward("{}")
+        assert not stray.send(wire.Revoke(2, "over"))
+        assert {type(message) for message in bridge.heard} <= {wire.LinkHello}
+
+    async def test_a_stop_of_one_is_not_pressed_at_the_other(self, bridge, address):
+        with pytest.raises(LinkRefused) as refused:
+            await asyncio.to_thread(stop_once, uuid.uuid4(), address, "the command line")
+        assert refused.value.refusal.code == "other_robot"
+        assert bridge.bench.core.stop_state.state == "clear"
+        assert bridge.heard == []
+
+    async def test_how_the_other_is_doing_is_not_told(self, bridge, address):
+        assert (await asyncio.to_thread(hello_once, ROBOT, address)).slug == CONFIG.slug
+        with pytest.raises(LinkRefused) as refused:
+            await asyncio.to_thread(hello_once, uuid.uuid4(), address)
+        assert refused.value.refusal.code == "other_robot"
+
+    async def test_a_stop_of_whatever_robot_listens_there_asks_for_no_name(self, bridge, address):
+        await asyncio.to_thread(stop_once, None, address, "the command line")
+        assert bridge.bench.core.stop_state.state == "stopping"
+
+    async def test_until_the_bridge_said_who_it_is_it_is_told_nothing(self, bridge, address, monkeypatch):
+        connected = asyncio.Event()
+        monkeypatch.setattr(bridge.server, "_on_open", lambda _link: connected.set())
+        link = BridgeLink(ROBOT, address)
+        link.watch(follower := Follower(), ["Ann"])
+        link.look_at(follower, {"/odom": 5.0})
+        await asyncio.wait_for(connected.wait(), 5)
+        with pytest.raises(LinkRefused):
+            await link.stop(wire.LinkStop("Ann"))
+        bridge.opened(remote := next(iter(bridge.server.links)))
+        link.subscribe(follower)
+        await follower.until("up")
+        await link.stop(wire.LinkStop("Ann"))
+        first, *rest = map(type, bridge.heard)
+        assert (first, set(rest)) == (wire.LinkHello, {wire.Watch, wire.LookAt, wire.LinkStop})
+        assert remote.watchers == ["Ann"]
+        await link.close()
+
+    async def test_a_bridge_of_another_protocol_is_stopped_all_the_same(self, bridge, address, monkeypatch):
+        def opened(link):
+            hello = {"t": "bridge_hello", "protocol": wire.PROTOCOL + 1, "robot": str(ROBOT), "slug": "tiago"}
+            link._reports.append(msgspec.json.encode(hello))
+            link._news.set()
+
+        monkeypatch.setattr(bridge.server, "_on_open", opened)
+        await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
+        assert bridge.bench.core.stop_state.state == "stopping"
 
 
 class TestTcp:

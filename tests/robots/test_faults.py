@@ -69,23 +69,23 @@ def test_a_robots_condition_is_what_its_bridge_says(
 
     State.phase = phase  # type: ignore[attr-defined]
     hello = BridgeHello(1, "robot", "slug", 0, State)  # type: ignore[arg-type]
-    monkeypatch.setattr(faults, "hello_once", lambda _address: hello)
-    assert condition_of(link_address(robot)).fault == fault
+    monkeypatch.setattr(faults, "hello_once", lambda *_: hello)
+    assert condition_of(robot.id, link_address(robot)).fault == fault
 
 
 def test_a_bridge_that_does_not_answer_is_a_fault_too(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_address: object) -> None:
+    def refuse(*_: object) -> None:
         raise LinkRefused(Refusal("bridge_down", "It is not running.", "robot"))
 
     monkeypatch.setattr(faults, "hello_once", refuse)
-    assert condition_of(link_address(robot)) == Condition("bridge_down", "It is not running.")
+    assert condition_of(robot.id, link_address(robot)) == Condition("bridge_down", "It is not running.")
 
 
 def test_only_a_robot_that_stays_away_is_at_fault_and_one_that_hangs_holds_nobody_up(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = [OFFLINE, WELL, *[OFFLINE] * SURE_AFTER, WELL]
-    monkeypatch.setattr(faults, "condition_of", lambda _address: answers.pop(0))
+    monkeypatch.setattr(faults, "condition_of", lambda *_: answers.pop(0))
     watch = RobotWatch()
     for look in range(len(answers)):
         assert told(robot) == ([] if look < 5 else [(ROBOT, "robot_offline")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -19,25 +20,50 @@ from websockets.sync.server import ServerConnection, unix_serve
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
+from robots.management.commands import stop
 from robots.models import Robot
 from robots.selectors import link_address
+from tests.robots.support import PATIENCE_S
 
-pytestmark = pytest.mark.django_db
+pytestmark = pytest.mark.django_db(transaction=True)  # the registry is asked in a thread
 
 
 class Bridge:
-    """The far end of a bridge's link: remembers stops and answers them."""
+    """The far end of a bridge's link: says whose it is, remembers stops and answers them."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
         self.stops: list[wire.LinkStop] = []
+        self.stopped = threading.Event()
 
     def serve(self, connection: ServerConnection) -> None:
+        hello = {
+            "t": "bridge_hello",
+            "protocol": wire.PROTOCOL,
+            "robot": str(self.robot.id),
+            "slug": self.robot.slug,
+        }
+        connection.send(json.dumps(hello))
         for raw in connection:
             message = wire.link_request(raw)
             if isinstance(message, wire.LinkStop):
                 self.stops.append(message)
+                self.stopped.set()
                 stop = wire.StopState("stopping", by=message.by, reason=message.reason)
                 connection.send(wire.encode(wire.Stopped(stop)), text=True)
+
+
+def path_of(robot: Robot) -> Path:
+    path = link_address(robot).unix_path
+    assert path is not None
+    return Path(path)
+
+
+@pytest.fixture(autouse=True)
+def run_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A computer of its own."""
+    monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
+    return tmp_path
 
 
 @pytest.fixture
@@ -46,11 +72,10 @@ def bridge() -> Iterator[Callable[[Robot], Bridge]]:
     with ExitStack() as closing:
 
         def start(robot: Robot) -> Bridge:
-            bridge = Bridge()
-            path = link_address(robot).unix_path
-            assert path is not None
-            server = unix_serve(bridge.serve, path)
-            closing.callback(Path(path).unlink)
+            bridge = Bridge(robot)
+            path = path_of(robot)
+            server = unix_serve(bridge.serve, str(path))
+            closing.callback(path.unlink)
             closing.callback(server.shutdown)
             threading.Thread(target=server.serve_forever, daemon=True).start()
             return bridge
@@ -66,8 +91,8 @@ def test_all_robots_are_stopped_with_who_and_why(
     call_command("stop", "--all", "--reason", "smoke in the lab", stdout=out)
     assert out.getvalue().splitlines() == ["tiago-1: stopping", "tiago-2: stopping"]
     for stopped in bridges:
-        (stop,) = stopped.stops
-        assert stop.by.endswith("(command line)") and stop.reason == "smoke in the lab"
+        (pressed,) = stopped.stops
+        assert pressed.by.endswith("(command line)") and pressed.reason == "smoke in the lab"
     records = Record.objects.filter(kind="stop.press").order_by("id")
     assert [record.robot_name for record in records] == ["TIAGo 1", "TIAGo 1", "TIAGo 2", "TIAGo 2"]
     assert [record.outcome for record in records] == [
@@ -127,6 +152,7 @@ def no_database(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         raise OperationalError("connection refused")
 
     monkeypatch.setattr(Robot.objects, "filter", away)
+    monkeypatch.setattr(Robot.objects, "all", away)
 
 
 def test_without_database_every_bridge_on_this_computer_is_stopped(
@@ -134,11 +160,9 @@ def test_without_database_every_bridge_on_this_computer_is_stopped(
     other_robot: Robot,
     bridge: Callable[[Robot], Bridge],
     no_database: None,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    run_dir: Path,
 ) -> None:
-    monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
-    (tmp_path / "left-over.sock").touch()
+    (run_dir / "left-over.sock").touch()
     bridges, out = [bridge(robot), bridge(other_robot)], StringIO()
     with pytest.raises(
         CommandError, match=r"database does not answer .*: 2 robots are stopping, 1 did not"
@@ -154,6 +178,67 @@ def test_without_database_nobody_is_known_by_name(no_database: None) -> None:
         call_command("stop", "tiago-1", stdout=StringIO())
 
 
+def test_all_robots_of_this_computer_are_stopped_before_the_database_is_waited_for(
+    robot: Robot, bridge: Callable[[Robot], Bridge], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped = bridge(robot)
+
+    def late(**_: object) -> list[Robot]:
+        assert stopped.stopped.wait(PATIENCE_S)
+        return [robot]
+
+    monkeypatch.setattr(Robot.objects, "all", late)
+    out = StringIO()
+    call_command("stop", "--all", stdout=out)
+    assert out.getvalue() == "tiago-1: stopping\n"
+
+
+@pytest.mark.parametrize(("asked", "said"), [("--all", "1 robots are stopping"), ("tiago-1", "Say --all")])
+def test_a_database_that_says_nothing_is_as_good_as_none(
+    robot: Robot, bridge: Callable[[Robot], Bridge], monkeypatch: pytest.MonkeyPatch, asked: str, said: str
+) -> None:
+    answers, over = threading.Event(), threading.Event()
+
+    def hang(**_: object) -> list[Robot]:
+        answers.wait()
+        over.set()
+        return []
+
+    monkeypatch.setattr(stop, "REGISTRY_S", 0.05)
+    monkeypatch.setattr(Robot.objects, "all", hang)
+    monkeypatch.setattr(Robot.objects, "filter", hang)
+    bridge(robot)
+    try:
+        with pytest.raises(CommandError, match=rf"does not answer.*within 0\.05 s.*{said}"):
+            call_command("stop", asked, stdout=StringIO())
+    finally:
+        answers.set()
+        assert over.wait(PATIENCE_S)
+
+
+def test_a_robot_out_of_service_whose_bridge_still_runs_is_stopped_and_on_record(
+    robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    Robot.objects.update(enabled=False)
+    path_of(other_robot).touch()  # left over
+    bridge(robot)
+    out = StringIO()
+    call_command("stop", "--all", stdout=out)
+    assert out.getvalue() == "tiago-1: stopping\n"
+    assert Record.objects.filter(kind="stop.press", robot_id=robot.id, outcome="stopping").exists()
+
+
+def test_a_stop_of_one_robot_is_not_pressed_at_the_bridge_of_another(
+    robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
+) -> None:
+    untouched, out = bridge(robot), StringIO()
+    path_of(other_robot).symlink_to(path_of(robot))  # as with one bridge address for both
+    with pytest.raises(CommandError, match=r"Not reached: tiago-2\."):
+        call_command("stop", "tiago-2", stdout=out)
+    assert "another robot's bridge answers" in out.getvalue()
+    assert untouched.stops == []
+
+
 @pytest.mark.parametrize("arguments", [[], ["tiago-1", "--all"]])
 def test_robots_are_named_or_all_are_meant(arguments: list[str]) -> None:
     with pytest.raises(CommandError, match="Name robots, or say --all"):
@@ -166,5 +251,5 @@ def test_an_account_without_a_name_and_a_reason_in_another_encoding_stop_nobody_
     stopped = bridge(robot)
     with mock.patch("getpass.getuser", side_effect=KeyError("uid not found")):
         call_command("stop", "tiago-1", "--reason", "sm\udcf6ke", stdout=StringIO())
-    (stop,) = stopped.stops
-    assert (stop.by, stop.reason) == (f"uid {os.getuid()} (command line)", "sm?ke")
+    (pressed,) = stopped.stops
+    assert (pressed.by, pressed.reason) == (f"uid {os.getuid()} (command line)", "sm?ke")

@@ -10,7 +10,6 @@ import pytest_asyncio
 from fleet.accounts.models import User
 from robots.link import links
 from robots.models import RobotRole
-from robots.selectors import link_address
 from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
 
@@ -35,7 +34,7 @@ def second_operator(robot):
 @pytest_asyncio.fixture
 async def bridge(robot) -> AsyncIterator[FakeBridge]:
     """The bridge of `robot`."""
-    running = await FakeBridge(link_address(robot)).start()
+    running = await FakeBridge(robot).start()
     yield running
     await links.close()
     await running.close()

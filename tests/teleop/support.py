@@ -13,8 +13,9 @@ from channels.testing import WebsocketCommunicator
 
 from fleet.asgi import application
 from robots import wire
-from robots.bridge.config import LinkAddress
 from robots.bridge.link import Link, LinkServer
+from robots.models import Robot
+from robots.selectors import link_address
 from robots.wire import Odometry, Refusal, State, StopState, Verdict
 
 TIMEOUT_S = 5.0
@@ -43,17 +44,18 @@ IDLE = State(
 class FakeBridge:
     """The bridge's end of the link, without a robot behind it. Keeps what it heard."""
 
-    def __init__(self, address: LinkAddress, fence: int = 0) -> None:
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
         self.heard: list[msgspec.Struct] = []
         self.raw: list[bytes] = []
-        self.fence = fence
+        self.fence = 0
         self.refuses: Refusal | None = None  # of every grant
         self.newest_stop = 0
         self.offers: wire.Offers | None = None
         self.silent = False  # answers no order and no question
         self.refuses_orders: Refusal | None = None
         self.answer: Callable[[wire.Question], msgspec.Struct] = lambda ask: wire.Parameters(["/a"], ask.seq)
-        self._server = LinkServer(address, self._opened, self._message, lambda _link: None)
+        self._server = LinkServer(link_address(robot), self._opened, self._message, lambda _link: None)
         self._more = asyncio.Condition()
 
     async def start(self) -> FakeBridge:
@@ -103,7 +105,7 @@ class FakeBridge:
         return found()[count - 1]
 
     def _opened(self, link: Link) -> None:
-        link.report(wire.BridgeHello(wire.PROTOCOL, "robot", "slug", self.fence, IDLE))
+        link.report(wire.BridgeHello(wire.PROTOCOL, str(self.robot.id), self.robot.slug, self.fence, IDLE))
         if self.offers:
             link.report(self.offers)
 

@@ -9,10 +9,9 @@ import pytest_asyncio
 
 from robots import wire
 from robots.models import Robot, RobotRole
-from robots.selectors import link_address
 from teleop import fleet_consumer
 from teleop.database import in_database
-from teleop.socket import CloseCode
+from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 from tests.teleop.support import IDLE, FakeBridge, Page
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -36,7 +35,7 @@ async def open_fleet(browsers, websocket_headers, bridge):
 @pytest_asyncio.fixture
 async def other_bridge(other_robot):
     """The bridge of `other_robot`."""
-    running = await FakeBridge(link_address(other_robot)).start()
+    running = await FakeBridge(other_robot).start()
     yield running
     await running.close()
 
@@ -112,12 +111,17 @@ async def test_stop_all_stops_every_robot_that_one_may_see(open_fleet, bridge, o
     await other_bridge.hears(wire.LinkStop)
 
 
-async def test_stop_all_leaves_robots_alone_that_one_may_not_see(open_fleet, bridge, other_bridge):
+async def test_stop_all_leaves_robots_alone_that_one_may_not_see(
+    open_fleet, bridge, other_robot, other_bridge
+):
+    staff = await open_fleet("staff")  # so that there is a link to the other robot
+    await shows(staff, lambda robots: robots[other_robot.slug]["state"])
     page = await open_fleet("observer")
     await page.hears("fleet")
     await page.say("stop_all")
     await bridge.hears(wire.LinkStop)
-    assert not other_bridge.all(wire.LinkStop)
+    await staff.say("stop", slug=other_robot.slug)  # by that link after whatever went before
+    assert (await other_bridge.hears(wire.LinkStop)).by == "Sam Staff"
 
 
 async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
@@ -126,6 +130,14 @@ async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
     await bridge.hears(wire.LinkStop)
     await page.say("stop", slug="tiago-2")
     await page.refused("no_such_robot")
+
+
+@pytest.mark.parametrize("what", [{"t": "ack"}, {"t": "stop", "slug": "no-such-robot"}])
+async def test_a_flood_is_refused_and_then_the_connection_is_closed(open_fleet, what):
+    page = await open_fleet("observer")
+    for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
+        await page.say(**what)
+    assert await page.is_closed() == CloseCode.FLOOD
 
 
 async def test_a_role_taken_away_takes_the_card_away(open_fleet, robot, observer):

@@ -1,24 +1,31 @@
 """``manage.py stop SLUG ... | --all``: press the emergency stop of robots, without web process or browser.
 
-It does not replace a robot's red button.
+It does not replace a robot's red button. With --all, whatever robot has its bridge on this computer is told before the
+registry is asked: that alone knows names, and robots elsewhere, but it may be away, or hang.
 """
 
 from __future__ import annotations
 
 import getpass
 import os
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as NoAnswer
+from pathlib import Path
 from typing import Any
 
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
-from django.db import DatabaseError
+from django.db import DatabaseError, connection
 
 from fleet.audit.command_line import here
 from robots.bridge.config import LinkAddress
 from robots.models import Robot
 from robots.selectors import link_address
-from robots.stops import press_all, record_outcome, record_press
+from robots.stops import press, press_all, record_outcome, record_press
 from robots.wire import Refusal, Stopped
+
+REGISTRY_S = 3.0  # a database that says nothing for so long is taken for away
 
 
 class Command(BaseCommand):
@@ -30,7 +37,7 @@ class Command(BaseCommand):
     def add_arguments(self, parser: CommandParser) -> None:
         """Which robots, and why."""
         parser.add_argument("slugs", nargs="*", metavar="SLUG")
-        parser.add_argument("--all", action="store_true", help="every enabled robot")
+        parser.add_argument("--all", action="store_true", help="every robot")
         parser.add_argument("--reason", default="", help="shown on the robot's page and kept")
 
     def handle(self, *args: Any, **options: Any) -> None:
@@ -39,39 +46,51 @@ class Command(BaseCommand):
         if options["all"] == bool(slugs):
             raise CommandError("Name robots, or say --all.")
         by, reason = f"{_who()} (command line)", _clean(options["reason"])
-        try:
-            robots = list(
-                Robot.objects.filter(slug__in=slugs) if slugs else Robot.objects.filter(enabled=True)
-            )
-        except DatabaseError as error:
-            self._stop_without_database(slugs, by, reason, error)
-            return
-        results = press_all([link_address(robot) for robot in robots], by, reason)
-        for robot, result in zip(robots, results, strict=True):
-            self._record(robot, reason, result)
-            self.stdout.write(f"{robot.slug}: {_told(result)}")
-        unreached = [
-            robot.slug for robot, result in zip(robots, results, strict=True) if isinstance(result, Refusal)
-        ]
-        if unreached:
-            raise CommandError(f"Not reached: {', '.join(unreached)}. Use the red button on the robot.")
+        sockets = [] if slugs else sorted(str(path) for path in settings.FLEET_RUN_DIR.glob("*.sock"))
+        with ThreadPoolExecutor(max(len(sockets), 1)) as threads:
+            here = {
+                path: threads.submit(press, None, LinkAddress(unix_path=path), by, reason) for path in sockets
+            }
+            try:
+                robots = _registered(slugs).result(REGISTRY_S)
+            except (DatabaseError, NoAnswer) as error:
+                why = str(error) or f"nothing was heard within {REGISTRY_S:g} s"
+                self._tell_without_registry(slugs, {path: here[path].result() for path in sockets}, why)
+                return
+            path_of = {robot: link_address(robot).unix_path or "" for robot in robots}
+            rest = [robot for robot in robots if path_of[robot] not in here]
+            results = dict(zip(rest, press_all(rest, by, reason), strict=True))
+            results |= {robot: here[path].result() for robot, path in path_of.items() if path in here}
+        # One out of service need not be reached, but a bridge of it that still runs was stopped.
+        meant = [robot for robot in robots if slugs or robot.enabled or isinstance(results[robot], Stopped)]
+        self._tell({robot: results[robot] for robot in meant}, reason)
         unknown = sorted(set(slugs) - {robot.slug for robot in robots})
         if unknown:
             raise CommandError(f"There is no robot {', '.join(unknown)}.")
 
-    def _stop_without_database(self, slugs: list[str], by: str, reason: str, error: DatabaseError) -> None:
-        """Stop whatever listens on this computer: only the database knows names, and robots elsewhere."""
+    def _tell(self, results: dict[Robot, Stopped | Refusal], reason: str) -> None:
+        """Say how it went, then record it, for that may wait; whom it did not reach comes last."""
+        for robot, result in results.items():
+            self.stdout.write(f"{robot.slug}: {_told(result)}")
+        for robot, result in results.items():
+            self._record(robot, reason, result)
+        unreached = [robot.slug for robot, result in results.items() if isinstance(result, Refusal)]
+        if unreached:
+            raise CommandError(f"Not reached: {', '.join(unreached)}. Use the red button on the robot.")
+
+    def _tell_without_registry(
+        self, slugs: list[str], results: dict[str, Stopped | Refusal], why: str
+    ) -> None:
+        """Only the registry knows names, and robots elsewhere."""
         if slugs:
             raise CommandError(
-                f"The database does not answer, so no robot is known by name ({error}). Say --all."
+                f"The database does not answer, so no robot is known by name ({why}). Say --all."
             )
-        sockets = sorted(settings.FLEET_RUN_DIR.glob("*.sock"))
-        results = press_all([LinkAddress(unix_path=str(path)) for path in sockets], by, reason)
-        for path, result in zip(sockets, results, strict=True):
-            self.stdout.write(f"{path.name}: {_told(result)}")
-        stopped = sum(isinstance(result, Stopped) for result in results)
+        for path, result in results.items():
+            self.stdout.write(f"{Path(path).name}: {_told(result)}")
+        stopped = sum(isinstance(result, Stopped) for result in results.values())
         raise CommandError(
-            f"The database does not answer ({error}). Every bridge on this computer was told: {stopped} robots are "
+            f"The database does not answer ({why}). Every bridge on this computer was told: {stopped} robots are "
             f"stopping, {len(results) - stopped} did not answer. Nothing was recorded, and bridges on other computers "
             "were not reached. Use the red button on the other robots."
         )
@@ -81,6 +100,22 @@ class Command(BaseCommand):
         record_outcome(pressed, actor=here(), result=result)
         if pressed is None:
             self.stderr.write(f"{robot.slug}: not recorded, see the log")
+
+
+def _registered(slugs: list[str]) -> Future[list[Robot]]:
+    """These robots, or all; asked in a thread that the end of the process does not wait for."""
+    answer: Future[list[Robot]] = Future()
+
+    def ask() -> None:
+        try:
+            answer.set_result(list(Robot.objects.filter(slug__in=slugs) if slugs else Robot.objects.all()))
+        except DatabaseError as error:
+            answer.set_exception(error)
+        finally:
+            connection.close()
+
+    threading.Thread(target=ask, name="registry", daemon=True).start()
+    return answer
 
 
 def _who() -> str:
