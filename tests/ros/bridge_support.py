@@ -130,6 +130,7 @@ class Hand:
         self._news = threading.Condition()
         self._stick: tuple[float, float, float] | None = None
         self._seq = 0
+        self._sending = threading.Lock()  # the test and the thread that drives: numbers go out in their order
         self.fence = 0
         self.state: wire.State | None = None
         threading.Thread(target=self._read, daemon=True).start()
@@ -181,21 +182,13 @@ class Hand:
         self._closing.close()
 
     def _send_stick(self) -> None:
-        stick = self._stick
-        if stick is not None:
+        with self._sending:
+            if self._stick is None:
+                return
             self._seq += 1
+            x, y, w = self._stick
             sent_ms = time.monotonic() * 1000
-            self.send(
-                wire.Drive(
-                    fence=self.fence,
-                    seq=self._seq,
-                    sent_ms=sent_ms,
-                    x=stick[0],
-                    y=stick[1],
-                    w=stick[2],
-                    share=1.0,
-                )
-            )
+            self.send(wire.Drive(fence=self.fence, seq=self._seq, sent_ms=sent_ms, x=x, y=y, w=w, share=1.0))
 
     def _drive(self) -> None:
         pace = threading.Event()
