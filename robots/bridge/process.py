@@ -39,6 +39,7 @@ _STATUS_TICKS = 10  # a status every 0.5 s in any case
 END_S = 4.0  # from being told to end, whatever hangs: the database, the disk
 EXIT_ALREADY_RUNNING = 3
 EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
+EXIT_NOT_JOINED = 5  # what broke while it joined the robot, and rospy does once in a process's life
 
 
 class Bridge:
@@ -71,7 +72,7 @@ class Bridge:
         await self._links.start()
         loop = asyncio.get_running_loop()
         self._drives.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
-        self._base.start(loop, self._core, self._name_lost)
+        self._base.start(loop, self._core, self._node_lost)
         gc.collect()
         gc.freeze()  # what is loaded stays: keeps the collector's pauses short
         try:
@@ -172,8 +173,8 @@ class Bridge:
     def _publishing_lost(self) -> None:
         self._core.orders.publishings.halt("inspector_ended", time.monotonic())
 
-    def _name_lost(self) -> None:
-        self._exit_code = EXIT_NAME_LOST
+    def _node_lost(self, name_taken: bool) -> None:
+        self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED
         self._ended.set()
 
     def _lifeline(self, lifeline: int) -> None:

@@ -16,6 +16,7 @@ import pytest
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.master import Master, MasterError
 from robots.bridge.ros.tcpros import read_header
+from tests.ros.meddling import answer_of
 
 
 @contextmanager
@@ -49,6 +50,12 @@ def told(value: str) -> bytes:
 def test_what_is_no_master_is_an_error_of_the_masters(answer):
     with answering(answer) as uri, pytest.raises(MasterError, match="No ROS master"):
         Master(uri, "/test").alive()
+
+
+@pytest.mark.parametrize("shape", [5, "x", [], [[["/scan"]], [], []], [[["/scan", "/base"]], [], []]])
+def test_a_robots_topics_in_another_shape_are_an_error_of_the_masters(shape):
+    with answering(answer_of(shape)) as uri, pytest.raises(MasterError, match="No ROS master"):
+        Master(uri, "/test").system_state()
 
 
 @pytest.mark.parametrize("header", [b"\x01", b"\x00\x00\x00", b"\x01\x00\x00\x00x\x07"])

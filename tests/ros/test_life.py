@@ -14,6 +14,7 @@ from pathlib import Path
 
 import rosgraph
 
+from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import REPOSITORY, end, until
 
 HANGING_S = 3.0  # to end although the master hangs
@@ -91,6 +92,25 @@ def test_it_comes_back_to_a_restarted_master(make_master, simulator):
     until(
         lambda: rosgraph.Master("/test", master.uri).hasParam("/robot_description"), "parameters again", 5.0
     )
+
+
+def test_it_comes_back_whole_to_a_master_that_answers_half_at_first(make_master, simulator):
+    real = make_master()
+    with meddled(real) as master:
+        robot = simulator(master=master)
+        before = topics_of(real, robot.node)
+        real.kill()
+        master.spoiled["setParam"] = CUT_SHORT
+        real.start()
+        until(lambda: "setParam" in master.given, "an answer cut short", 5.0)
+        assert topics_of(real, robot.node) == before
+        master.spoiled.clear()
+        until(
+            lambda: rosgraph.Master("/test", real.uri).hasParam("/robot_description"),
+            "parameters, too",
+            5.0,
+        )
+        assert robot.stop() == 0
 
 
 def test_it_waits_for_a_master_that_is_not_there_yet(make_master, simulator, tmp_path):

@@ -6,6 +6,12 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 
 # isort: split
 import itertools
+import queue
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from xmlrpc.client import ServerProxy
 
 import pytest
 import rospy
@@ -13,7 +19,11 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from robots.bridge.config import Topic
+from robots.bridge.ros.master import Master
+from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.types import message_class, service_class
+from tests.ros.support import PATIENCE_S
 
 _numbers = itertools.count()
 RESULT = message_class("play_motion_msgs/PlayMotionResult")
@@ -141,3 +151,84 @@ def test_motions_stand_on_the_parameter_server():
     wave = motions["wave"]
     assert set(wave["meta"]) == {"name", "usage", "description"}
     assert len(wave["points"][0]["positions"]) == len(wave["joints"])
+
+
+class Listed:
+    """Hears what an action offers (motions.Watcher), and nothing else."""
+
+    def __init__(self) -> None:
+        self.offers = []
+
+    def motions_running(self, action, goal_ids) -> None: ...
+
+    def motion_ended(self, goal_id, outcome, text) -> None: ...
+
+    def motions_read(self, action, motions, text) -> None:
+        self.offers.append(motions)
+
+
+@pytest.fixture
+def reads(rosmaster):
+    """Ask an action for its motions."""
+
+    def read(action: str):
+        told = Listed()
+        topics = MotionTopics(
+            Topic(action, "play_motion_msgs/PlayMotionAction"), Master(rosmaster.uri, "/test"), told
+        )
+        topics.read()
+        topics.attend(())
+        return told.offers[0]
+
+    return read
+
+
+def test_a_long_list_of_motions_is_offered_whole_with_its_durations(reads):
+    kind = service_class("play_motion_msgs/ListMotions")
+    info = message_class("play_motion_msgs/MotionInfo")
+    motions = [info(f"m{number:03}", ["arm"], rospy.Duration(number, 500_000_000)) for number in range(200)]
+    service = rospy.Service("/long_play/list_motions", kind, lambda _: kind._response_class(motions=motions))
+    try:
+        offers = reads("/long_play")
+    finally:
+        service.shutdown()
+    assert [(offer.name, offer.duration_s) for offer in offers] == [
+        (f"m{number:03}", number + 0.5) for number in range(200)
+    ]
+
+
+@contextmanager
+def hung(service: str, master_uri: str) -> Iterator[queue.SimpleQueue]:
+    """A service that takes every question and answers none: the connections that were made to it."""
+    connections: queue.SimpleQueue = queue.SimpleQueue()
+
+    def take() -> None:
+        try:
+            while True:
+                connections.put(listener.accept()[0])
+        except OSError:
+            return
+
+    master, node = ServerProxy(master_uri), "http://127.0.0.1:9/"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        uri = f"rosrpc://127.0.0.1:{listener.getsockname()[1]}"
+        master.registerService("/hung", service, uri, node)
+        taking = threading.Thread(target=take)
+        taking.start()
+        try:
+            yield connections
+        finally:
+            master.unregisterService("/hung", service, uri)
+            listener.shutdown(socket.SHUT_RDWR)
+            taking.join()
+
+
+def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
+    with hung("/hung_play/list_motions", rosmaster.uri) as connections:
+        assert reads("/hung_play") == []
+        connection = connections.get(timeout=PATIENCE_S)
+        with connection:
+            connection.settimeout(PATIENCE_S)
+            while connection.recv(4096):  # up to its end: nobody waits any more
+                pass
+        assert connections.empty()

@@ -51,8 +51,7 @@ class ActionTopics:
             "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, queue),
             "result": (message_class(f"{kind}ActionResult"), self._on_result, queue),
         }
-        self.publishers = [self._goals.publisher, self._cancels.publisher]
-        self.subscribers = [
+        self._subscribers = [
             rospy.Subscriber(f"{action.name}/{part}", type_, hear, queue_size=size, tcp_nodelay=True)
             for part, (type_, hear, size) in told.items()
         ]
@@ -77,7 +76,7 @@ class ActionTopics:
         """Leave the action."""
         self._goals.close()
         self._cancels.close()
-        for subscriber in self.subscribers:
+        for subscriber in self._subscribers:
             subscriber.unregister()
 
     # --- on rospy's threads ------------------------------------------------------------------------

@@ -6,9 +6,10 @@ import http.client
 import socket
 import xmlrpc.client
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
-from xml.parsers.expat import ExpatError
+
+import msgspec
 
 TIMEOUT_S = 1.0
 BRIDGE = "/fleet_bridge"  # the same from every console: the second one is refused
@@ -18,6 +19,10 @@ INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console 
 def is_own(node: str) -> bool:
     """Whether a node is a console's bridge or inspector: they are no part of the robot, and no listeners."""
     return node.startswith((BRIDGE, INSPECTOR))
+
+
+_Told = TypeVar("_Told")
+_Nodes = list[tuple[str, list[str]]]  # by topic
 
 
 class MasterError(Exception):
@@ -59,19 +64,27 @@ class Master:
     def node_uri(self, node: str) -> str | None:
         """The XML-RPC address of a registered node, None if there is none of that name."""
         try:
-            return cast(str, self.call("lookupNode", node))
+            return self._told(str, "lookupNode", node)
         except MasterError:
             self.alive()
             return None
 
     def register(self, kind: str, topic: str, type_name: str, node_uri: str) -> list[str]:
         """registerPublisher or registerSubscriber; returns the addresses of the other side."""
-        return cast("list[str]", self.call(kind, topic, type_name, node_uri))
+        return self._told(list[str], kind, topic, type_name, node_uri)
+
+    def parameter(self, name: str) -> Any:
+        """What the parameter server has there, None if nothing, or if it does not tell."""
+        try:
+            return self.call("getParam", name)
+        except MasterError:
+            return None
 
     def system_state(self) -> SystemState:
         """Publishers, subscribers and types of all topics."""
-        publishers, subscribers, _services = self.call("getSystemState")
-        return SystemState(dict(publishers), dict(subscribers), dict(self.call("getTopicTypes")))
+        publishers, subscribers, _ = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
+        types = self._told(list[tuple[str, str]], "getTopicTypes")
+        return SystemState(dict(publishers), dict(subscribers), dict(types))
 
     def call(self, method: str, *arguments: object) -> Any:
         """One call of the master (or slave) API; returns its value."""
@@ -85,26 +98,30 @@ class Master:
             ) from error
         except TimeoutError as error:
             raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
-        except (
-            OSError,
-            ExpatError,
-            TypeError,
-            ValueError,
-            xmlrpc.client.Error,
-            http.client.HTTPException,
-        ) as error:
+        except Exception as error:  # of whatever is there instead, or dies while it answers
             raise MasterError(f"No ROS master answers at {self.uri} ({error}).") from error
         if code != 1:
             raise MasterError(str(text))
         return value
 
+    def _told(self, kind: type[_Told], method: str, *arguments: object) -> _Told:
+        """The same, for a value that must be of this kind."""
+        value = self.call(method, *arguments)
+        try:
+            return msgspec.convert(value, kind)
+        except msgspec.ValidationError as error:
+            raise MasterError(f"No ROS master answers at {self.uri} ({method}: {error}).") from error
+
 
 class DeathWatch:
-    """An idle TCP connection to the master's port: the kernel ends it the moment the master dies."""
+    """An idle TCP connection to the master's port: the kernel ends it the moment the master dies. Or MasterError."""
 
     def __init__(self, uri: str) -> None:
         parts = urlsplit(uri)
-        self._socket = socket.create_connection((parts.hostname or "", parts.port or 80), TIMEOUT_S)
+        try:
+            self._socket = socket.create_connection((parts.hostname or "", parts.port or 80), TIMEOUT_S)
+        except OSError as error:
+            raise MasterError(f"No ROS master answers at {uri} ({error}).") from error
 
     def wait(self, timeout_s: float) -> bool:
         """Whether the master died within `timeout_s`."""
@@ -122,10 +139,13 @@ class DeathWatch:
         self._socket.close()
 
 
-def node_alive(uri: str) -> bool:
-    """Whether a node answers at this XML-RPC address."""
+def node_alive(uri: str, node: str) -> bool | None:
+    """Whether this node of rospy's answers at this XML-RPC address; None: it is silent, which tells nothing.
+
+    False if nobody listens there any more, or something else does.
+    """
     try:
-        Master(uri, BRIDGE).alive()
-    except MasterError:
-        return False
-    return True
+        return bool(Master(uri, BRIDGE).call("getName") == node)
+    except MasterError as error:
+        why = error.__cause__
+        return None if isinstance(why, OSError) and not isinstance(why, ConnectionRefusedError) else False

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from robots.bridge.ros import path  # noqa: F401 isort: skip
 
-import threading
 from collections.abc import Collection, Mapping
-from contextlib import suppress
 from typing import Any, Protocol
-
-import rospy
 
 from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.motions import offered, recorded
+from robots.bridge.packing import Limits
 from robots.bridge.ros.actions import ActionTopics
+from robots.bridge.ros.inspector import services
+from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.types import message_class, service_class
+from robots.bridge.ros.types import message_class
 from robots.wire import MotionOffer
 
-LIST_PATIENCE_S = 2.0
+WHOLE = Limits(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
 ERRORS = {  # PlayMotionResult's codes in words
     "MOTION_NOT_FOUND": "the robot does not know this motion",
     "CONTROLLER_BUSY": "something else moves these joints",
@@ -64,20 +63,10 @@ class MotionTopics:
         for name in set(self._actions) - set(names):
             self._actions.pop(name).close()
 
-    @property
-    def publishers(self) -> list[rospy.Publisher]:
-        """What the master must know of."""
-        return [publisher for action in list(self._actions.values()) for publisher in action.publishers]
-
-    @property
-    def subscribers(self) -> list[rospy.Subscriber]:
-        """What the master must know of."""
-        return [subscriber for action in list(self._actions.values()) for subscriber in action.subscribers]
-
     def read(self) -> None:
         """Ask the robot what it offers: its service for the names, its parameters for the rest."""
         for action in list(self._actions):
-            parameters, listed = self._parameters(action), _listed(f"{action}/list_motions")
+            parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
             self.repertoire[action] = recorded(parameters, listed)
             offers = offered(parameters, listed)
             self._watcher.motions_read(action, offers, "" if offers else f"{action} offers no motions.")
@@ -113,10 +102,18 @@ class MotionTopics:
 
     def _parameters(self, action: str, motion: str = "") -> Any:
         """What the robot knows of an action's motions, or of one of them."""
+        return self._master.parameter(f"{action}/motions/{motion}".rstrip("/"))
+
+    def _listed(self, service: str) -> dict[str, float] | None:
+        """Names and durations (s) of the motions that the service lists; None: there is none, or no answer."""
         try:
-            return self._master.call("getParam", f"{action}/motions/{motion}".rstrip("/"))
-        except MasterError:  # which also means that there are none
+            answer, _ = services.call(services.find(self._master, service), {}, lambda: None, WHOLE)
+        except (MasterError, Declined, ValueError):
             return None
+        return {
+            info["name"]: info["duration"]["secs"] + info["duration"]["nsecs"] / 1e9
+            for info in answer["motions"]
+        }
 
     # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
 
@@ -142,22 +139,3 @@ def _errors(result: type[Any]) -> dict[int, str]:
 def _sentence(parts: list[str]) -> str:
     text = ": ".join(parts)
     return f"{text[:1].upper()}{text[1:]}"
-
-
-def _listed(service: str) -> dict[str, float] | None:
-    """Names and durations (s) of the motions that the service lists; None: it does not answer.
-
-    rospy waits for ever for a service that takes the question and never answers; such a call is left behind.
-    """
-    answers: list[Any] = []
-
-    def ask() -> None:
-        with suppress(rospy.ROSException, rospy.ServiceException, OSError):
-            answers.append(rospy.ServiceProxy(service, service_class("play_motion_msgs/ListMotions"))())
-
-    asking = threading.Thread(target=ask, name="list_motions", daemon=True)
-    asking.start()
-    asking.join(LIST_PATIENCE_S)
-    if not answers:
-        return None
-    return {info.name: info.duration.to_sec() for info in answers[0].motions}

@@ -1,8 +1,4 @@
-"""The bridge's rospy node: one robot's topics in, one drive topic out.
-
-rospy registers a node once in a process's life. When a master dies and returns, the watcher here registers the same
-publishers and subscribers again through the master's and the node's own XML-RPC interface.
-"""
+"""The bridge's rospy node: one robot's topics in, one drive topic out."""
 
 from __future__ import annotations
 
@@ -17,7 +13,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -40,32 +35,23 @@ from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.map_place import MapPlace
-from robots.bridge.ros.master import BRIDGE, DeathWatch, Master, MasterError, SystemState, is_own, node_alive
+from robots.bridge.ros.master import BRIDGE, Master, SystemState, is_own
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.types import message_class
+from robots.bridge.ros.watcher import MasterWatcher
 from robots.bridge.speech import Utterance
 from robots.wire import MotionOffer
 
 log = logging.getLogger(__name__)
 
-RETRY_S = 0.5
-SURVEY_S = 2.0
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
-
-
-class Namesake(Exception):
-    """Another bridge is registered with this master and alive."""
-
-
-class NameLost(Exception):
-    """Another node took this one's name on the master, so rospy has shut down, for the rest of this process's life."""
 
 
 class RosBase:
@@ -79,8 +65,6 @@ class RosBase:
         self._echoes: Echoes | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._cancels: list[rospy.Publisher] = []
-        self._publishers: list[rospy.Publisher] = []
-        self._subscribers: list[rospy.Subscriber] = []
         self._depth: DepthTopics | None = None
         self._map_place: MapPlace | None = None
         self._head: rospy.Publisher | None = None
@@ -90,11 +74,11 @@ class RosBase:
         self._connecting = Errands("topics")
         self._reading = Errands("motions")
         self._looking_up = Errands("motion")  # of its own: a list may take seconds
-        self._ending = threading.Event()
-        self._watcher = threading.Thread(target=self._watch, name="master", daemon=True)
+        self._watcher = MasterWatcher(self._master, self)
+        self._described = False
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
-        self._on_name_lost: Callable[[], None]
+        self._on_lost: Callable[[bool], None]
 
     # --- as Core sees it ---------------------------------------------------------------------------
 
@@ -209,9 +193,12 @@ class RosBase:
 
     # --- life ----------------------------------------------------------------------------------------
 
-    def start(self, loop: asyncio.AbstractEventLoop, core: Core, on_name_lost: Callable[[], None]) -> None:
-        """Begin to look for the master. After `on_name_lost` only another process can be this robot's node."""
-        self._loop, self._core, self._on_name_lost = loop, core, on_name_lost
+    def start(self, loop: asyncio.AbstractEventLoop, core: Core, on_lost: Callable[[bool], None]) -> None:
+        """Begin to look for the master. After `on_lost` only another process can be this robot's node.
+
+        It is told whether that is because another one took the name.
+        """
+        self._loop, self._core, self._on_lost = loop, core, on_lost
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
@@ -219,7 +206,7 @@ class RosBase:
 
     def stop(self) -> None:
         """Zero, then off the master's books."""
-        self._ending.set()
+        self._watcher.end()
         if self._depth is not None:
             self._depth.close()
         if self._drive is None:
@@ -230,64 +217,10 @@ class RosBase:
         leaving.start()
         leaving.join(1.0)
 
-    # --- the master ----------------------------------------------------------------------------------
+    # --- the master (watcher.Node) ---------------------------------------------------------------------
 
-    def _watch(self) -> None:
-        while not self._ending.is_set():
-            try:
-                self._join()
-                self._stay()
-            except MasterError as error:
-                self._tell(RosStatus("waiting", str(error)))
-            except Namesake as error:
-                self._tell(RosStatus("refused", str(error)))
-            except NameLost as error:
-                self._tell(RosStatus("refused", str(error)))
-                self._post(self._on_name_lost)
-                return
-            except OSError as error:
-                self._tell(RosStatus("waiting", f"The master's connection broke ({error})."))
-            except rospy.ROSInitException:
-                if not self._ending.is_set():  # else `stop` came in between
-                    raise
-            self._ending.wait(RETRY_S)
-
-    def _join(self) -> None:
-        """Register with the master: the first time by rospy, later again by hand."""
-        self._require_name()
-        self._master.alive()
-        own_uri = rospy.get_node_uri()
-        other_uri = self._master.node_uri(BRIDGE)
-        if other_uri and other_uri != own_uri and node_alive(other_uri):
-            host = urlsplit(other_uri).hostname
-            raise Namesake(f"Another console's bridge on {host} drives this robot; stop that one first.")
-        if self._drive is None:
-            self._begin()
-        else:
-            self._register_again(own_uri)
-
-    def _stay(self) -> None:
-        """Survey the robot until the master is gone."""
-        watch = DeathWatch(self._config.master_uri)
-        try:
-            while not self._ending.is_set():
-                self._require_name()
-                system = self._master.system_state()
-                self._tell(self._survey(system))
-                listened = _listened(system)
-                self._post(partial(self._surveyed, listened))
-                if self._motions and not any(self._motions.repertoire.values()):
-                    self.read_motions()  # the robot may have come after its master
-                if watch.wait(SURVEY_S):
-                    raise MasterError(f"The ROS master at {self._config.master_uri} is gone.")
-        finally:
-            watch.close()
-
-    def _require_name(self) -> None:
-        if self._drive is not None and rospy.is_shutdown() and not self._ending.is_set():
-            raise NameLost("Another node took this bridge's name on the robot's master.")
-
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Join the master and all topics."""
         topics = self._config.topics
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
@@ -307,10 +240,8 @@ class RosBase:
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
         ]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
-        self._publishers = list(self._cancels)
         if topics.head:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
-            self._publishers.append(self._head)
         if topics.motions:
             self._motions = MotionTopics(topics.motions, self._master, self)
             self.read_motions()
@@ -318,12 +249,42 @@ class RosBase:
             self._speech = SpeechTopics(topics.speech, self)
         if topics.arm and topics.joint_states:
             self._arm = PostureTopics(topics.arm, self._on_posture)
-            self._arm.describe(rospy.get_param("/robot_description", None))
-            self._subscribers += self._arm.subscribe(topics.joint_states, topics.motions)
+            self._describe()
+            self._arm.subscribe(topics.joint_states, topics.motions)
         if topics.depth and self._config.gate.depth:
             self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
         elif topics.map:
             self._map_place = MapPlace(self._connecting)
+
+    def began_again(self) -> None:
+        """The master was restarted, and maybe the robot with it."""
+        self._described = False
+        self._describe()
+        self._post(self._core.orders.refresh)
+
+    def surveyed(self, system: SystemState) -> None:
+        """Tell how the robot is; ask it for what it did not tell yet: it may have come after its master."""
+        self.tell(self._survey(system))
+        listened = _listened(system)
+        self._post(lambda: self._core.orders.choices.surveyed(listened, time.monotonic()))
+        self._describe()
+        if self._motions and not any(self._motions.repertoire.values()):
+            self.read_motions()
+
+    def tell(self, status: RosStatus) -> None:
+        """How the connection to the master is."""
+        self._post(lambda: self._core.ros_status(status, time.monotonic()))
+
+    def lost(self, name_taken: bool) -> None:
+        """This process's node has ended, or never began as it should."""
+        self._post(lambda: self._on_lost(name_taken))
+
+    def _describe(self) -> None:
+        """Tell the arm's topics the robot's own description, as soon as it has one."""
+        if self._arm and not self._described:
+            description = self._master.parameter("/robot_description")
+            self._described = description is not None
+            self._arm.describe(description)
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
@@ -354,27 +315,7 @@ class RosBase:
         """A moment, so that a robot whose velocities go elsewhere now does not seem to be away."""
         deadline_s = time.monotonic() + LISTENER_PATIENCE_S
         while not heard_by(publisher) and time.monotonic() < deadline_s:
-            self._ending.wait(FLUSH_S / 10)
-
-    def _register_again(self, own_uri: str) -> None:
-        """What `rospy.init_node` and its topics told the last master, told to its successor."""
-        if self._arm:
-            self._arm.describe(rospy.get_param("/robot_description", None))
-        parts = [part for part in (self._motions, self._speech) if part is not None]
-        publishers = [*self._publishers, *self._drives.values()]
-        subscribers = list(self._subscribers)
-        for listening in (self._depth, self._map_place):
-            subscribers += listening.subscribers if listening else []
-        for part in parts:
-            publishers += part.publishers
-            subscribers += part.subscribers
-        for publisher in publishers:
-            self._master.register("registerPublisher", publisher.resolved_name, publisher.type, own_uri)
-        for subscriber in subscribers:
-            name = subscriber.resolved_name
-            uris = self._master.register("registerSubscriber", name, subscriber.type, own_uri)
-            Master(own_uri, "/master").call("publisherUpdate", name, uris)
-        self._post(self._core.orders.refresh)
+            time.sleep(FLUSH_S / 10)
 
     def _survey(self, system: SystemState) -> RosStatus:
         topics = self._config.topics
@@ -389,26 +330,20 @@ class RosBase:
 
     def _unreachable(self, node: str) -> str:
         """In words, if the host of a node that we need cannot be resolved here."""
-        uri = self._master.node_uri(node)
-        host = urlsplit(uri).hostname if uri else None
+        uri = self._master.node_uri(node) or ""
+        host = urlsplit(uri).hostname
         if host is None:
             return ""
         try:
             socket.getaddrinfo(host, None)
-        except socket.gaierror:
+        except (OSError, ValueError):
             return f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
         return ""
-
-    def _tell(self, status: RosStatus) -> None:
-        self._post(lambda: self._core.ros_status(status, time.monotonic()))
 
     # --- topics --------------------------------------------------------------------------------------
 
     def _subscribe(self, topic: Topic, callback: Callable[[Any], None], queue: int = 1) -> None:
-        subscriber = rospy.Subscriber(
-            topic.name, message_class(topic.type), callback, queue_size=queue, tcp_nodelay=True
-        )
-        self._subscribers.append(subscriber)
+        rospy.Subscriber(topic.name, message_class(topic.type), callback, queue_size=queue, tcp_nodelay=True)
 
     def _on_odometry(self, message: Any) -> None:
         arrival_s, wall_s = time.monotonic(), time.time()
@@ -458,9 +393,6 @@ class RosBase:
     def bad_depth(self, why: str) -> None:
         """A picture of the depth camera that cannot be used."""
         self._post(lambda: self._core.bad_depth(why))
-
-    def _surveyed(self, listened: dict[str, str]) -> None:
-        self._core.orders.choices.surveyed(listened, time.monotonic())
 
     # --- motions and speech (motions.Watcher, speech.Ears) ----------------------------------------------
 

@@ -7,7 +7,6 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 from collections.abc import Callable, Collection
 from typing import Any, Protocol
 
-import rospy
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.config import Topic
@@ -34,9 +33,6 @@ class Ears(Protocol):
 
 class _Voice(Protocol):
     """One topic that takes texts."""
-
-    publishers: list[rospy.Publisher]
-    subscribers: list[rospy.Subscriber]
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Pass it on. Whether the robot tells what becomes of it."""
@@ -67,16 +63,6 @@ class SpeechTopics:
         for name in set(self._voices) - set(topics):
             self._voices.pop(name).close()
 
-    @property
-    def publishers(self) -> list[rospy.Publisher]:
-        """What the master must know of."""
-        return [publisher for voice in list(self._voices.values()) for publisher in voice.publishers]
-
-    @property
-    def subscribers(self) -> list[rospy.Subscriber]:
-        """What the master must know of."""
-        return [subscriber for voice in list(self._voices.values()) for subscriber in voice.subscribers]
-
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Pass it on. Whether the robot tells what becomes of it."""
         return self._voices[utterance.topic].say(goal_id, utterance)
@@ -100,8 +86,6 @@ class _ActionVoice:
         self._topics = ActionTopics(action, self)
         feedback = message_class(f"{action.type.removesuffix('Action')}Feedback")
         self._word_begins = feedback.TTS_EVENT_STARTED_PLAYING_WORD
-        self.publishers = self._topics.publishers
-        self.subscribers = self._topics.subscribers
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         goal = self._topics.goal_class()
@@ -140,8 +124,6 @@ class _PlainVoice:
 
     def __init__(self, topic: Topic, _ears: Ears) -> None:
         self._sender = Sender(topic.name, message_class(topic.type))
-        self.publishers = [self._sender.publisher]
-        self.subscribers: list[rospy.Subscriber] = []
 
     def say(self, _goal_id: str, utterance: Utterance) -> bool:
         self._sender.send(self.message(utterance))

@@ -5,14 +5,15 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from xmlrpc.client import ServerProxy
 
 from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
 
 # isort: split
 import rosgraph
 import rospy
-from rospy.impl.registration import get_service_manager, get_topic_manager
+
+from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.registration import register_again
 
 log = logging.getLogger(__name__)
 
@@ -25,33 +26,17 @@ def watch_registration(stop: threading.Event, set_parameters: Callable[[], None]
 
 
 def _watch(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
-    master = rosgraph.Master(rospy.get_name())
+    master = Master(rosgraph.get_master_uri(), rospy.get_name())
+    known = True
     while not stop.wait(_LOOK_EVERY_S):
         try:
-            if not _is_known(master):
-                _register(master)
+            known = known and master.node_uri(rospy.get_name()) is not None
+            if not known:  # until all of it is told
+                register_again(master)
                 set_parameters()
+                known = True
                 log.info("registered again with the master, which had been restarted")
-        except (OSError, rosgraph.MasterException):
+        except (MasterError, OSError):
             continue  # no master just now, or it went while we were talking
-
-
-def _is_known(master: rosgraph.Master) -> bool:
-    try:
-        master.lookupNode(rospy.get_name())
-    except rosgraph.MasterError:
-        return False
-    return True
-
-
-def _register(master: rosgraph.Master) -> None:
-    """Tell the master all that rospy told its predecessor."""
-    own = rospy.get_node_uri()
-    for topic, kind in get_topic_manager().get_publications():
-        master.registerPublisher(topic, kind, own)
-    for topic, kind in get_topic_manager().get_subscriptions():
-        publishers = master.registerSubscriber(topic, kind, own)
-        # As the master itself would tell this node of publishers.
-        ServerProxy(own).publisherUpdate(master.caller_id, topic, publishers)
-    for service, uri in get_service_manager().get_services():
-        master.registerService(service, uri, own)
+        except Exception:  # of whatever rospy makes of a master that goes while it answers
+            log.exception("registering again failed")

@@ -65,7 +65,7 @@ def find(master: Master, name: str) -> Service:
 
 
 def call(
-    service: Service, given: dict[str, Any], require_time: Callable[[], None]
+    service: Service, given: dict[str, Any], require_time: Callable[[], None], limits: Limits = SHOWN
 ) -> tuple[dict[str, Any], list[str]]:
     """Its answer, and which arrays of it were shortened. Raises BadField before anything is sent, Declined after.
 
@@ -89,7 +89,7 @@ def call(
     if succeeded != b"\x01":
         said = answer.decode(errors="replace")[:300] or "without a word why"
         raise Declined("service_failed", f"{service.name} said no: {said}", service=service.name)
-    return service.response.layout.read(answer, SHOWN)
+    return service.response.layout.read(answer, limits)
 
 
 def _answer(connection: socket.socket) -> bytes:

@@ -1,0 +1,22 @@
+"""rospy registers a node once in a process's life; a master that was restarted is told by hand."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401 isort: skip
+
+import rospy
+from rospy.impl.registration import get_service_manager, get_topic_manager
+
+from robots.bridge.ros.master import Master
+
+
+def register_again(master: Master) -> None:
+    """Tell a master that was restarted all that rospy told its predecessor of this process's node."""
+    own_uri = rospy.get_node_uri()
+    for topic, kind in get_topic_manager().get_publications():
+        master.register("registerPublisher", topic, kind, own_uri)
+    for topic, kind in get_topic_manager().get_subscriptions():
+        publishers = master.register("registerSubscriber", topic, kind, own_uri)
+        Master(own_uri, "/master").call("publisherUpdate", topic, publishers)  # as the master itself would
+    for service, service_uri in get_service_manager().get_services():
+        master.call("registerService", service, service_uri, own_uri)

@@ -1,0 +1,70 @@
+"""A man in the middle: a ROS master whose answers a test spoils, and heals again."""
+
+from __future__ import annotations
+
+import copy
+import http.client
+import threading
+import xmlrpc.client
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from tests.ros.support import Master
+
+CUT_SHORT = b"<"  # what is there of an answer when its master is killed
+GONE = (OSError, http.client.HTTPException)  # is the master: there is no answer, and the line is cut
+
+
+def answer_of(value: object) -> bytes:
+    """A master's word that a call went well, with this value."""
+    return xmlrpc.client.dumps(([1, "", value],), methodresponse=True).encode()
+
+
+class MeddledMaster(Master):
+    """The same master at another address; `spoiled` are the answers that it gives there instead of its own."""
+
+    spoiled: dict[str, bytes]  # by the method that is called, or what it is asked for
+    given: list[str]  # of these, in order
+
+
+@contextmanager
+def meddled(master: Master) -> Iterator[MeddledMaster]:
+    """Whoever is to be told rubbish has this one as its master."""
+    through: MeddledMaster = copy.copy(master)  # type: ignore[assignment]
+    through.spoiled, through.given = {}, []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            arguments, method = xmlrpc.client.loads(body.decode())
+            asked = (str(argument) for argument in (method, *arguments))
+            with suppress(*GONE):
+                spoils = [what for what in asked if what in through.spoiled]
+                through.given += spoils
+                answer = through.spoiled[spoils[0]] if spoils else self._asked(body)
+                self.send_response(200)
+                self.send_header("Content-Length", str(len(answer)))
+                self.end_headers()
+                self.wfile.write(answer)
+
+        def _asked(self, body: bytes) -> bytes:
+            connection = http.client.HTTPConnection("127.0.0.1", master.port)
+            try:
+                connection.request("POST", "/RPC2", body, {"Content-Type": "text/xml"})
+                return connection.getresponse().read()
+            finally:
+                connection.close()
+
+        def log_message(self, *_: object) -> None: ...
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        server.block_on_close = False  # whoever watches for our death holds a connection
+        through.uri = f"http://127.0.0.1:{server.server_port}/"
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        try:
+            yield through
+        finally:
+            server.shutdown()
+            thread.join()

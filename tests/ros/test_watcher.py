@@ -1,0 +1,229 @@
+"""The robot's master watched: whatever it answers, and however it or another console's bridge goes silent or dies."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import queue
+import signal
+import socket
+from contextlib import contextmanager
+
+import msgspec
+import pytest
+import rospy
+
+from robots.bridge.config import Topic
+from robots.bridge.process import EXIT_NOT_JOINED
+from robots.bridge.ros import watcher
+from robots.bridge.ros.master import BRIDGE, Master, node_alive
+from robots.bridge.ros.watcher import SILENCES, MasterWatcher
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
+from tests.ros.meddling import CUT_SHORT, answer_of, meddled
+from tests.ros.support import PATIENCE_S, RosClient, free_port
+from tests.ros.test_hostile_nodes import answering
+from tests.ros.test_posture import ARM, reach_out
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(rosmaster, simulator):
+    return simulator(pose="2,1.8,0", seed=1, drift=0)
+
+
+@pytest.fixture
+def bridges(tmp_path):
+    started = []
+
+    def start(master, **topics):
+        config = tiago_config(master, tmp_path)
+        config = msgspec.structs.replace(config, topics=msgspec.structs.replace(config.topics, **topics))
+        started.append(BridgeProcess(config, master, tmp_path))
+        return started[-1]
+
+    yield start
+    for bridge in started:
+        bridge.stop()
+
+
+class Told:
+    """The watcher's node: what it was told, in order. `begins` are done as it begins, one by one."""
+
+    def __init__(self, *begins) -> None:
+        self._begins = list(begins)
+        self._heard = queue.SimpleQueue()
+
+    def begin(self) -> None:
+        if self._begins:
+            self._begins.pop(0)()
+        self._heard.put("begun")
+
+    def began_again(self) -> None:
+        self._heard.put("begun again")
+
+    def surveyed(self, system) -> None:
+        self._heard.put("surveyed")
+
+    def tell(self, status) -> None:
+        self._heard.put(f"{status.phase}: {status.text}")
+
+    def lost(self, name_taken: bool) -> None:
+        self._heard.put(f"lost, name taken: {name_taken}")
+
+    def next(self) -> str:
+        return self._heard.get(timeout=PATIENCE_S)
+
+    def until(self, wanted: str) -> list[str]:
+        """What was told before that."""
+        before = []
+        while (heard := self.next()) != wanted:
+            before.append(heard)
+        return before
+
+
+@contextmanager
+def watching(uri: str, node: Told):
+    """A watcher that asks often."""
+    watch = MasterWatcher(Master(uri, BRIDGE), node)
+    watch.start()
+    try:
+        yield
+    finally:
+        watch.end()
+        watch._thread.join(PATIENCE_S)
+
+
+@pytest.fixture
+def soon(monkeypatch):
+    monkeypatch.setattr(watcher, "RETRY_S", 0.01)
+    monkeypatch.setattr(watcher, "SURVEY_S", 0.01)
+
+
+def test_rubbish_from_the_master_halts_the_robot_which_comes_back_with_the_masters_wits(bridges, rosmaster):
+    with meddled(rosmaster) as master:
+        hand = bridges(master).link()
+        hand.state_until(drivable, "the robot")
+        for method, answer in (
+            ("getSystemState", answer_of(5)),
+            ("lookupNode", answer_of("http://[nowhere")),
+            ("lookupNode", answer_of(f"http://{'a' * 64}.b/")),
+        ):
+            master.spoiled[method] = answer
+            told = hand.state_until(lambda state: state.phase == "waiting" or "alias" in state.text, method)
+            assert told.text
+            master.spoiled.clear()
+            hand.state_until(drivable, f"the robot, after {method}")
+        hand.close()
+
+
+def test_a_description_that_was_cut_short_is_asked_for_again(ros, bridges, rosmaster):
+    with meddled(rosmaster) as master:
+        master.spoiled["/robot_description"] = CUT_SHORT
+        hand = bridges(master, arm=ARM, joint_states=Topic("/joint_states", "sensor_msgs/JointState")).link()
+        hand.state_until(drivable, "the robot")
+        reach_out(ros)
+        master.spoiled.clear()
+        hand.state_until(lambda state: state.arm, "where its arm is, by its description")
+        hand.close()
+
+
+def test_a_bridge_that_could_join_but_half_ends_so_that_a_fresh_one_joins(bridges, rosmaster):
+    bridge = bridges(rosmaster, speech=Topic("/tts", "std_msgs/Bool"))  # a voice that nobody can speak with
+    assert bridge.process.wait(PATIENCE_S) == EXIT_NOT_JOINED
+    assert "KeyError: 'std_msgs/Bool'" in bridge.log.read_text()
+
+
+def test_what_broke_half_way_is_not_done_again_in_the_same_process(rosmaster, soon):
+    def full() -> None:
+        raise OSError(28, "No space left on device")
+
+    node = Told(full)
+    with watching(rosmaster.uri, node):
+        before = node.until("lost, name taken: False")
+    assert before == ["refused: The bridge could not join the robot ([Errno 28] No space left on device)."]
+
+
+def test_a_master_that_was_restarted_while_it_was_joined_is_told_all_again(make_master, soon, monkeypatch):
+    master = make_master()
+    told_again = []
+    monkeypatch.setattr(watcher, "register_again", told_again.append)
+
+    def restart() -> None:
+        master.kill()
+        master.start()
+
+    node = Told(restart)
+    with watching(master.uri, node):
+        node.until("begun again")
+    assert len(told_again) == 1
+
+
+def test_the_watcher_outlives_whatever_fails_in_it(rosmaster, soon, monkeypatch):
+    class Failing(Told):
+        def surveyed(self, system) -> None:
+            super().surveyed(system)
+            monkeypatch.setattr(Failing, "surveyed", Told.surveyed)
+            raise RecursionError("of what a master answered")
+
+    monkeypatch.setattr(watcher, "register_again", lambda _: None)
+    node = Failing()
+    with watching(rosmaster.uri, node):
+        node.until("waiting: Watching the robot's ROS master failed (of what a master answered).")
+        node.until("begun again")
+        node.until("surveyed")
+
+
+class TestNamesake:
+    """Another console's bridge, of which this one must find out whether it lives."""
+
+    def test_one_that_hangs_for_a_while_keeps_the_robot(self, bridges, rosmaster):
+        first, second = bridges(rosmaster), None
+        hand = first.link()
+        try:
+            hand.state_until(drivable, "the robot")
+            second = bridges(rosmaster).link()
+            second.state_until(lambda state: "drives this robot" in state.text, "a refusal")
+            first.process.send_signal(signal.SIGSTOP)
+            state = second.state_until(
+                lambda state: "drives this robot" not in state.text, "its silence seen"
+            )
+            assert (state.phase, "does not answer" in state.text) == ("refused", True)
+            first.process.send_signal(signal.SIGCONT)
+            second.state_until(lambda state: "drives this robot" in state.text, "a refusal again")
+            hand.state_until(drivable, "the first one's robot")
+            assert first.process.poll() is None
+        finally:
+            first.process.send_signal(signal.SIGCONT)
+            hand.close()
+            if second:
+                second.close()
+
+    def test_one_that_was_killed_is_followed_at_once(self, bridges, rosmaster):
+        first = bridges(rosmaster)
+        first.link().state_until(drivable, "the robot")
+        second = bridges(rosmaster).link()
+        second.state_until(lambda state: "drives this robot" in state.text, "a refusal")
+        first.kill()
+        second.state_until(drivable, "the robot, for the second")
+        second.close()
+
+    def test_only_silence_without_a_break_is_a_death(self, rosmaster, soon, monkeypatch):
+        answers = [*[None] * (SILENCES - 1), True, *[None] * (SILENCES - 1), None]
+        monkeypatch.setattr(Master, "node_uri", lambda *_: "http://elsewhere:1/")
+        monkeypatch.setattr(watcher, "node_alive", lambda *_: answers.pop(0))
+        node = Told()
+        with watching(rosmaster.uri, node):
+            before = node.until("begun")
+        assert answers == []
+        silent = ["does not answer" in text for text in before]
+        assert silent == [*[True] * (SILENCES - 1), False, *[True] * (SILENCES - 1)]
+
+    def test_who_is_silent_may_live_but_neither_who_refuses_nor_who_is_somebody_else(self, ros: RosClient):
+        own = rospy.get_node_uri()
+        with socket.create_server(("127.0.0.1", 0)) as silent, answering(b"hello") as other:
+            assert node_alive(f"http://127.0.0.1:{silent.getsockname()[1]}/", BRIDGE) is None
+            assert node_alive("http://no-such-computer.invalid:1/", BRIDGE) is None
+            assert node_alive(f"http://127.0.0.1:{free_port()}/", BRIDGE) is False
+            assert node_alive(other, BRIDGE) is False
+            assert node_alive(own, BRIDGE) is False
+            assert node_alive(own, rospy.get_name()) is True
