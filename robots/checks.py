@@ -49,6 +49,9 @@ def run_checks(robot: Robot) -> list[Check]:
         return [Check(_("registry"), FAIL, str(problems), _("Correct the robot's entry or its profile."))]
     except NoWrapper as error:
         return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console's computer."))]
+    except OSError as error:
+        text = _("The console cannot write them down (%s).") % error.strerror
+        return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console's computer full?"))]
     try:
         return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
     except subprocess.TimeoutExpired:

@@ -310,6 +310,17 @@ class Robot(models.Model):
 
     class Meta:
         ordering = ["name"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["bridge_address"],
+                condition=~models.Q(bridge_address=""),
+                name="one_robot_per_bridge_address",
+                violation_error_code="unique",  # said at the field
+                violation_error_message=_(
+                    "Another robot's bridge listens there already: each needs a host or a port of its own."
+                ),
+            )
+        ]
         verbose_name = _("robot")
         verbose_name_plural = _("robots")
 

@@ -15,7 +15,7 @@ from django.db import OperationalError, connection
 from django.test import override_settings
 
 from robots.management.commands.run_fleet import Fleet, wait_shortly
-from robots.models import BridgeStatus, Robot
+from robots.models import Allowance, BridgeStatus, Robot
 from tests.robots.support import FakePrograms, until
 
 pytestmark = pytest.mark.django_db
@@ -141,15 +141,15 @@ def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot
     assert "ended by itself with code 7" in BridgeStatus.objects.get(robot=robot).detail
 
 
+@pytest.mark.parametrize("query", [(Robot.objects, "select_related"), (Allowance.objects, "filter")])
 def test_a_database_that_does_not_answer_leaves_the_fleet_as_it_is(
-    supervised: Supervised, robot: Robot
+    supervised: Supervised, robot: Robot, query: tuple[object, str], caplog: pytest.LogCaptureFixture
 ) -> None:
     supervised.until_started("tiago-1", 1)
-    broken = mock.patch.object(
-        Robot.objects, "select_related", side_effect=OperationalError("disk I/O error")
-    )
+    broken = mock.patch.object(*query, side_effect=OperationalError("disk I/O error"))
     with broken as asked, mock.patch("robots.management.commands.run_fleet.connection"):
         supervised.until(lambda: asked.call_count >= 2, "two polls")
+    assert caplog.text.count("The database does not answer, the fleet stays as it is") == 1
     assert supervised.programs.lines().count("end tiago-1") == 0
     robot.drive_topic = "/phone_vel"
     robot.save()

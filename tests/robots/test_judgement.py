@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 from typing import Any
 from unittest import mock
@@ -171,6 +172,14 @@ def test_a_wrong_entry_in_the_registry_is_the_first_answer(robot: Robot) -> None
     (only,) = run_checks(robot)
     assert (only.name, only.level) == ("registry", "fail")
     assert "odometry" in only.text
+
+
+def test_a_full_disk_is_an_answer_too(robot: Robot) -> None:
+    full = OSError(errno.ENOSPC, "No space left on device")
+    with mock.patch("robots.checks.ros_environment", autospec=True, side_effect=full):
+        (only,) = run_checks(robot)
+    assert (only.name, only.level) == ("host aliases", "fail")
+    assert "No space left on device" in only.text
 
 
 def test_a_probe_that_hangs_is_given_up(robot: Robot) -> None:

@@ -145,14 +145,13 @@ class Fleet:
 
     def _poll(self) -> None:
         try:
-            robots = list(Robot.objects.select_related("profile"))
+            mine = [robot for robot in Robot.objects.select_related("profile") if self._is_mine(robot)]
+            for robot in mine:
+                self._look_at(robot)  # asks again, for the allow-list
         except DatabaseError as error:
             self._database_failed(error)
             return
         self._database_well = True
-        mine = [robot for robot in robots if self._is_mine(robot)]
-        for robot in mine:
-            self._look_at(robot)
         for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
             self._keepers[robot_id].want(None)
 
