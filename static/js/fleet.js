@@ -130,7 +130,9 @@ export class FleetPage {
   /** What becomes of a card's stop, until the robot itself reports. */
   #stopSays(own, text) {
     say(own["stop-state"], text);
+    mark(own["stop-state"], "fresh", true);
     show(own["stop-why"], false);
+    say(this.#stopAllState, "");
   }
 
   #opened() {
@@ -177,6 +179,7 @@ export class FleetPage {
     say(own.driver, shown.driver || "–");
     say(own.gate, shown.gate || "–");
     say(own["stop-state"], shown.stop || "–");
+    mark(own["stop-state"], "fresh", false);
     say(own["stop-why"], shown.stopWhy ?? "");
     show(own["stop-why"], Boolean(shown.stopWhy));
   }

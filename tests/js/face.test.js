@@ -69,5 +69,8 @@ describe("the face of the control page", () => {
     vi.advanceTimersByTime(4000);
     face.show(old);
     expect(parts["stop-state"].textContent).toBe("Sending the stop");
+    vi.advanceTimersByTime(4000);
+    face.show(old);
+    expect(parts["stop-state"].textContent).toBe(""); // that of before would seem to be the answer
   });
 });

@@ -143,6 +143,8 @@ describe("the fleet page", () => {
     await vi.advanceTimersByTimeAsync(0);
     expect(part("stop-state").textContent).toBe("Not confirmed");
     expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 1.");
+    press("stop");
+    expect(part("stop-all-state").textContent).toBe("");
   });
 
   it("gives a connection up that answers nothing, and comes back", () => {
