@@ -94,6 +94,9 @@ describe("notices", () => {
     parts["log-open"].click();
     expect(parts["log-list"].children).toHaveLength(100);
     expect(parts["log-list"].firstElementChild.textContent).toContain("Said 119.");
+    const time = parts["log-list"].querySelector("time");
+    const told = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(new Date());
+    expect(time.textContent).toContain(told.find(({ type }) => type === "timeZoneName").value);
     expect(parts["log-none"].hidden).toBe(true);
   });
 });
