@@ -3,7 +3,7 @@
 import { Announcer } from "./announce.js";
 import { Details, fill } from "./details.js";
 import { mark, say, show } from "./dom.js";
-import { banner, limitsOf, stopText, verdictText } from "./standing.js";
+import { banner, isStale, limitsOf, stopText, verdictText } from "./standing.js";
 
 const STOP_SAID_MS = 5000; // longer than the stop button waits for an answer
 const LOW_BATTERY_PERCENT = 20;
@@ -70,12 +70,13 @@ export class Face {
     this.#announcer.say(`${shown.title}. ${shown.text}`, shown.title);
   }
 
-  #showConnection({ connected, gone, delayMs, echoMs }) {
+  #showConnection(now) {
     const { connection, delay, echo } = this.#parts;
-    mark(connection, "level", connected && !gone ? "ok" : "fail");
-    say(connection, connectionText(connected, gone));
-    say(delay, milliseconds(connected ? delayMs : null));
-    say(echo, milliseconds(echoMs));
+    const { level, text } = connectionFact(now);
+    mark(connection, "level", level);
+    say(connection, text);
+    say(delay, milliseconds(now.connected ? now.delayMs : null));
+    say(echo, milliseconds(now.echoMs));
   }
 
   #showRobot(state, cut) {
@@ -110,9 +111,13 @@ export class Face {
   }
 }
 
-function connectionText(connected, gone) {
-  if (!connected) return gettext("Offline");
-  return gone ? gettext("No link") : gettext("Connected");
+function connectionFact({ connected, gone, state, sinceViewMs }) {
+  if (!connected) return { level: "fail", text: gettext("Offline") };
+  if (gone) return { level: "fail", text: gettext("No link") };
+  if (!state) return { level: "warn", text: gettext("Connecting") };
+  return isStale(sinceViewMs)
+    ? { level: "fail", text: gettext("No news") }
+    : { level: "ok", text: gettext("Connected") };
 }
 
 function milliseconds(value) {

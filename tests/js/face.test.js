@@ -73,4 +73,16 @@ describe("the face of the control page", () => {
     face.show(old);
     expect(parts["stop-state"].textContent).toBe(""); // that of before would seem to be the answer
   });
+
+  it("calls a connection by what came of it: one that is open and silent is none", () => {
+    const told = (now) => {
+      face.show({ ...LIVE, ...now });
+      return [parts.connection.textContent, parts.connection.dataset.level];
+    };
+    expect(told({})).toEqual(["Connected", "ok"]);
+    expect(told({ state: null })).toEqual(["Connecting", "warn"]);
+    expect(told({ sinceViewMs: 1500, cut: true })).toEqual(["No news", "fail"]);
+    expect(told({ gone: { text: "away" } })).toEqual(["No link", "fail"]);
+    expect(told({ connected: false })).toEqual(["Offline", "fail"]);
+  });
 });
