@@ -49,6 +49,7 @@ log = logging.getLogger(__name__)
 
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
+DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
@@ -244,7 +245,6 @@ class RosBase:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
         if topics.motions:
             self._motions = MotionTopics(topics.motions, self._master, self)
-            self.read_motions()
         if topics.speech:
             self._speech = SpeechTopics(topics.speech, self)
         if topics.arm and topics.joint_states:
@@ -282,7 +282,8 @@ class RosBase:
     def _describe(self) -> None:
         """Tell the arm's topics the robot's own description, as soon as it has one."""
         if self._arm and not self._described:
-            description = self._master.parameter("/robot_description")
+            master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
+            description = master.parameter("/robot_description")
             self._described = description is not None
             self._arm.describe(description)
 
