@@ -13,6 +13,7 @@ import os
 import time
 from collections.abc import Collection, Mapping
 from contextlib import suppress
+from functools import cache
 from typing import Protocol, TypeVar, get_args
 from uuid import UUID
 
@@ -442,18 +443,19 @@ def _ask_once(
             def heard() -> str | bytes:
                 return socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
 
-            raw = heard()
-            _require_robot(raw, robot_id, address)
+            hello = None
+            if robot_id is not None:
+                hello = heard()
+                _require_robot(hello, robot_id, address)
             if question is not None:
                 socket.send(wire.encode(question), text=True)
-                raw = heard()
             while True:
-                report = wire.link_report(raw) if isinstance(raw, str) else None
+                report = _understood(hello or heard(), foreign_too=question is not None)
+                hello = None
                 if isinstance(report, answer):
                     return report
                 if isinstance(report, Refused):
                     raise LinkRefused(report.refusal)
-                raw = heard()
     except msgspec.DecodeError as error:
         raise LinkRefused(_FOREIGN) from error
     except TimeoutError as error:
@@ -462,15 +464,29 @@ def _ask_once(
         raise LinkRefused(why_down(error)) from error
 
 
-def _require_robot(hello: str | bytes, robot_id: UUID | None, address: LinkAddress) -> None:
+def _understood(raw: str | bytes, *, foreign_too: bool) -> wire.LinkReport | None:
+    """A report; None of a view, and with `foreign_too` of what a bridge of another protocol says beside its answer."""
+    try:
+        return wire.link_report(raw) if isinstance(raw, str) else None
+    except msgspec.DecodeError:
+        if foreign_too:
+            return None
+        raise
+
+
+def _require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:
     """Raise unless this, a bridge's first word, is of the bridge of `robot_id`."""
     said = msgspec.json.decode(hello, type=_Hello)
-    if robot_id is not None and said.robot != robot_id:
+    if said.robot != robot_id:
         place = address.unix_path or f"{address.host}:{address.port}"
-        log.error(
-            "at %s, the bridge address of robot %s, answers the bridge of %s", place, robot_id, said.slug
-        )
+        _note_stranger(place, robot_id, said.slug)
         raise LinkRefused(_STRANGE)
+
+
+@cache
+def _note_stranger(place: str, robot_id: UUID, slug: str) -> None:
+    """For the log, once: it is found again at each attempt."""
+    log.error("at %s, the bridge address of robot %s, answers the bridge of %s", place, robot_id, slug)
 
 
 async def _answered(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:

@@ -33,6 +33,7 @@ TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 ALREADY_RUNNING = 3  # exit code of a bridge that found another one on this computer
 NAME_LOST = 4  # exit code of a bridge whose name another node took on the robot's master
+NOT_JOINED = 5  # exit code of a bridge in which something broke as it joined its robot
 NAME_LOST_S = 2.0  # until its successor starts; not its own fault, so its budget is left alone
 LOCK = "fleet.lock"  # in the run directory; whoever supervises holds it
 LOCK_TRIES = 5  # `supervised` may have the file for a moment
@@ -211,6 +212,8 @@ def _in_words(code: int) -> str:
         return "found another bridge of this robot on this computer"
     if code == NAME_LOST:
         return "lost its name on the robot's master to another node"
+    if code == NOT_JOINED:
+        return "could not join its robot (its log says why)"
     if code < 0:
         return f"was ended by {signal.Signals(-code).name}"
     return f"ended by itself with code {code}"

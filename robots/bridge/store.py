@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import logging
 import os
@@ -88,9 +89,15 @@ class Store:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the names of its files on the disk: until then a power cut brings back the file of before."""
+    """Have the names of its files on the disk: until then a power cut brings back the file of before.
+
+    Some file systems (CIFS, shared folders of virtual machines) cannot, which is no reason to refuse control.
+    """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
     finally:
         os.close(descriptor)

@@ -466,7 +466,8 @@ class TestWhoseBridge:
     async def test_a_bridge_of_another_protocol_is_stopped_all_the_same(self, bridge, address, monkeypatch):
         def opened(link):
             hello = {"t": "bridge_hello", "protocol": wire.PROTOCOL + 1, "robot": str(ROBOT), "slug": "tiago"}
-            link._reports.append(msgspec.json.encode(hello))
+            offers = {"t": "offers", "motions": 5}  # no word of ours
+            link._reports.extend(map(msgspec.json.encode, (hello, offers)))
             link._news.set()
 
         monkeypatch.setattr(bridge.server, "_on_open", opened)

@@ -1,5 +1,6 @@
 """What survives a kill."""
 
+import errno
 import os
 import stat
 from unittest.mock import patch
@@ -70,6 +71,12 @@ def test_a_stop_whose_name_does_not_get_to_the_disk_takes_the_file_away_too(stor
     ):
         store.save(Persisted(True, "Ann", "", 7))
     assert "missing" in store.load(7).reason
+
+
+def test_a_folder_that_cannot_be_synced_takes_nothing_away(store):
+    with patch.object(os, "fsync", side_effect=[None, OSError(errno.EINVAL, "Invalid argument")]):
+        store.save(Persisted(True, "Ann", "smoke", 7))
+    assert store.load(7) == Persisted(True, "Ann", "smoke", 7)
 
 
 def test_a_second_bridge_on_this_machine_is_refused(store, tmp_path):

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from robots.bridge.process import EXIT_NAME_LOST
+from robots.bridge.process import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.models import BridgeStatus
 from robots.supervisor import (
     KILL_S,
@@ -117,6 +117,14 @@ def test_a_bridge_that_lost_its_name_to_another_node_is_started_again_however_of
         kept.step_until_reported(2 * fall)
     lost = "lost its name on the robot's master to another node; next start in 2 s"
     assert kept.reports[-1] == (State.BACKING_OFF, lost, None)
+
+
+def test_a_bridge_that_could_not_join_its_robot_is_told_as_that(kept: Kept) -> None:
+    (kept.programs.folder / "crash-fake").write_text(str(EXIT_NOT_JOINED))
+    kept.want("fake")
+    kept.step(8.0)
+    kept.step_until_reported(2)
+    assert "could not join its robot (its log says why)" in kept.reports[-1][1]
 
 
 def test_an_edit_ends_the_old_program_by_its_life_line_and_then_starts_the_new(kept: Kept) -> None:
