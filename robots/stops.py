@@ -47,8 +47,9 @@ def record_press(
     reason: str = "",
     session_id: UUID | None = None,
     fence: int | None = None,
+    times: int = 1,
 ) -> Record | None:
-    """Record that a stop was pressed; None if that was not possible, which stops nothing.
+    """Record that a stop was pressed, so many times; None if that was not possible, which stops nothing.
 
     `session_id` and `fence` are those of the control session that it interrupts.
     """
@@ -61,7 +62,7 @@ def record_press(
             robot_name=name or "",
             session_id=session_id,
             fence=fence,
-            parameters={"through": through},
+            parameters={"through": through, "times": times} if times > 1 else {"through": through},
             text=reason,
         )
     except (audit.AuditUnavailable, DatabaseError) as error:

@@ -54,13 +54,12 @@ class ControlSessionAdmin(ListAdmin):
         sessions = _of_the_filters(form)
         of_the_days = sessions.filter(_days(form))
         before, after = number(request, "before"), number(request, "after")
-        newest = of_the_days.order_by("-started_at")
         if after is not None:
-            rows = list(of_the_days.filter(started_at__gt=_time(after)).order_by("started_at")[:PAGE])[::-1]
+            rows = _first_of(of_the_days.filter(started_at__gt=_time(after)), PAGE, newest=False)[::-1]
         elif before is not None:
-            rows = list(newest.filter(started_at__lt=_time(before))[:PAGE])
+            rows = _first_of(of_the_days.filter(started_at__lt=_time(before)), PAGE)
         else:
-            rows = list(newest[:PAGE])
+            rows = _first_of(of_the_days, PAGE)
         notes = end_notes([row.pk for row in rows])
         return {
             "days": by_day(
@@ -83,7 +82,7 @@ class ControlSessionAdmin(ListAdmin):
         """Every session that the filters leave."""
         return exports.response_of(
             _COLUMNS,
-            _chunks(_of_the_filters(form).filter(_days(form)).order_by("-started_at", "-pk")),
+            _chunks(_of_the_filters(form).filter(_days(form))),
             form.wanted(),
             actor=request.user,  # type: ignore[arg-type]  # signed in: this is the admin
             name="control-sessions",
@@ -91,14 +90,25 @@ class ControlSessionAdmin(ListAdmin):
         )
 
 
-def _chunks(newest: Sessions) -> Iterator[list[exports.Facts]]:
-    """Some at a time, for there may be many."""
-    found = list(newest[: exports.CHUNK])
+def _chunks(sessions: Sessions) -> Iterator[list[exports.Facts]]:
+    """Some at a time, newest first, for there may be many."""
+    found = _first_of(sessions, exports.CHUNK)
     while found:
         yield [_facts(session) for session in found]
-        last = found[-1]
-        older = newest.filter(started_at__lte=last.started_at)
-        found = list(older.exclude(started_at=last.started_at, pk__gte=last.pk)[: exports.CHUNK])
+        found = _first_of(sessions.filter(started_at__lt=found[-1].started_at), exports.CHUNK)
+
+
+def _first_of(sessions: Sessions, count: int, *, newest: bool = True) -> list[ControlSession]:
+    """So many of the newest, or oldest, in that order, and all that began in the same moment as the last of them."""
+    sign = "-" if newest else ""
+    found = list(sessions.order_by(f"{sign}started_at", f"{sign}pk")[: count + 1])
+    if len(found) <= count:
+        return found
+    *found, beyond = found
+    if beyond.started_at != found[-1].started_at:
+        return found
+    same = sessions.filter(started_at=beyond.started_at).order_by(f"{sign}pk")
+    return [row for row in found if row.started_at != beyond.started_at] + list(same)
 
 
 def _facts(session: ControlSession) -> exports.Facts:

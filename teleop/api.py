@@ -12,7 +12,7 @@ from typing import Any, cast
 import msgspec
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from rest_framework.exceptions import APIException, AuthenticationFailed, NotAuthenticated
+from rest_framework.exceptions import APIException, AuthenticationFailed, NotAuthenticated, NotFound
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView, exception_handler
@@ -165,6 +165,15 @@ class Stop(FleetApi):
     def post(self, request: Request) -> Response:
         """Latched; cleared on each robot's page."""
         return self.stop(list(robots_visible_to(self.person()).filter(enabled=True)))
+
+
+class NoSuchAddress(FleetApi):
+    """Whatever else is asked for here."""
+
+    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
+        """404, in words."""
+        super().initial(request, *args, **kwargs)
+        raise NotFound("There is no such address.")
 
 
 def entry(robot: Robot, user: User) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from django.urls import path
+from django.urls import path, re_path
 
 from teleop import api
 
@@ -13,4 +13,7 @@ urlpatterns = [
     path("robots/<slug:slug>/speech/", api.RobotSpeech.as_view(), name="api-speech"),
     path("robots/<slug:slug>/stop/", api.RobotStop.as_view(), name="api-stop"),
     path("stop/", api.Stop.as_view(), name="api-stop-all"),
+    re_path(
+        r"^(?:.*/)?$", api.NoSuchAddress.as_view()
+    ),  # without its last slash, Django leads to the one with it
 ]

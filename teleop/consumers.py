@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from contextlib import suppress
 from functools import partial
@@ -11,6 +12,7 @@ from uuid import UUID
 
 from django.db import DatabaseError
 from django.utils import timezone
+from msgspec import structs
 
 from robots import wire
 from robots.link import LinkRefused
@@ -24,11 +26,13 @@ from teleop.policy import Permit
 from teleop.robot_socket import RobotSocket
 from teleop.rules import Phase, Tab, lapse, open_asks, phase
 from teleop.services import ControlRefused
-from teleop.socket import Errands, beside
+from teleop.socket import CloseCode, Errands, beside
 from teleop.standing import Ending, Registered, Standing, control_for, gist
 from teleop.views_out import Viewer
 
 log = logging.getLogger(__name__)
+
+AGAIN_S = 1.0  # until what could not be stored is tried again
 
 
 class RobotConsumer(RobotSocket):
@@ -47,6 +51,7 @@ class RobotConsumer(RobotSocket):
         self.grip: Grip | None = None
         self._gone = False  # a look that is under way gives nothing to a page that is closed
         self._gave_up: UUID | None = None  # never gripped again, whatever an older look says
+        self._unreleased = False  # given back, and that could not be stored yet
         self._standing: Standing | None = None
         self._told: tuple[object, ...] | None = None
         self._asks: set[int] = set()
@@ -87,8 +92,8 @@ class RobotConsumer(RobotSocket):
     async def heard(self, raw: str) -> None:
         """One message. A drive message takes no detour, a stop waits for nothing."""
         message = browser_message(raw)
-        if isinstance(message, wire.Stop) and not self.stop_button.pressed:
-            self.stop_button.press(self.room.link)
+        if isinstance(message, wire.Stop):  # paid for, and never refused
+            self.stop_button.press(self.room.link, flood=not self.spend())
         elif not await self.within_budget(kind_of(message)):
             return
         elif isinstance(message, wire.Drive):
@@ -102,8 +107,6 @@ class RobotConsumer(RobotSocket):
             await self.tell(wire.Pong(message.sent_ms))
         elif isinstance(message, wire.Refresh):
             await self._refresh(message)
-        elif isinstance(message, wire.Stop):  # pressed again and again
-            self.stop_button.press(self.room.link)
         elif not self.errands.add(lambda: self._do(message)):
             await self.refuse(kind_of(message), BUSY)
 
@@ -133,9 +136,15 @@ class RobotConsumer(RobotSocket):
                 await self._change(message, self.tab)
         except (ControlRefused, LinkRefused) as refused:
             await self.refuse(kind_of(message), refused.refusal)
+            if self._unreleased:
+                await self._tell_control()
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
             await self.refuse(kind_of(message), services.DATABASE_UNAVAILABLE)
+            if isinstance(
+                message, wire.Hello
+            ):  # it is said once; the page comes back by itself, and says it then
+                await self.close(CloseCode.TRY_AGAIN, services.DATABASE_UNAVAILABLE.text)
 
     async def _hello(self, hello: wire.Hello) -> None:
         if self.tab is not None:
@@ -162,6 +171,8 @@ class RobotConsumer(RobotSocket):
         me, now = self._me(), timezone.now()
         match message:
             case wire.Take():
+                if self._unreleased:
+                    await self._release()  # else it would be this page's own
                 await in_database(
                     services.lease_take, **me, highest_fence=await self._bridge_fence(), now=now
                 )
@@ -185,7 +196,7 @@ class RobotConsumer(RobotSocket):
                 await in_database(services.lease_renew, **me, now=now)
             case wire.Release():
                 self._let_go("Control was given back.")
-                await in_database(services.lease_release, **me, now=now)
+                await self._release()
             case wire.Ask():
                 await in_database(services.control_ask, **me, now=now)
             case wire.AskCancel():
@@ -200,6 +211,28 @@ class RobotConsumer(RobotSocket):
             case wire.Clear(number=number):
                 await stopping.clear(self.room.link, number, user=self.user, tab=tab)
                 return
+        await self.room.changed()
+
+    async def _release(self) -> None:
+        """Free the lease. What cannot be stored is tried again beside; the page is told that it has control no more."""
+        try:
+            await in_database(services.lease_release, **self._me(), now=timezone.now())
+        except services.NotStored:
+            if not self._unreleased:
+                self._unreleased = True
+                beside(self._release_again())
+            raise
+        except ControlRefused:
+            if not self._unreleased:
+                raise
+            # Meanwhile it is over by itself.
+        self._unreleased = False
+
+    async def _release_again(self) -> None:
+        while self._unreleased:
+            await asyncio.sleep(AGAIN_S)
+            with suppress(services.NotStored):
+                await self._release()
         await self.room.changed()
 
     def _me(self) -> dict[str, Any]:
@@ -379,6 +412,8 @@ class RobotConsumer(RobotSocket):
         standing = self._standing
         if standing is None or self.tab is None:
             return
+        if self._unreleased and self._is_ours(standing):
+            standing = structs.replace(standing, holding=None)
         # Just got, and the bridge has not answered; or just lost, and the lease not ended yet: said in a moment.
         if self._is_ours(standing) and not (self.grip and self.grip.is_settled):
             return

@@ -13,7 +13,7 @@ from django.db import DatabaseError
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.accounts.selectors import session_alive
+from fleet.accounts.selectors import signed_in
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.link import BridgeLink, links
@@ -80,27 +80,29 @@ class FleetConsumer(MessageSocket):
         """One message. A stop waits for nothing."""
         match fleet_message(raw):
             case wire.StopAll():
-                for robot in self._robots.values():
-                    if robot.enabled:
-                        await self._press_stop(robot.slug)
-            case wire.StopRobot(slug=slug):
-                if slug in self._robots:
-                    await self._press_stop(slug)
-                else:
+                self._press_stop([robot.slug for robot in self._robots.values() if robot.enabled])
+            case wire.StopRobot(slug=slug) if slug in self._robots:
+                self._press_stop([slug])
+            case wire.StopRobot():
+                if await self.within_budget("stop"):
                     await self.refuse("stop", _UNKNOWN)
             case wire.Ack():
-                self._drawn = True
-                self._note()
+                if await self.within_budget("ack"):
+                    self._drawn = True
+                    self._note()
             case wire.Ping(sent_ms=sent_ms):
                 if await self.within_budget("ping"):
                     await self.tell(wire.Pong(sent_ms))
 
-    async def _press_stop(self, slug: str) -> None:
-        button = self._buttons.get(slug)
-        if button is None:
-            button = self._buttons[slug] = StopButton(self.user, "fleet page", partial(self.refuse, "stop"))
-        if not button.pressed or await self.within_budget("stop"):
-            button.press(self._links[slug])
+    def _press_stop(self, slugs: Iterable[str]) -> None:
+        flood = not self.spend()  # paid for, and never refused
+        for slug in slugs:
+            button = self._buttons.get(slug)
+            if button is None:
+                button = self._buttons[slug] = StopButton(
+                    self.user, "fleet page", partial(self.refuse, "stop")
+                )
+            button.press(self._links[slug], flood=flood)
 
     def denied(self, of: str, refusal: Refusal) -> Denied:
         """By this person; which robot it was about, the record of a stop tells."""
@@ -201,11 +203,10 @@ def _person(person: SignIn) -> User:
 
 def _visible_to(person: SignIn) -> Iterable[Visible] | None:
     """The robots that this sign-in may see; None if it ended."""
-    user_id, session_key = person
-    if not session_alive(session_key, user_id):
+    user = signed_in([person]).get(person)
+    if user is None:
         return None
-    robots = robots_visible_to(User.objects.get(pk=user_id))
     return [
         Visible(robot.id, robot.slug, robot.enabled, out_of_service(robot), link_address(robot))
-        for robot in robots
+        for robot in robots_visible_to(user)
     ]

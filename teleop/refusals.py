@@ -7,10 +7,7 @@ robot are folded: the first is written at once, what follows within `GAP_S` in o
 from __future__ import annotations
 
 import logging
-import threading
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 from uuid import UUID
 
@@ -19,13 +16,13 @@ from django.db import DatabaseError, close_old_connections
 from fleet import audit
 from fleet.accounts.models import User
 from robots.wire import Refusal
+from teleop.folding import FoldingLog
 
 logger = logging.getLogger(__name__)
 
 GAP_S = 10.0
 PACING_GAP_S = 600.0
 PACING = frozenset({"too_old", "out_of_order", "flood", "busy"})  # not what was asked for, but when
-MOST = 500  # folds at once; what is refused beyond is only logged
 
 Key = tuple[UUID, UUID | None, UUID | None, str]
 
@@ -46,6 +43,11 @@ class Denied(NamedTuple):
     def key(self) -> Key:
         """What is folded into one."""
         return self.person.pk, self.robot_id, self.session_id, self.refusal.code
+
+    @property
+    def gap_s(self) -> float:
+        """Between two records of it."""
+        return PACING_GAP_S if self.refusal.code in PACING else GAP_S
 
 
 def put_on_record(denied: Denied, times: int) -> None:
@@ -81,74 +83,11 @@ def put_on_record(denied: Denied, times: int) -> None:
         close_old_connections()
 
 
-@dataclass
-class _Fold:
-    """Refusals with one key; `due_s` is when they are written, or forgotten if there were no more."""
-
-    newest: Denied
-    times: int
-    due_s: float
-
-
-class RefusalLog:
-    """Folds refusals, and writes them in a thread that is there only while there is something to write."""
+class RefusalLog(FoldingLog[Denied]):
+    """Folds refusals, and writes them."""
 
     def __init__(self, write: Callable[[Denied, int], None] = put_on_record) -> None:
-        self._write = write
-        self._changed = threading.Condition()
-        self._folds: dict[Key, _Fold] = {}
-        self._thread: threading.Thread | None = None
-
-    def note(self, denied: Denied) -> None:
-        """Put a refusal on record, some time soon. From any thread; never waits for the database."""
-        with self._changed:
-            fold = self._folds.get(denied.key)
-            if fold is not None:
-                fold.newest, fold.times = denied, fold.times + 1
-            elif len(self._folds) >= MOST:
-                logger.error("too many refusals to record: %s of %s is lost", denied.refusal.code, denied.of)
-            else:
-                self._folds[denied.key] = _Fold(denied, 1, time.monotonic())
-                self._see_to_the_thread()
-                self._changed.notify()
-
-    def end(self) -> None:
-        """Forget what is not written yet; what is being written is waited for."""
-        with self._changed:
-            self._folds.clear()
-            self._changed.notify()
-            thread = self._thread
-        if thread is not None:
-            thread.join()
-
-    def _see_to_the_thread(self) -> None:
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._keep_writing, name="refusals", daemon=True)
-            self._thread.start()
-
-    def _keep_writing(self) -> None:
-        while (due := self._next()) is not None:
-            try:
-                self._write(*due)
-            except Exception:
-                logger.exception("a refusal was not recorded")
-
-    def _next(self) -> tuple[Denied, int] | None:
-        """What is to be written, once it is due; None when nothing is left to wait for."""
-        with self._changed:
-            while self._folds:
-                fold = min(self._folds.values(), key=lambda fold: fold.due_s)
-                now_s = time.monotonic()
-                if now_s < fold.due_s:
-                    self._changed.wait(fold.due_s - now_s)
-                elif fold.times == 0:
-                    del self._folds[fold.newest.key]
-                else:
-                    times, fold.times = fold.times, 0
-                    fold.due_s = now_s + (PACING_GAP_S if fold.newest.refusal.code in PACING else GAP_S)
-                    return fold.newest, times
-            self._thread = None
-            return None
+        super().__init__(write)
 
 
 log = RefusalLog()

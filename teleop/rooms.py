@@ -87,7 +87,7 @@ class Room:
         self.members: dict[str, Member] = {}
         self.link_is_up = asyncio.Event()
         self._refreshed_s = float("-inf")
-        self.looked_s = time.monotonic()  # when the database last answered
+        self.looked_s = time.monotonic()  # when the rights of all who have control were last looked up
         self._one_look = asyncio.Lock()
         self._hints = Hints(robot_id, self.look)
         self._looking = asyncio.create_task(self._keep_looking())
@@ -106,12 +106,12 @@ class Room:
             self.watchers_changed()
             return
         _rooms.pop(self.robot_id, None)
+        self._looking.cancel()  # first: it might follow another link yet
+        with suppress(asyncio.CancelledError):
+            await self._looking
         self.link.unsubscribe(self)
         await self._hints.close()
         await self.views.close()
-        self._looking.cancel()
-        with suppress(asyncio.CancelledError):
-            await self._looking
 
     def watchers_changed(self) -> None:
         """Tell the bridge who looks."""
@@ -141,9 +141,15 @@ class Room:
     # --- the database ------------------------------------------------------------------------------
 
     async def changed(self) -> None:
-        """This process changed the lease: everybody is told, here and elsewhere."""
+        """This process changed the lease: everybody is told, here and elsewhere.
+
+        What is done is done: who cannot be told now finds out at a later look.
+        """
         await self._hints.give()
-        await self.look()
+        try:
+            await self.look()
+        except DatabaseError as error:
+            log.warning("a change of who has robot %s is not told yet: %s", self.robot_id, error)
 
     async def look(self) -> None:
         """Read how control stands, for everybody here. On return, they know what was true when this was called."""
@@ -156,23 +162,31 @@ class Room:
     async def _look(self, people: Collection[SignIn]) -> None:
         # One after the other: what members are told never goes back in time.
         async with self._one_look:
-            standing = await in_database(self._read, people)
-            self.looked_s = time.monotonic()
+            standing, looked_s = await in_database(self._read, people)
+            if self._holders.issubset(people):
+                self.looked_s = looked_s
             for member in list(self.members.values()):
                 try:
                     await member.stands(standing)
                 except Exception:  # one page's fault is not the others'
                     log.exception("a page of robot %s was not told how control stands", self.robot_id)
 
-    def _read(self, people: Collection[SignIn]) -> Standing:
+    @property
+    def _holders(self) -> set[SignIn]:
+        return {member.person for member in self.members.values() if member.held_session}
+
+    def _read(self, people: Collection[SignIn]) -> tuple[Standing, float]:
+        """How control stands, and since when by the monotonic clock that is known: an answer may be long on its way."""
+        looked_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         if rules.phase(standing.holding, standing.read_at) is not Phase.LAPSED:
-            return standing
+            return standing, looked_s
         self._note_seen()
         with suppress(ControlRefused):  # then somebody else expires it, or it came back
             lease_expire(robot_id=self.robot_id, now=standing.read_at)
-        return standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+        standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+        return standing, looked_s
 
     def _note_seen(self) -> None:
         """The holder's page was there when it last spoke; it pings, and a cut network looks like an open connection."""

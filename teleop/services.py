@@ -46,6 +46,10 @@ class ControlRefused(Exception):
         self.refusal = refusal
 
 
+class NotStored(ControlRefused):
+    """A step that may be done, and cannot be, for the database lets us down."""
+
+
 # --- taking and giving --------------------------------------------------------------------------
 
 
@@ -137,7 +141,7 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> da
         held = holding_of(robot_id)
         before = _allowed(held, rules.may_renew(held, tab=tab, asks=asks_of(robot_id), now=now))
         ends = _term_end(permit, now)
-        _change_lease(robot_id, before, term_ends_at=ends)
+        _change_lease(robot_id, before, {"term_ends_at": ends})
         _record("control.renew", before, robot, user, parameters={"term_s": (ends - now).total_seconds()})
     return ends
 
@@ -149,7 +153,7 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> H
         _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
         before = _allowed(held, rules.may_resume(held, user=user_id, tab=tab, now=now))
-        _change_lease(robot_id, before, connection=tab.connection, seen_at=now)
+        _change_lease(robot_id, before, {"connection": tab.connection, "seen_at": now})
         _record("control.resume", before, robot, user)
     return before
 
@@ -170,15 +174,13 @@ def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime)
 
 
 def lease_expire(*, robot_id: UUID, now: datetime) -> Holding | None:
-    """End a lease whose term or grace is over. None if that was not so, or somebody else has just changed it."""
+    """End a lease whose term or grace is over. None if that was not so; refused if it has just been changed or seen."""
     with _change():
         held = holding_of(robot_id)
         why = None if held is None else rules.lapse(held, now)
         if held is None or why is None:
             return None
-        if not Lease.objects.filter(robot_id=robot_id, seen_at=held.seen_at).exists():
-            return None  # it came back just now
-        _free(robot_id, held, now)
+        _free(robot_id, held, now, seen_at=held.seen_at)
         _end_session(held, EndReason(why), _robot(robot_id), None, now)
     return held
 
@@ -262,9 +264,9 @@ def _change() -> Iterator[None]:
         with transaction.atomic():
             yield
     except audit.AuditUnavailable as error:
-        raise ControlRefused(Refusal(error.code, error.text, error.rule)) from error
+        raise NotStored(Refusal(error.code, error.text, error.rule)) from error
     except DatabaseError as error:
-        raise ControlRefused(DATABASE_UNAVAILABLE) from error
+        raise NotStored(DATABASE_UNAVAILABLE) from error
 
 
 def _require(refusal: Refusal | None) -> None:
@@ -327,23 +329,31 @@ def _give(
     _change_lease(
         robot.id,
         before,
-        session_id=given.session,
-        tab=tab.token,
-        sign_in=tab.sign_in,
-        connection=tab.connection,
-        term_ends_at=given.term_ends_at,
-        seen_at=now,
+        {
+            "session_id": given.session,
+            "tab": tab.token,
+            "sign_in": tab.sign_in,
+            "connection": tab.connection,
+            "term_ends_at": given.term_ends_at,
+            "seen_at": now,
+        },
     )
     ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
     _answer(now, ControlRequest.Outcome.GRANTED, robot=robot, user=user)
     return given
 
 
-def _free(robot_id: UUID, held: Holding, now: datetime) -> None:
-    """Give the robot to nobody. Questions for control are answered by that."""
-    _change_lease(
-        robot_id, held, session=None, tab="", sign_in="", connection="", term_ends_at=None, seen_at=None
-    )
+def _free(robot_id: UUID, held: Holding, now: datetime, **still: Any) -> None:
+    """Give the robot to nobody, if the lease's columns are `still` so. Questions for control are answered by that."""
+    nobody = {
+        "session": None,
+        "tab": "",
+        "sign_in": "",
+        "connection": "",
+        "term_ends_at": None,
+        "seen_at": None,
+    }
+    _change_lease(robot_id, held, nobody, **still)
     _answer(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
 
 
@@ -360,10 +370,10 @@ def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> int
     return closed
 
 
-def _change_lease(robot_id: UUID, before: Holding | None, **to: Any) -> None:
-    """Change the lease if it is still as `before`; refused if somebody else was faster."""
+def _change_lease(robot_id: UUID, before: Holding | None, to: dict[str, Any], **still: Any) -> None:
+    """Change the lease if it is still as `before`, and `still` so; refused if somebody else was faster."""
     Lease.objects.get_or_create(robot_id=robot_id)
-    if _unchanged(robot_id, before).update(**to) == 0:
+    if _unchanged(robot_id, before).filter(**still).update(**to) == 0:
         text = "Somebody else was faster: look who has control now."
         raise ControlRefused(Refusal("too_late", text, "lease"))
 

@@ -1,4 +1,4 @@
-"""A WebSocket that speaks typed messages: what both consumers have in common.
+"""A WebSocket that speaks typed messages: what all consumers have in common.
 
 Channels' own loop makes a task and a thread hop for each message, 0.3 ms; on the way of the stick that is most of
 the time. This one hands each message straight to `heard`, and what takes long is done beside it.
@@ -37,6 +37,7 @@ class CloseCode:
     NOT_PERMITTED = 4403
     NO_SUCH_ROBOT = 4404
     FLOOD = 4429
+    TRY_AGAIN = 4503
 
 
 class MessageSocket(AsyncConsumer):
@@ -84,7 +85,8 @@ class MessageSocket(AsyncConsumer):
             await self.heard(raw)
         except WireError as error:
             of, seq = heading(raw or "")
-            await self.refuse(of, error.refusal, seq)
+            if await self.within_budget(of):
+                await self.refuse(of, error.refusal, seq)
 
     async def tell(self, message: Struct) -> None:
         """Send a message to the page."""
@@ -119,9 +121,13 @@ class MessageSocket(AsyncConsumer):
         """What goes on record of a refusal; None: nobody is there to whom it happened."""
         raise NotImplementedError
 
+    def spend(self) -> bool:
+        """Count one thing that this connection says. False: it is more than it may."""
+        return self._budget.spend(time.monotonic())
+
     async def within_budget(self, of: str) -> bool:
         """Whether this connection may say one thing more. Refuses if not, and closes when it goes on and on."""
-        if self._budget.spend(time.monotonic()):
+        if self.spend():
             return True
         text = f"More than {FLOOD_PER_S:.0f} messages a second."
         flood = Refusal("flood", text, "wire", {"limit_per_s": FLOOD_PER_S})

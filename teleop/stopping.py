@@ -1,59 +1,91 @@
-"""Emergency stop: sent first, told as soon as the bridge answers, recorded beside. It waits for no database."""
+"""Emergency stop: sent first, told as soon as the bridge answers, recorded beside. It waits for no database.
+
+Every press is sent; of presses again and again few are recorded (`teleop.folding`).
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import Future
+from typing import NamedTuple
 from uuid import UUID
 
 from django.db import DatabaseError
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from fleet.audit.models import Record
 from robots.link import BridgeLink, LinkRefused
 from robots.models import Robot
 from robots.stops import press, press_all, record_outcome, record_press
 from robots.wire import LinkClear, LinkStop, Refusal, Stopped
 from teleop.database import in_database, in_database_beside
+from teleop.folding import FoldingLog
 from teleop.rules import Tab
 from teleop.selectors import holding_of
 from teleop.services import clear_begin
 from teleop.socket import beside
 
+GAP_S = 3.0  # between two records of one person's presses of one robot by one door
+
+Key = tuple[UUID, UUID, str]
+
+
+class Press(NamedTuple):
+    """A stop, as it goes on record; `answer` is what came of it, in the end."""
+
+    person: User
+    through: str  # which door
+    robot_id: UUID
+    answer: Future[Stopped | Refusal]
+
+    @property
+    def key(self) -> Key:
+        """What is folded into one."""
+        return self.person.pk, self.robot_id, self.through
+
+    @property
+    def gap_s(self) -> float:
+        """Between two records of it."""
+        return GAP_S
+
 
 class StopButton:
     """One page's stop of one robot.
 
-    It may be pressed as often as anybody likes: each press is sent at once. Until the first is answered the others are
-    not recorded, and `failed` is told what the bridge's last answer was if it did not confirm.
+    It may be pressed as often as anybody likes: each press is sent at once, but for those of a flood, which are one
+    more when the bridge has answered. `failed` is told what the bridge's last answer was if it did not confirm.
     """
 
     def __init__(self, user: User, through: str, failed: Callable[[Refusal], Awaitable[None]]) -> None:
-        self.pressed = False  # and not answered yet
+        self._answer: Future[Stopped | Refusal] | None = None  # of the press that is not answered yet
         self._again = False
         self._user = user
         self._through = through
         self._failed = failed
 
-    def press(self, link: BridgeLink) -> None:
+    def press(self, link: BridgeLink, *, flood: bool = False) -> None:
         """Stop the robot behind `link`."""
-        if not self.pressed:
-            self.pressed = True
-            beside(self._press(link))
-        elif not link.send(LinkStop(self._user.display_name)):
-            self._again = True  # the way round the link is being tried: once more, when it was
+        if self._answer is None:
+            self._answer = self._begin(link)
+        elif flood or not link.send(LinkStop(self._user.display_name)):
+            self._again = True  # without a link, the way round it is being tried: once more, when it was
+        pressed = Press(self._user, self._through, link.robot_id, self._answer)
+        asyncio.get_running_loop().call_soon(log.note, pressed)  # after it was sent
 
-    async def _press(self, link: BridgeLink) -> None:
-        answer = asyncio.ensure_future(_send(link, self._user.display_name))
-        await asyncio.sleep(0)  # now it is on its way
-        beside(_record(link.robot_id, self._user, self._through, answer))
-        result = await answer
-        while isinstance(result, Refusal) and self._again:
-            self._again = False
+    def _begin(self, link: BridgeLink) -> Future[Stopped | Refusal]:
+        answer: Future[Stopped | Refusal] = Future()
+        beside(self._send(link, answer))
+        return answer
+
+    async def _send(self, link: BridgeLink, answer: Future[Stopped | Refusal]) -> None:
+        try:
             result = await _send(link, self._user.display_name)
-        self.pressed = self._again = False
-        if isinstance(result, Refusal):
+            answer.set_result(result)
+        finally:
+            again, self._again = self._again, False
+            self._answer = self._begin(link) if again else None
+        if isinstance(result, Refusal) and not again:
             await self._failed(result)
 
 
@@ -65,21 +97,32 @@ async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
         return await asyncio.to_thread(press, link.robot_id, link.address, by)
 
 
-async def _record(
-    robot_id: UUID, user: User, through: str, answer: asyncio.Future[Stopped | Refusal]
-) -> None:
-    pressed = await in_database(_record_press, robot_id, user, through)
-    await in_database(record_outcome, pressed, actor=user, result=await answer)
+def put_on_record(last: Press, times: int) -> None:
+    """Record so many presses beside, with the control session that they interrupt; then what came of the last."""
+    in_database_beside(_record, last, times)
 
 
-def _record_press(robot_id: UUID, user: User, through: str) -> Record | None:
-    """Record a stop, with the control session that it interrupts, as far as the database knows it."""
+def _record(last: Press, times: int) -> None:
     try:
-        held = holding_of(robot_id)
+        held = holding_of(last.robot_id)
     except DatabaseError:
         held = None
-    session, fence = (held.session, held.fence) if held else (None, None)
-    return record_press(robot_id, actor=user, through=through, session_id=session, fence=fence)
+    pressed = record_press(
+        last.robot_id,
+        actor=last.person,
+        through=last.through,
+        session_id=held.session if held else None,
+        fence=held.fence if held else None,
+        times=times,
+    )
+
+    def answered(answer: Future[Stopped | Refusal]) -> None:
+        in_database_beside(record_outcome, pressed, actor=last.person, result=answer.result())
+
+    last.answer.add_done_callback(answered)
+
+
+log = FoldingLog(put_on_record)
 
 
 async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
@@ -102,10 +145,7 @@ def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Sto
     """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
     results = press_all(robots, user.display_name)
     for robot, result in zip(robots, results, strict=True):
-        in_database_beside(_record_both, robot.id, user, through, result)
+        answer: Future[Stopped | Refusal] = Future()
+        answer.set_result(result)
+        log.note(Press(user, through, robot.id, answer))
     return results
-
-
-def _record_both(robot_id: UUID, user: User, through: str, result: Stopped | Refusal) -> None:
-    pressed = _record_press(robot_id, user, through)
-    record_outcome(pressed, actor=user, result=result)

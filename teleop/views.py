@@ -47,7 +47,7 @@ def stop_all(request: HttpRequest) -> HttpResponse:
 
 
 def _stop(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
-    """Stop at once; 502 if one of them was not reached. JSON to whoever asks for it, else back to the page."""
+    """Stop at once; 502 if one of them was not reached. JSON, but back to the page with a browser, which names HTML."""
     results = stopping.press_once(robots, user=_person(request), through="page")
     unreached = [
         robot.name for robot, result in zip(robots, results, strict=True) if isinstance(result, Refusal)
@@ -65,7 +65,7 @@ def _stop(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
 
 
 def _wants_json(request: HttpRequest) -> bool:
-    return request.get_preferred_type(["text/html", "application/json"]) == "application/json"
+    return request.get_preferred_type(["application/json", "text/html"]) == "application/json"
 
 
 def _visible(request: HttpRequest, slug: str) -> Robot:

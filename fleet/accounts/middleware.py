@@ -22,8 +22,8 @@ class SignInRequired(LoginRequiredMiddleware):
     def handle_no_permission(  # type: ignore[override]  # the stubs allow redirects only
         self, request: HttpRequest, view_func: Callable[..., Any]
     ) -> HttpResponseBase:
-        """Lead people to the sign-in page; tell a script so, lest it takes that page for success."""
-        if request.get_preferred_type(["text/html", "application/json"]) == "application/json":
+        """Lead browsers, which name HTML, to the sign-in page; tell a script so, lest it takes that for success."""
+        if request.get_preferred_type(["application/json", "text/html"]) == "application/json":
             text = "Not done: you are signed out. Sign in again."
             return JsonResponse({"code": "signed_out", "text": text, "rule": "account"}, status=401)
         return super().handle_no_permission(request, view_func)

@@ -12,19 +12,6 @@ from django.utils.crypto import constant_time_compare
 from fleet.accounts.models import SignIn, User
 
 
-def session_alive(session_key: str, user_id: UUID) -> bool:
-    """Whether this sign-in still holds: not ended, not expired, account active, password not changed since.
-
-    One query, cheap enough to be asked every half second by each live connection.
-    """
-    return bool(sessions_alive([(user_id, session_key)]))
-
-
-def sessions_alive(people: Collection[tuple[UUID, str]]) -> set[tuple[UUID, str]]:
-    """Which of these sign-ins, (user, session key), still hold. One query for all."""
-    return set(signed_in(people))
-
-
 def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], User]:
     """Who is behind those of these sign-ins, (user, session key), that still hold. One query for all."""
     asked = set(people)

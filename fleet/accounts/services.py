@@ -83,16 +83,21 @@ def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> in
     return len(ending)
 
 
-def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
-    """Close an account for good, and forget who it was: here first, so that nothing more is recorded of them.
+def account_close(*, user: User) -> None:
+    """Close an account for good, so that nothing more is recorded of its person.
 
-    The changes are not recorded field by field, which would keep what is to be forgotten. Interrupted, it is repeated
-    by the user name, or by the new one if that is there already.
+    The changes are not recorded field by field, which would keep what is to be forgotten.
     """
     _end(user, sign_ins_of(user.pk), "account erased")
     user.set_unusable_password()
     account = User.objects.filter(pk=user.pk)
     account.update(password=user.password, is_active=False, is_staff=False, is_superuser=False)
+
+
+def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
+    """Close an account, and forget who it was. Interrupted, it is repeated by the user name, or by the new one."""
+    account_close(user=user)
+    account = User.objects.filter(pk=user.pk)
     nobody = {"username": f"erased-{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
     return erase(
         str(user.pk),

@@ -19,6 +19,9 @@ from fleet.audit.models import Record
 FAILURES = 10  # of one name from one address
 FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address
 WINDOW = timedelta(minutes=5)
+CLOCKS = timedelta(
+    minutes=5
+)  # of two web processes: what is later was recorded while a clock was ahead, and counts no more
 KIND = "account.sign_in_failed"
 
 
@@ -43,7 +46,7 @@ def failure_recorded(*, username: str, address: str) -> None:
 def wait_s(*, username: str, address: str) -> float:
     """Seconds until this name may be tried again from this address; 0 if it may be now."""
     now = timezone.now()
-    recent = Record.objects.filter(kind=KIND, at__gt=now - WINDOW)
+    recent = Record.objects.filter(kind=KIND, at__gt=now - WINDOW, at__lt=now + CLOCKS)
     from_there = recent.filter(parameters__address_digest=_digest(address))
     of_name = from_there.filter(parameters__name_digest=_digest(username))
     return max(_wait_s(of_name, FAILURES, now), _wait_s(from_there, FAILURES_OF_ADDRESS, now))

@@ -19,6 +19,12 @@ from tests.script.support import until
 pytestmark = pytest.mark.django_db
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """Nobody waits for what other processes have not written yet."""
+    monkeypatch.setattr("fleet.accounts.management.commands.erase_person.sleep", lambda _s: None)
+
+
 def erase(username: str = "operator") -> str:
     words = io.StringIO()
     call_command("erase_person", username, yes=True, stdout=words)
@@ -84,6 +90,21 @@ def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step
     erase(operator.username)
     assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
     assert verify_all().findings == []
+
+
+def test_what_was_refused_before_and_is_recorded_a_while_later_names_nobody_either(
+    operator, staff, monkeypatch
+):
+    """Refusals are folded for some seconds in the memory of a web process."""
+
+    def recorded_meanwhile(_s):
+        operator.refresh_from_db()
+        assert not operator.is_active, "while it waits, the person does nothing more"
+        record("refusal", actor=staff, private={"words": "Olga Operator has control: ask for it."})
+
+    monkeypatch.setattr("fleet.accounts.management.commands.erase_person.sleep", recorded_meanwhile)
+    erase()
+    assert not [data for data in Content.objects.values_list("data", flat=True) if "Olga" in str(data)]
 
 
 @pytest.mark.skipif(connection.vendor == "sqlite", reason="SQLite has one writer")
@@ -158,7 +179,7 @@ def test_the_account_is_closed(operator, signed_in, client):
     erase()
     operator.refresh_from_db()
     assert not operator.is_active and not operator.has_usable_password()
-    assert browser.get("/").status_code == 302  # to the sign-in page
+    assert browser.get("/").status_code == 401
 
 
 def test_a_name_is_not_written_over_a_pseudonym(operator):

@@ -5,7 +5,7 @@ from unittest import mock
 import pytest
 
 from fleet.accounts.models import User
-from fleet.accounts.selectors import session_alive
+from fleet.accounts.selectors import signed_in as still_signed_in
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
@@ -63,7 +63,7 @@ def test_ones_own_is_not_changed_without_a_record(stranger, signed_in):
     with mock.patch("fleet.accounts.changes.record", autospec=True, side_effect=FULL):
         assert desk.post(PAGE, FORM).status_code == 503
     assert _has(stranger, PASSWORD)
-    assert session_alive(desk.session.session_key, stranger.pk)
+    assert still_signed_in([(stranger.pk, desk.session.session_key)])
 
 
 @pytest.mark.django_db(transaction=True)
@@ -78,7 +78,7 @@ def test_another_persons_is_not_changed_without_a_record(operator, staff, signed
 def test_staff_who_change_their_own_among_the_accounts_stay_signed_in(staff, signed_in):
     desk = signed_in(staff)
     assert desk.post(f"/admin/accounts/user/{staff.pk}/password/", ADMIN_FORM).status_code == 302
-    assert session_alive(desk.session.session_key, staff.pk)
+    assert still_signed_in([(staff.pk, desk.session.session_key)])
     assert Record.objects.filter(kind="account.change").count() == 1
 
 

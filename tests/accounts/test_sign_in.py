@@ -148,6 +148,15 @@ def test_after_five_minutes_it_may_be_tried_again(guessed_too_often):
         assert _try("operator", PASSWORD).status_code == 302
 
 
+def test_what_was_tried_while_the_clock_was_ahead_is_waited_for_no_longer(operator):
+    a_year_ahead = timezone.now() + timedelta(days=365)
+    with mock.patch.object(throttle.timezone, "now", return_value=a_year_ahead):
+        for number in range(throttle.FAILURES_OF_ADDRESS):
+            name = "operator" if number < throttle.FAILURES else f"name-{number}"
+            throttle.failure_recorded(username=name, address="127.0.0.1")
+    assert _try("operator", PASSWORD).status_code == 302
+
+
 def test_names_that_nobody_has_are_throttled_alike(db):
     for _ in range(throttle.FAILURES):
         _try("nobody", "wrong")
@@ -172,7 +181,7 @@ def test_without_a_record_nobody_is_signed_in(operator):
         response = _try("operator", PASSWORD, client)
     assert response.status_code == 503
     assert "Not done: the disk is full." in response.content.decode()
-    assert client.get(SESSIONS).status_code == 302
+    assert client.get(SESSIONS).status_code == 401
     assert not SignIn.objects.exists()
 
 

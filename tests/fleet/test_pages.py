@@ -8,6 +8,8 @@ from fleet import views
 
 pytestmark = pytest.mark.django_db
 
+BROWSER = "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"
+
 POLICY = {
     "default-src 'none'",
     "script-src 'self'",
@@ -38,12 +40,16 @@ def test_every_page_carries_the_strict_policy(page, who, staff, signed_in):
 
 @pytest.mark.parametrize("page", ["/accounts/sessions/", "/admin/", "/admin/accounts/user/"])
 def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
-    response = Client().get(page, follow=True)
+    response = Client().get(page, follow=True, headers={"accept": BROWSER})
     assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
 
 
-def test_a_script_is_told_that_nobody_is_signed_in():
-    response = Client().post("/stop-all/", headers={"accept": "application/json"})
+@pytest.mark.parametrize(
+    "accept", ["application/json", "*/*", None]
+)  # curl, requests; and nobody says anything
+@pytest.mark.parametrize("page", ["/stop-all/", "/your-data/export/"])
+def test_a_script_is_told_that_nobody_is_signed_in(page, accept):
+    response = Client().post(page, headers={"accept": accept} if accept else {})
     assert (response.status_code, response.json()["code"]) == (401, "signed_out")
 
 

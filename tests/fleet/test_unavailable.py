@@ -43,7 +43,7 @@ def test_nobody_signs_in_while_it_is_locked(lock, operator):
     client = Client()
     lock()
     _says_locked(client.post(SIGN_IN, {"username": "operator", "password": PASSWORD}))
-    assert client.get(SESSIONS).status_code == 302
+    assert client.get(SESSIONS).status_code == 401
     assert not SignIn.objects.exists()
 
 

@@ -224,5 +224,5 @@ class TestPage:
     def test_who_is_not_signed_in_is_sent_to_the_door(
         self, robot: Robot, client: Any, answers: mock.Mock
     ) -> None:
-        assert client.get(self.ADDRESS).status_code == 302
+        assert client.get(self.ADDRESS, headers={"accept": "text/html"}).status_code == 302
         assert not answers.called

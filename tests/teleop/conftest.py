@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 
 import pytest
 import pytest_asyncio
@@ -10,6 +11,9 @@ import pytest_asyncio
 from fleet.accounts.models import User
 from robots.link import links
 from robots.models import RobotRole
+from teleop import database, stopping
+from teleop.database import in_database_beside
+from teleop.folding import FoldingLog
 from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
 
@@ -29,6 +33,25 @@ def second_operator(robot):
     person = User.objects.create_user("second", password=PASSWORD, full_name="Olaf Operator")
     RobotRole.objects.create(robot=robot, user=person, role="operator")
     return person
+
+
+@pytest.fixture(autouse=True)
+def stop_log(monkeypatch) -> Iterator[None]:
+    """What is pressed in a test is written in it or not at all."""
+    own = FoldingLog(stopping.put_on_record)
+    monkeypatch.setattr(stopping, "log", own)
+    yield
+    own.end()
+    for _ in ("what is being written", "and what came of it"):
+        _wait_for_the_database_threads()
+
+
+def _wait_for_the_database_threads() -> None:
+    """Until all of them are free at the same time: nothing is written into the next test."""
+    threads = database._threads._max_workers
+    together = threading.Barrier(threads)
+    for waits in [in_database_beside(together.wait, 10) for _ in range(threads)]:
+        waits.result()
 
 
 @pytest_asyncio.fixture

@@ -88,6 +88,36 @@ def test_pages_have_every_session_once(staff, operator, robot, signed_in):
     assert len(client.get(LIST + context["newer"]).context["days"]) > 0
 
 
+def test_sessions_that_began_in_the_same_moment_are_on_a_page_all_the_same(
+    staff, operator, robot, signed_in, monkeypatch
+):
+    """As after a restart of all bridges, or by a script."""
+    monkeypatch.setattr("teleop.admin.PAGE", 3)
+    now = timezone.now()
+    for fence in range(12):
+        ControlSession.objects.create(
+            robot=robot,
+            user=operator,
+            fence=fence,
+            started_at=now - timedelta(minutes=fence // 4),
+            ended_at=now,
+        )
+    client, sessions = signed_in(staff), ControlSession.objects.order_by("-started_at", "-pk")
+    everything = [f"/sessions/{session.pk}/" for session in sessions]
+    pages = [client.get(LIST).context]
+    while "older" in pages[-1]:
+        pages.append(client.get(LIST + pages[-1]["older"]).context)
+    assert [url for page in pages for url in urls(page)] == everything
+    while "newer" in pages[-1]:
+        pages.append(client.get(LIST + pages[-1]["newer"]).context)
+    back = [url for page in reversed(pages[len(pages) // 2 :]) for url in urls(page)]
+    assert back == everything
+
+
+def urls(page):
+    return [line.url for _day, _address, lines in page["days"] for line in lines]
+
+
 def test_a_list_of_one_day_leads_to_the_days_beside_it(staff, operator, robot, signed_in):
     noon = datetime(2026, 11, 3, 12, tzinfo=timezone.get_default_timezone())
     for fence, days in enumerate((-4, 0, 2)):

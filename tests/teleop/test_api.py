@@ -62,6 +62,20 @@ async def test_what_is_not_there_is_explained(browsers, robot):
     assert "may not see" in answer.json()["text"]
 
 
+async def test_an_address_that_does_not_exist_is_explained(client, browsers):
+    for address in ("/api/", "/api/robot/", "/api/robots/tiago-1/motions/"):
+        answer = await get(browsers["operator"], address)
+        assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), address
+        assert "address" in answer.json()["text"]
+    assert (await post(browsers["operator"], "/api/stops/")).json()["code"] == "not_found"
+    assert (await get(client, "/api/robot/")).status_code == 401
+
+
+async def test_an_address_without_its_last_slash_leads_to_the_one_with_it(browsers):
+    answer = await get(browsers["operator"], "/api/robots")
+    assert (answer.status_code, answer["location"]) == (301, "/api/robots/")
+
+
 async def test_a_wrong_method_is_explained(browsers):
     answer = await post(browsers["operator"], "/api/robots/")
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")

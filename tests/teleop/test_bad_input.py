@@ -129,6 +129,13 @@ async def test_a_flood_is_refused_and_then_the_connection_is_closed(driving, bri
     assert len(bridge.all(wire.Drive)) <= FLOOD_BURST + 200
 
 
+@pytest.mark.parametrize("what", ["go!", '{"t":"dance"}', "[]"])
+async def test_a_flood_of_what_nobody_understands_ends_like_any_other(driving, bridge, what):
+    for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
+        await driving.say_raw(what)
+    assert await driving.is_closed() == CloseCode.FLOOD
+
+
 async def test_what_the_bridge_refuses_reaches_the_page_that_sent_it(driving, bridge):
     refusal = wire.Refusal("too_old", "The command was 0.5 s on its way.", "dead-man")
     bridge.say(wire.Refused("drive", refusal, seq=7, fence=FENCE))

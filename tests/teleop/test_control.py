@@ -3,10 +3,13 @@
 import asyncio
 import threading
 import time
+from contextlib import suppress
 from datetime import timedelta
 
 import pytest
+from django.db import OperationalError
 from django.utils import timezone
+from msgspec import structs
 
 from fleet import audit
 from fleet.audit.models import Record
@@ -18,6 +21,8 @@ from teleop.database import in_database
 from teleop.hints import Hints
 from teleop.models import ControlSession, EndReason, Lease
 from teleop.rules import Tab
+from teleop.socket import CloseCode
+from tests.teleop.test_topics import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -35,6 +40,11 @@ def drive(fence, seq=1):
 def unavailable(*_args, **_kwargs):
     """Stands in for `audit.record` when the database cannot be written."""
     raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+
+def away(*_args, **_kwargs):
+    """Stands in for what asks a database that does not answer."""
+    raise OperationalError("the database is away")
 
 
 def moves_on(**fields):
@@ -171,6 +181,35 @@ async def test_giving_back_revokes_at_the_bridge_and_frees_the_robot(open_page, 
     await page.say("drive", **drive(fence))
     await page.refused("no_lease")
     assert not bridge.all(wire.Drive)
+
+
+async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_is_given_back_later(
+    open_page, bridge, monkeypatch
+):
+    monkeypatch.setattr(consumers, "AGAIN_S", 0.05)
+    page = await open_page("operator")
+    fence = (await take(page))["fence"]
+    with monkeypatch.context() as full:
+        full.setattr(audit, "record", unavailable)
+        await page.say("release")
+        assert (await bridge.hears(wire.Revoke)).fence == fence
+        await page.refused("audit_disk_full")
+        await page.hears("control", state="free")
+    session = await eventually(ControlSession.objects.filter(ended_at__isnull=False).first)
+    assert session.end_reason == EndReason.RELEASED
+
+
+async def test_whoever_could_not_give_back_may_take_control_again(open_page, monkeypatch):
+    monkeypatch.setattr(consumers, "AGAIN_S", 60.0)
+    page = await open_page("operator")
+    await take(page)
+    with monkeypatch.context() as full:
+        full.setattr(audit, "record", unavailable)
+        await page.say("release")
+        await page.hears("control", state="free")
+        await page.say("take")
+        await page.refused("audit_disk_full")
+    await take(page)
 
 
 async def test_a_second_person_asks_and_gets_control(open_page, bridge):
@@ -450,6 +489,57 @@ async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(op
     await closing
     assert len(bridge.all(wire.Grant)) == granted
     assert bridge.all(wire.Hold)[-1].reason == "The page is gone."
+
+
+async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_that_it_comes_back(
+    open_page, monkeypatch
+):
+    page = await open_page("operator", hello=False)
+    with monkeypatch.context() as broken:
+        broken.setattr(rooms, "standing_of", away)
+        await page.say("hello", tab="operator-tab-0123456789")
+        assert await page.is_closed() == CloseCode.TRY_AGAIN
+    await open_page("operator")
+
+
+async def test_what_is_done_is_not_refused_because_it_cannot_be_told_yet(open_page, monkeypatch):
+    page = await open_page("operator")
+    with monkeypatch.context() as broken:
+        broken.setattr(rooms, "standing_of", away)
+        await page.say("take")
+        await eventually(ControlSession.objects.exists)
+        await page.hears_nothing("refused")
+    await page.hears("control", state="yours")
+
+
+async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
+    open_page, bridge, monkeypatch
+):
+    asked, told = threading.Event(), asyncio.Event()
+    read, close = rooms.registered, Hints.close
+
+    def edited(robot_id):
+        asked.set()
+        assert closing.wait(10)
+        entry = read(robot_id)
+        return entry and structs.replace(entry, link=structs.replace(entry.link, unix_path="/nowhere"))
+
+    async def closes(hints):
+        closing.set()
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(told.wait(), 0.5)
+        await close(hints)
+
+    closing = threading.Event()
+    monkeypatch.setattr(rooms, "LOOK_S", 0.02)
+    page = await open_page("observer")
+    [room] = rooms._rooms.values()
+    monkeypatch.setattr(room, "watchers_changed", told.set)
+    monkeypatch.setattr(rooms, "registered", edited)
+    monkeypatch.setattr(Hints, "close", closes)
+    assert await asyncio.to_thread(asked.wait, 10)
+    await page.close()
+    assert room not in room.link._listeners
 
 
 async def test_one_pages_fault_leaves_the_others_informed(open_page, bridge, monkeypatch):

@@ -253,6 +253,24 @@ def test_a_supervisor_takes_over_with_a_reason_that_is_kept(robot, operator, sup
     assert Record.objects.get(kind="control.take_over").details["text"] == "fire drill"
 
 
+def test_a_page_that_is_seen_while_its_lease_is_being_ended_keeps_it(robot, operator, monkeypatch):
+    """Where transactions do not exclude each other, another process may note that between any two steps."""
+    held = take(robot, operator)
+    over = NOW + timedelta(seconds=11)
+    free = services._free
+
+    def free_after_it_was_seen(*args, **kwargs):
+        Lease.objects.update(seen_at=over)
+        return free(*args, **kwargs)
+
+    monkeypatch.setattr(services, "_free", free_after_it_was_seen)
+    assert refused(services.lease_expire, robot_id=robot.id, now=over).code == "too_late"
+    monkeypatch.undo()
+    Lease.objects.update(seen_at=over)  # what that process noted stays
+    assert holding_of(robot.id).session == held.session
+    assert kinds() == ["control.take"]
+
+
 def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
     settings.FLEET_CONTROL_TERM_S = 60
     held = take(robot, operator)

@@ -13,7 +13,7 @@ from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
 from robots.wire import Refusal
-from teleop import refusals
+from teleop import folding, refusals
 from teleop.database import in_database
 from teleop.refusals import Denied, RefusalLog, put_on_record
 from tests.teleop.support import TIMEOUT_S, Page
@@ -95,9 +95,9 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
     log = RefusalLog(hang)
     log.note(denied())
     assert begun.wait(TIMEOUT_S)
-    for _ in range(refusals.MOST + 10):  # returns, however long the database takes
+    for _ in range(folding.MOST + 10):  # returns, however long the database takes
         log.note(denied())
-    assert len(log._folds) == refusals.MOST
+    assert len(log._folds) == folding.MOST
     go_on.set()
     log.end()
 
@@ -146,16 +146,14 @@ async def on_record(code):
         ({"t": "clear", "number": 1}, "may_not_clear"),
         ({"t": "drive", "fence": 1, "seq": 1, "sent_ms": 1.0, "x": 0.5, "w": 0.0, "share": 0.5}, "no_lease"),
         ({"t": "say", "fence": 1, "seq": 1, "text": "Hello.", "language": "en-GB"}, "no_lease"),
-        ({"t": "dance"}, "unknown_kind"),
+        ({"t": "dance"}, "invalid"),
     ],
 )
 async def test_what_the_robots_page_is_refused_is_on_record(message, code, open_page, observer):
     page = await open_page("observer")
     await page.say_raw(json.dumps(message))
-    refused = await page.hears("refused")
-    code = refused["refusal"]["code"] if message["t"] == "dance" else code
-    of = message["t"]
-    assert await on_record(code) == (str(observer.pk), "TIAGo 1", "robot page", of)
+    await page.refused(code)
+    assert await on_record(code) == (str(observer.pk), "TIAGo 1", "robot page", message["t"])
 
 
 @pytest.mark.django_db(transaction=True)

@@ -106,7 +106,7 @@ def said(put):
 
 PEOPLE = {
     #                    session, report of the robot
-    "anonymous": (302, 302),
+    "anonymous": (401, 401),
     "stranger": (404, 404),
     "observer": (404, 404),
     "operator": (200, 404),
@@ -136,7 +136,7 @@ def test_each_page_is_for_whom_it_concerns(person, request, signed_in, session, 
 @pytest.mark.parametrize("person", [*PEOPLE])
 def test_everybody_sees_what_they_did_and_nobody_elses(person, request, signed_in, said, session):
     answer = browser_of(person, request, signed_in).get(reverse("your-data"))
-    assert answer.status_code == (302 if person == "anonymous" else 200)
+    assert answer.status_code == (401 if person == "anonymous" else 200)
     page = answer.content.decode()
     assert (SAID in page) == (person == "operator")
     assert (str(session.pk) in page) == (person == "operator")

@@ -4,12 +4,15 @@ import asyncio
 import time
 
 import pytest
+from django.db import OperationalError
 
 from fleet.audit.models import Record
 from robots import wire
 from robots.models import Robot, RobotRole
+from teleop import grip, rooms
 from teleop.database import in_database
 from teleop.models import ControlSession, EndReason
+from teleop.rooms import LOOK_S
 from teleop.socket import CloseCode
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -109,9 +112,47 @@ async def test_an_edited_robot_is_shown_anew(open_page, robot):
     assert (await page.hears("welcome"))["robot"]["name"] == "Rosie"
 
 
-async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, monkeypatch):
-    """The database is gone: the bridge's own clock ends control three seconds later."""
-    monkeypatch.setattr("teleop.grip.CONFIRMED_S", -1.0)
+def away(*_args, **_kwargs):
+    raise OperationalError("the database is away")
+
+
+async def is_not_renewed(bridge):
+    """Soon the last grant was the last."""
+    await asyncio.sleep(LOOK_S + grip.CONFIRMED_S)  # what was confirmed before counts that long
     granted = len(bridge.all(wire.Grant))
     with pytest.raises(asyncio.TimeoutError):
-        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5)
+        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * grip.RENEW_S)
+
+
+async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, monkeypatch):
+    """The database is gone: the bridge's own clock ends control three seconds later."""
+    monkeypatch.setattr(grip, "CONFIRMED_S", 0.6)
+    monkeypatch.setattr(rooms, "standing_of", away)
+    monkeypatch.setattr(rooms, "registered", away)
+    await is_not_renewed(bridge)
+
+
+async def test_a_look_at_others_rights_confirms_nobodys_control(driving, open_page, bridge, monkeypatch):
+    """Each newcomer is looked up; that says nothing of whoever drives."""
+    monkeypatch.setattr(grip, "CONFIRMED_S", 0.6)
+    [room] = rooms._rooms.values()
+    holder = next(iter(room.members.values()))
+    read = rooms.standing_of
+
+    def knows_the_others(robot_id, *, people, **asked):
+        return away() if holder.person in people else read(robot_id, people=people, **asked)
+
+    monkeypatch.setattr(rooms, "standing_of", knows_the_others)
+
+    enough = asyncio.Event()
+
+    async def come_and_go():
+        while not enough.is_set():
+            await (await open_page("observer")).close()
+
+    coming = asyncio.ensure_future(come_and_go())
+    try:
+        await is_not_renewed(bridge)
+    finally:
+        enough.set()  # a communicator would swallow its being cancelled
+        await coming

@@ -11,6 +11,7 @@ from robots import wire
 from robots.models import Robot
 from teleop import stopping
 from teleop.database import in_database
+from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -91,6 +92,62 @@ async def test_a_stop_is_heard_in_the_middle_of_a_flood(open_page, bridge):
         await page.say("ping", sent_ms=1)
     await page.say("stop")
     await bridge.hears(wire.LinkStop)
+
+
+async def presses_on_record(count):
+    """What is on record of so many presses, once all are: (times, outcome) of each record."""
+    while True:
+        found = await records("stop.press")
+        outcomes = {record.of_id: record.outcome for record in found if record.of_id}
+        told = [(r.parameters.get("times", 1), outcomes.get(r.id)) for r in found if not r.of_id]
+        if sum(times for times, _ in told) >= count and all(outcome for _, outcome in told):
+            return told
+        await asyncio.sleep(0.02)
+
+
+async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, bridge, monkeypatch):
+    monkeypatch.setattr(stopping, "GAP_S", 1.0)
+    page = await open_page("observer")
+    for number in range(1, 31):
+        await page.say("stop")
+        await bridge.hears(wire.LinkStop, count=number)
+        await page.say("ping", sent_ms=number)  # by then the bridge's answer is back as a rule
+        await page.hears("pong")
+    told = await presses_on_record(30)
+    assert {outcome for _, outcome in told} == {"stopping"}
+    assert sum(times for times, _ in told) == 30
+    assert len(told) <= 4
+
+
+async def test_many_presses_without_a_live_connection_are_few_records_too(browsers, bridge, monkeypatch):
+    monkeypatch.setattr(stopping, "GAP_S", 1.0)
+    for _ in range(10):
+        assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
+    assert len(bridge.all(wire.LinkStop)) == 10
+    told = await presses_on_record(10)
+    assert sum(times for times, _ in told) == 10
+    assert len(told) <= 4
+
+
+async def test_a_press_after_a_while_is_recorded_by_itself(open_page, bridge, monkeypatch):
+    monkeypatch.setattr(stopping, "GAP_S", 0.1)
+    page = await open_page("observer")
+    for count in (1, 2):
+        await page.say("stop")
+        assert await presses_on_record(count) == [(1, "stopping")] * count
+        await asyncio.to_thread(stopping.log.calm)
+
+
+async def test_no_number_of_stops_is_refused_nor_ends_the_connection(open_page, bridge):
+    page = await open_page("observer")
+    for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 500):
+        await page.say("stop")
+    await page.say("ping", sent_ms=1)
+    told = await page.hears("refused")  # they were paid for all the same
+    assert (told["of"], told["refusal"]["code"]) == ("ping", "flood")
+    sent = len(bridge.all(wire.LinkStop))
+    await page.say("stop")
+    await bridge.hears(wire.LinkStop, count=sent + 1)
 
 
 async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, bridge):
@@ -196,8 +253,8 @@ async def test_what_cannot_be_recorded_is_not_cleared(open_page, bridge, monkeyp
 # --- without a live connection ----------------------------------------------------------------------
 
 
-def post(browser, address):
-    return in_database(lambda: browser.post(address, headers={"accept": "application/json"}))
+def post(browser, address, accept="*/*"):
+    return in_database(lambda: browser.post(address, headers={"accept": accept}))
 
 
 async def test_the_forms_address_stops_too(browsers, robot, bridge):
@@ -227,7 +284,8 @@ async def test_stop_all_leaves_disabled_robots_out(browsers, robot, other_robot,
 
 
 async def test_a_form_without_scripts_leads_back_to_the_page(browsers, robot, bridge):
-    answer = await in_database(lambda: browsers["observer"].post(f"/robots/{robot.slug}/stop/"))
+    address = f"/robots/{robot.slug}/stop/"
+    answer = await post(browsers["observer"], address, "text/html,application/xhtml+xml,*/*;q=0.8")
     assert answer.status_code == 302
     assert answer["location"] == f"/robots/{robot.slug}/"
     await recorded("stop.press", 2)

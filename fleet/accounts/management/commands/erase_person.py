@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from time import sleep
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from fleet.accounts.models import User
-from fleet.accounts.services import account_erase
+from fleet.accounts.services import account_close, account_erase
 from fleet.audit.command_line import here
+
+WRITTEN_S = (
+    15.0  # what was refused to others is on record by then, with the names in it: it is folded for 10 s
+)
 
 
 class Command(BaseCommand):
@@ -35,6 +40,11 @@ class Command(BaseCommand):
             and input(f"Erase {person.display_name} ({username}) for good? Type the user name: ") != username
         ):
             raise CommandError("Nothing was erased.")
+        account_close(user=person)
+        self.stdout.write(
+            f"The account is closed. What is still being recorded is waited for: {WRITTEN_S:.0f} s."
+        )
+        sleep(WRITTEN_S)
         told = account_erase(user=person, actor=here())
         self.stdout.write(
             f"{username} is erased: what {len(told.parameters['records'])} records said is gone."

@@ -1,0 +1,104 @@
+"""What happens again and again, on record in few records: the first at once, what follows within a while in one."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+logger = logging.getLogger(__name__)
+
+MOST = 500  # folds at once; what happens beyond is only logged
+
+
+class Event(Protocol):
+    """Something that is to go on record."""
+
+    @property
+    def key(self) -> Hashable:
+        """What is folded into one."""
+
+    @property
+    def gap_s(self) -> float:
+        """Between two records of it."""
+
+
+E = TypeVar("E", bound=Event)
+
+
+@dataclass
+class _Fold(Generic[E]):
+    """Events with one key; `due_s` is when they are written, or forgotten if there were no more."""
+
+    newest: E
+    times: int
+    due_s: float
+
+
+class FoldingLog(Generic[E]):
+    """Folds events, and writes them in a thread that is there only while there is something to write."""
+
+    def __init__(self, write: Callable[[E, int], None]) -> None:
+        self._write = write
+        self._changed = threading.Condition()
+        self._folds: dict[Hashable, _Fold[E]] = {}
+        self._thread: threading.Thread | None = None
+
+    def note(self, event: E) -> None:
+        """Put an event on record, some time soon. From any thread; never waits for the database."""
+        with self._changed:
+            fold = self._folds.get(event.key)
+            if fold is not None:
+                fold.newest, fold.times = event, fold.times + 1
+            elif len(self._folds) >= MOST:
+                logger.error("too much to record: %s is lost", event.key)
+            else:
+                self._folds[event.key] = _Fold(event, 1, time.monotonic())
+                self._see_to_the_thread()
+                self._changed.notify()
+
+    def end(self) -> None:
+        """Forget what is not written yet; what is being written is waited for."""
+        with self._changed:
+            self._folds.clear()
+            self._changed.notify()
+        self.calm()
+
+    def calm(self) -> None:
+        """Wait until nothing is left to fold."""
+        with self._changed:
+            thread = self._thread
+        if thread is not None:
+            thread.join()
+
+    def _see_to_the_thread(self) -> None:
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._keep_writing, name="folding", daemon=True)
+            self._thread.start()
+
+    def _keep_writing(self) -> None:
+        while (due := self._next()) is not None:
+            try:
+                self._write(*due)
+            except Exception:
+                logger.exception("what happened %d times was not recorded", due[1])
+
+    def _next(self) -> tuple[E, int] | None:
+        """What is to be written, once it is due; None when nothing is left to wait for."""
+        with self._changed:
+            while self._folds:
+                fold = min(self._folds.values(), key=lambda fold: fold.due_s)
+                now_s = time.monotonic()
+                if now_s < fold.due_s:
+                    self._changed.wait(fold.due_s - now_s)
+                elif fold.times == 0:
+                    del self._folds[fold.newest.key]
+                else:
+                    times, fold.times = fold.times, 0
+                    fold.due_s = now_s + fold.newest.gap_s
+                    return fold.newest, times
+            self._thread = None
+            return None
