@@ -140,12 +140,14 @@ class DeathWatch:
 
 
 def node_alive(uri: str, node: str) -> bool | None:
-    """Whether this node of rospy's answers at this XML-RPC address; None: it is silent, which tells nothing.
+    """Whether this node of rospy's answers at this XML-RPC address, or is somewhere that has no name here.
 
-    False if nobody listens there any more, or something else does.
+    None: it is silent, or out of reach just now. False: nobody listens there any more, or something else does.
     """
     try:
         return bool(Master(uri, BRIDGE).call("getName") == node)
     except MasterError as error:
         why = error.__cause__
+        if isinstance(why, socket.gaierror):
+            return True  # for all that is known: only the robot can call it
         return None if isinstance(why, OSError) and not isinstance(why, ConnectionRefusedError) else False

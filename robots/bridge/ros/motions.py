@@ -107,7 +107,10 @@ class MotionTopics:
     def _listed(self, service: str) -> dict[str, float] | None:
         """Names and durations (s) of the motions that the service lists; None: there is none, or no answer."""
         try:
-            answer, _ = services.call(services.find(self._master, service), {}, lambda: None, WHOLE)
+            found = services.find(self._master, service)
+            if found.type != "play_motion_msgs/ListMotions":
+                return None
+            answer, _ = services.call(found, {}, lambda: None, WHOLE)
         except (MasterError, Declined, ValueError):
             return None
         return {

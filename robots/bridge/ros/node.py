@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -101,12 +102,18 @@ class RosBase:
 
     def cancel_all(self) -> None:
         """An empty goal id cancels everybody's goals: just what an emergency stop means."""
-        for publisher in self._cancels:
-            publish(publisher, GoalID())
+        told: list[Callable[[], None]] = [
+            partial(publish, publisher, GoalID()) for publisher in self._cancels
+        ]
         if self._motions is not None:
-            self._motions.cancel_all()
+            told.append(self._motions.cancel_all)
         if self._speech is not None:
-            self._speech.silence()
+            told.append(self._speech.silence)
+        for tell in told:
+            try:
+                tell()
+            except rospy.ROSException:  # a topic that is just being left
+                log.exception("some goals could not be cancelled")
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there, if its topic is up."""
@@ -331,14 +338,14 @@ class RosBase:
 
     def _unreachable(self, node: str) -> str:
         """In words, if the host of a node that we need cannot be resolved here."""
-        uri = self._master.node_uri(node) or ""
-        host = urlsplit(uri).hostname
-        if host is None:
-            return ""
+        host: str | None = None
         try:
-            socket.getaddrinfo(host, None)
+            host = urlsplit(self._master.node_uri(node) or "").hostname
+            if host:
+                socket.getaddrinfo(host, None)
         except (OSError, ValueError):
-            return f"The robot calls itself {host}, which cannot be resolved here: give it a host alias."
+            called = host or "by no address"
+            return f"The robot calls itself {called}, which cannot be resolved here: give it a host alias."
         return ""
 
     # --- topics --------------------------------------------------------------------------------------

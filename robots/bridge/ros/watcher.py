@@ -7,6 +7,7 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 import logging
 import threading
 from contextlib import closing
+from time import monotonic
 from typing import Protocol
 from urllib.parse import urlsplit
 
@@ -20,7 +21,7 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 0.5
 SURVEY_S = 2.0
-SILENCES = 8  # of a namesake, in a row: some ten seconds of nothing but time-outs
+SILENCE_S = 10.0  # of a namesake, without a break, until it counts as dead
 
 
 class Namesake(Exception):
@@ -61,7 +62,7 @@ class MasterWatcher:
         self._master = master
         self._node = node
         self._begun = False
-        self._silences = 0
+        self._silent_since_s: float | None = None  # a namesake
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="master", daemon=True)
 
@@ -129,16 +130,20 @@ class MasterWatcher:
         """One that is only silent may be a busy computer in mid-drive: it is not taken for dead at once."""
         uri = self._master.node_uri(BRIDGE)
         alive = node_alive(uri, BRIDGE) if uri and uri != rospy.get_node_uri() else False
-        self._silences = self._silences + 1 if alive is None else 0
         if alive:
+            self._silent_since_s = None
             raise Namesake(
                 f"Another console's bridge on {_host(uri)} drives this robot; stop that one first."
             )
-        if 0 < self._silences < SILENCES:
-            raise Namesake(
-                f"Another console's bridge on {_host(uri)} has this robot and does not answer now. "
-                "If it stays silent, this one takes over."
-            )
+        if alive is None:
+            now_s = monotonic()
+            self._silent_since_s = self._silent_since_s or now_s
+            if now_s - self._silent_since_s < SILENCE_S:
+                raise Namesake(
+                    f"Another console's bridge on {_host(uri)} has this robot and does not answer now. "
+                    "If it stays silent, this one takes over."
+                )
+        self._silent_since_s = None
 
 
 def _host(uri: str | None) -> str | None:
