@@ -5,6 +5,7 @@
 
 const ANSWER_MS = 400;
 const PATIENCE_MS = 4000; // the server itself gives a robot up after 3 s
+export const SAID_MS = 5000; // how long news of a stop is told: longer than it waits for an answer
 const SAME_PRESS_MS = 1000;
 
 export class StopButton {
@@ -14,7 +15,7 @@ export class StopButton {
   #answered;
   #say;
   #fail;
-  #timer = null;
+  #timer = null; // of the newest press: when its answer is late
   #pressedMs = -Infinity;
   #listening = new AbortController();
 
@@ -24,7 +25,7 @@ export class StopButton {
    * @param {() => boolean} ways.send over the socket; false if no answer can be expected there
    * @param {(sinceMs: number) => boolean} ways.answered whether the robot's side has reported a stop since
    * @param {(text: string) => void} ways.say that it is on its way, and that it arrived
-   * @param {(text: string) => void} ways.fail that it did not arrive, and what to do
+   * @param {(text: string) => void} ways.fail that it did not arrive, or not yet, and what to do
    */
   constructor(form, { send, answered, say, fail }) {
     this.#form = form;
@@ -53,6 +54,7 @@ export class StopButton {
 
   close() {
     clearTimeout(this.#timer);
+    this.#timer = null;
     this.#listening.abort();
   }
 
@@ -63,21 +65,26 @@ export class StopButton {
     if (performance.now() - this.#pressedMs > SAME_PRESS_MS) this.press();
   }
 
+  /** Waits as long as it takes: a stop under way is never withdrawn, only told to be late. */
   async #post() {
     this.#say(gettext("Sending the stop"));
+    const late = setTimeout(() => this.#fail(noAnswer()), PATIENCE_MS);
+    this.#timer = late;
+    const failed = (text) => this.#timer === late && this.#fail(text); // a newer press has the word
     try {
       const answer = await fetch(this.#form.action, {
         method: "POST",
         body: new FormData(this.#form),
         headers: { Accept: "application/json" },
         keepalive: true,
-        signal: AbortSignal.timeout(PATIENCE_MS),
       });
       const { text } = await answer.json(); // the server names the robots that it did not reach
       if (answer.ok) this.#say(text);
-      else this.#fail(text ?? noWay());
-    } catch (error) {
-      this.#fail(error.name === "TimeoutError" ? noAnswer() : noWay());
+      else failed(text ?? noWay());
+    } catch {
+      failed(noWay());
+    } finally {
+      clearTimeout(late);
     }
   }
 }

@@ -87,23 +87,50 @@ describe("the stop button", () => {
     expect(ways.fail).not.toHaveBeenCalled();
   });
 
-  it("tells within seconds that no answer came", async () => {
-    const timeOut = (ms) => {
-      const ending = new AbortController();
-      setTimeout(() => ending.abort(new DOMException("", "TimeoutError")), ms);
-      return ending.signal;
-    };
-    vi.spyOn(AbortSignal, "timeout").mockImplementation(timeOut); // the timers here are not the browser's
-    const never = (_address, { signal }) =>
-      new Promise((_resolve, reject) => {
-        signal.addEventListener("abort", () => reject(signal.reason));
-      });
-    vi.stubGlobal("fetch", vi.fn(never));
+  /** An answer that comes so many seconds after it was asked for. */
+  const later = (seconds, come, what) => () =>
+    new Promise((resolve, reject) => {
+      setTimeout(come === "answer" ? resolve : reject, 1000 * seconds, what);
+    });
+  const stopped = { ok: true, json: async () => ({ text: "Stopped." }) };
+
+  it("tells within seconds that no answer came, and the answer when it comes after all", async () => {
+    fetch.mockImplementation(later(6, "answer", stopped));
     ways.send.mockReturnValue(false);
     press();
+    await vi.advanceTimersByTimeAsync(3900);
+    expect(ways.fail).not.toHaveBeenCalled();
+    await vi.advanceTimersByTimeAsync(200);
+    expect(ways.fail.mock.calls).toEqual([[expect.stringContaining("No answer")]]);
+    await vi.advanceTimersByTimeAsync(2000);
+    expect(ways.say).toHaveBeenLastCalledWith("Stopped.");
+    await vi.advanceTimersByTimeAsync(10_000);
+    expect(ways.fail).toHaveBeenCalledTimes(1);
+  });
+
+  it("never withdraws a stop that is under way", async () => {
+    ways.send.mockReturnValue(false);
+    press();
+    expect(fetch.mock.calls[0][1]).not.toHaveProperty("signal");
+  });
+
+  it("tells of the newest press only that it failed, and of every one that it arrived", async () => {
+    ways.send.mockReturnValue(false);
+    fetch.mockImplementationOnce(later(20, "failure", new TypeError("gone")));
+    press();
+    await vi.advanceTimersByTimeAsync(1000);
+    press();
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(ways.fail).not.toHaveBeenCalled();
+
+    fetch.mockImplementationOnce(later(6, "answer", stopped));
+    fetch.mockImplementationOnce(later(60, "answer", stopped));
+    press();
     await vi.advanceTimersByTimeAsync(5000);
-    expect(ways.fail.mock.calls[0][0]).toContain("No answer");
-    vi.restoreAllMocks();
+    press();
+    ways.say.mockClear();
+    await vi.advanceTimersByTimeAsync(1500);
+    expect(ways.say).toHaveBeenCalledWith("Stopped.");
   });
 
   it("takes no page for success", async () => {
@@ -142,5 +169,14 @@ describe("the stop button", () => {
     vi.advanceTimersByTime(5000);
     expect(ways.send).toHaveBeenCalledTimes(1);
     expect(fetch).not.toHaveBeenCalled();
+  });
+
+  it("tells nothing of failures once the page has gone", async () => {
+    fetch.mockImplementation(later(6, "failure", new TypeError("gone")));
+    ways.send.mockReturnValue(false);
+    press();
+    stop.close();
+    await vi.advanceTimersByTimeAsync(10_000);
+    expect(ways.fail).not.toHaveBeenCalled();
   });
 });
