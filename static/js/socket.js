@@ -5,6 +5,7 @@ import { waitBefore } from "./backoff.js";
 const OPEN_WITHIN_MS = 3000; // an attempt begun while the network was away may wait for its next packet much longer
 const SLOW_WITHIN_MS = 10_000;
 const QUICK_ATTEMPTS = 4; // then it may be a network that takes its time
+const LASTED_MS = 10_000; // a server that closes what it accepts, or says nothing on it, has had its turn by then
 
 /** @param {string} path such as "/ws/fleet/" */
 export function socketUrl(path, base = location.href) {
@@ -20,7 +21,8 @@ export function socketUrl(path, base = location.href) {
 export class LiveSocket extends EventTarget {
   #url;
   #socket = null;
-  #attempt = 0;
+  #attempt = 0; // failures since a connection lasted
+  #openedMs = Infinity;
   #retry = null;
   #patience = null;
   #closed = false;
@@ -49,11 +51,12 @@ export class LiveSocket extends EventTarget {
     if (this.#closed || this.#socket) return;
     const socket = new WebSocket(this.#url);
     this.#socket = socket;
+    this.#openedMs = Infinity;
     const patienceMs = this.#attempt < QUICK_ATTEMPTS ? OPEN_WITHIN_MS : SLOW_WITHIN_MS;
     this.#patience = setTimeout(() => this.reset(), patienceMs);
     socket.addEventListener("open", () => {
       clearTimeout(this.#patience);
-      this.#attempt = 0;
+      this.#openedMs = performance.now();
       this.#tell("open");
     });
     socket.addEventListener("message", (event) => this.#tell("message", JSON.parse(event.data)));
@@ -87,6 +90,7 @@ export class LiveSocket extends EventTarget {
     if (socket !== this.#socket) return;
     this.#socket = null;
     clearTimeout(this.#patience);
+    if (performance.now() - this.#openedMs > LASTED_MS) this.#attempt = 0;
     this.#tell("down", { code });
     if (this.#closed) return;
     clearTimeout(this.#retry);

@@ -54,16 +54,45 @@ describe("the live socket", () => {
     expect(codes).toEqual([1006]);
   });
 
-  it("waits longer after each failure and starts afresh after a success", () => {
+  it("waits longer after each failure and starts afresh after a connection that lasted", () => {
     for (let failures = 0; failures < 5; failures += 1) {
       made.at(-1).close();
       vi.advanceTimersByTime(2000);
     }
     expect(made).toHaveLength(6);
     made.at(-1).opens();
+    vi.advanceTimersByTime(11_000);
     made.at(-1).close();
     vi.advanceTimersByTime(250);
     expect(made).toHaveLength(7);
+  });
+
+  it("waits longer too when connections open and the server closes them", () => {
+    for (let failures = 0; failures < 5; failures += 1) {
+      made.at(-1).opens();
+      made.at(-1).says('{"t":"welcome"}');
+      made.at(-1).close(4503);
+      vi.advanceTimersByTime(2000);
+    }
+    expect(made).toHaveLength(6);
+    made.at(-1).opens();
+    made.at(-1).close(4503);
+    vi.advanceTimersByTime(1500);
+    expect(made).toHaveLength(6);
+    vi.advanceTimersByTime(500);
+    expect(made).toHaveLength(7);
+  });
+
+  it("takes an attempt that never opened for no connection that lasted", () => {
+    made[0].opens();
+    vi.advanceTimersByTime(60_000);
+    for (let failures = 0; failures < 5; failures += 1) {
+      made.at(-1).close();
+      vi.advanceTimersByTime(2000);
+    }
+    made.at(-1).close();
+    vi.advanceTimersByTime(1500);
+    expect(made).toHaveLength(6);
   });
 
   it("gives up a connection that is silent, and ignores what it still says", () => {
