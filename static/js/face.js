@@ -4,8 +4,8 @@ import { Announcer } from "./announce.js";
 import { Details, fill } from "./details.js";
 import { mark, say, show } from "./dom.js";
 import { banner, isStale, limitsOf, stopText, verdictText } from "./standing.js";
+import { SAID_MS } from "./stop.js";
 
-const STOP_SAID_MS = 5000; // longer than the stop button waits for an answer
 const LOW_BATTERY_PERCENT = 20;
 
 export class Face {
@@ -45,7 +45,7 @@ export class Face {
 
   /** What becomes of a pressed stop, until the robot itself reports. */
   stopSays(text) {
-    this.#stopSaid = { text, untilMs: performance.now() + STOP_SAID_MS };
+    this.#stopSaid = { text, untilMs: performance.now() + SAID_MS };
     say(this.#parts["stop-state"], text);
   }
 

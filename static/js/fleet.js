@@ -5,6 +5,7 @@ import { Pulse } from "./pulse.js";
 import { LiveSocket, socketUrl } from "./socket.js";
 import { phaseTitle, standstillText, verdictText } from "./standing.js";
 import { StopButton } from "./stop.js";
+import { StopWords } from "./stop_words.js";
 
 const STALE_MS = 3000;
 const SIGNED_OUT = 4401;
@@ -62,7 +63,8 @@ export class FleetPage {
   #pulse;
   #cards = new Map();
   #connection;
-  #stopAllState;
+  #words;
+  #pressed; // whose stop this page sent last: a robot's slug; undefined: all of them
   #heardMs = -Infinity; // when this connection last said how the robots are
   #robots = {};
   #timer;
@@ -73,7 +75,7 @@ export class FleetPage {
     this.#pulse = new Pulse(this.#socket);
     const page = parts(document);
     this.#connection = page.connection;
-    this.#stopAllState = page["stop-all-state"];
+    this.#words = new StopWords(page["stop-all-state"]);
     for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
     this.#stops.push(
       new StopButton(page["stop-all"], {
@@ -82,8 +84,8 @@ export class FleetPage {
         answered: (sinceMs) =>
           this.#heardMs > sinceMs &&
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
-        say: (text) => say(this.#stopAllState, text),
-        fail: (text) => say(this.#stopAllState, text),
+        say: (text) => this.#words.say(text),
+        fail: (text) => this.#words.fail(text),
       }),
     );
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
@@ -96,6 +98,7 @@ export class FleetPage {
   close() {
     clearInterval(this.#timer);
     for (const stop of this.#stops) stop.close();
+    this.#words.close();
     this.#pulse.close();
     this.#socket.close();
   }
@@ -106,6 +109,7 @@ export class FleetPage {
 
   /** Over the socket; true only if an answer can be expected there. */
   #send(message) {
+    this.#pressed = message.slug;
     return this.#socket.send(message) && this.#live;
   }
 
@@ -118,10 +122,13 @@ export class FleetPage {
         send: () => this.#send({ t: "stop", slug }),
         answered: (sinceMs) =>
           this.#heardMs > sinceMs && (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
-        say: (text) => this.#stopSays(own, text),
+        say: (text) => {
+          this.#stopSays(own, text);
+          this.#words.forget(slug);
+        },
         fail: (text) => {
           this.#stopSays(own, gettext("Not confirmed"));
-          say(this.#stopAllState, text);
+          this.#words.fail(text, slug);
         },
       }),
     );
@@ -132,7 +139,6 @@ export class FleetPage {
     say(own["stop-state"], text);
     mark(own["stop-state"], "fresh", true);
     show(own["stop-why"], false);
-    say(this.#stopAllState, "");
   }
 
   #opened() {
@@ -143,7 +149,7 @@ export class FleetPage {
 
   #heard(message) {
     this.#pulse.heard(message);
-    if (message.t === "refused") say(this.#stopAllState, message.refusal.text);
+    if (message.t === "refused") this.#words.fail(message.refusal.text, this.#pressed);
     if (message.t !== "fleet") return;
     this.#heardMs = performance.now();
     this.#followRegistry(Object.keys(message.robots));

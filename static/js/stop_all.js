@@ -1,16 +1,14 @@
 /** "Stop all" on pages that have no live connection: it goes by the form's own address. */
 
 import { StopButton } from "./stop.js";
+import { StopWords } from "./stop_words.js";
 
 for (const form of document.querySelectorAll("form[data-stop-all]")) {
-  const state = form.querySelector("[data-part=stop-all-state]");
-  const say = (text) => {
-    state.textContent = text;
-  };
+  const words = new StopWords(form.querySelector("[data-part=stop-all-state]"));
   new StopButton(form, {
     send: () => false,
     answered: () => true,
-    say,
-    fail: say,
+    say: (text) => words.say(text),
+    fail: (text) => words.fail(text),
   });
 }

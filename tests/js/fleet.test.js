@@ -147,6 +147,47 @@ describe("the fleet page", () => {
     expect(part("stop-all-state").textContent).toBe("");
   });
 
+  it.each([true, false])(
+    "lets its news of Stop all go after some seconds (live: %s)",
+    async (live) => {
+      if (live) hears({ "tiago-1": clear });
+      press("stop-all");
+      vi.advanceTimersByTime(100);
+      if (live) hears({ "tiago-1": stopped });
+      await vi.advanceTimersByTimeAsync(4500);
+      expect(part("stop-all-state").textContent).toBe(live ? "Stop sent" : "Stopped.");
+      await vi.advanceTimersByTimeAsync(1000);
+      expect(part("stop-all-state").textContent).toBe("");
+    },
+  );
+
+  it("keeps what Stop all did not reach until it is pressed again, whatever a card says", async () => {
+    const answer = { ok: false, json: async () => ({ text: "Not reached: TIAGo 2." }) };
+    fetch.mockResolvedValueOnce(answer);
+    press("stop-all");
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 2.");
+    press("stop");
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 2.");
+    press("stop-all");
+    await vi.advanceTimersByTimeAsync(0);
+    expect(part("stop-all-state").textContent).toBe("Stopped.");
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(part("stop-all-state").textContent).toBe("");
+  });
+
+  it("keeps what the server says of a stop over the socket until it is pressed again", () => {
+    hears({ "tiago-1": clear });
+    press("stop");
+    made.at(-1).says('{"t":"refused","of":"stop","refusal":{"text":"No answer."}}');
+    vi.advanceTimersByTime(300);
+    expect(part("stop-all-state").textContent).toBe("No answer.");
+    hears({ "tiago-1": stopped });
+    press("stop");
+    expect(part("stop-all-state").textContent).toBe("");
+  });
+
   it("gives a connection up that answers nothing, and comes back", () => {
     hears({ "tiago-1": clear });
     vi.advanceTimersByTime(6500);

@@ -1,0 +1,44 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { StopWords } from "../../static/js/stop_words.js";
+
+describe("the words beside Stop all", () => {
+  let element;
+  let words;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    element = document.createElement("b");
+    words = new StopWords(element);
+  });
+
+  afterEach(() => vi.useRealTimers());
+
+  it("go after some seconds, each time from the last", () => {
+    words.say("Sending the stop");
+    vi.advanceTimersByTime(4000);
+    words.say("Stopped.");
+    vi.advanceTimersByTime(4000);
+    expect(element.textContent).toBe("Stopped.");
+    vi.advanceTimersByTime(1000);
+    expect(element.textContent).toBe("");
+  });
+
+  it("stay when they are of a failure, also of several, each said once", () => {
+    words.say("Sending the stop");
+    words.fail("No answer.", "a");
+    words.fail("Not reached: B.", "b");
+    words.fail("No answer.", "c");
+    vi.advanceTimersByTime(60_000);
+    expect(element.textContent).toBe("No answer. Not reached: B.");
+  });
+
+  it("forget the failure of what is pressed again, and all of them with Stop all", () => {
+    for (const slug of ["a", "b", "c"]) words.fail(`Not reached: ${slug}.`, slug);
+    words.forget("a");
+    expect(element.textContent).toBe("Not reached: b. Not reached: c.");
+    words.say("Stop sent");
+    expect(element.textContent).toBe("Stop sent");
+    words.forget("b"); // of which there is nothing to forget: the news stays
+    expect(element.textContent).toBe("Stop sent");
+  });
+});
