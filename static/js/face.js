@@ -3,7 +3,7 @@
 import { Announcer } from "./announce.js";
 import { Details, fill } from "./details.js";
 import { mark, say, show } from "./dom.js";
-import { banner, isStale, limitsOf, stopText, verdictText } from "./standing.js";
+import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./standing.js";
 import { SAID_MS } from "./stop.js";
 
 const LOW_BATTERY_PERCENT = 20;
@@ -72,7 +72,11 @@ export class Face {
 
   #showConnection(now) {
     const { connection, delay, echo } = this.#parts;
-    const { level, text } = connectionFact(now);
+    const { level, text } = connectionFact({
+      ...now,
+      heard: now.state !== null,
+      stale: isStale(now.sinceViewMs),
+    });
     mark(connection, "level", level);
     say(connection, text);
     say(delay, milliseconds(now.connected ? now.delayMs : null));
@@ -109,15 +113,6 @@ export class Face {
     say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
     if (text) this.#announcer.say(text, `${verdict.code} ${verdict.side}`);
   }
-}
-
-function connectionFact({ connected, gone, state, sinceViewMs }) {
-  if (!connected) return { level: "fail", text: gettext("Offline") };
-  if (gone) return { level: "fail", text: gettext("No link") };
-  if (!state) return { level: "warn", text: gettext("Connecting") };
-  return isStale(sinceViewMs)
-    ? { level: "fail", text: gettext("No news") }
-    : { level: "ok", text: gettext("Connected") };
 }
 
 function milliseconds(value) {

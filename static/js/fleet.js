@@ -3,7 +3,7 @@
 import { mark, parts, say, show } from "./dom.js";
 import { Pulse } from "./pulse.js";
 import { LiveSocket, socketUrl } from "./socket.js";
-import { phaseTitle, standstillText, verdictText } from "./standing.js";
+import { connectionFact, phaseTitle, standstillText, verdictText } from "./standing.js";
 import { StopButton } from "./stop.js";
 import { StopWords } from "./stop_words.js";
 
@@ -48,14 +48,6 @@ export function cardOf({ state, refusal }) {
 function stopWord(state) {
   if (state === "clear") return gettext("Clear");
   return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
-}
-
-function connectionFact({ live, open, heard }) {
-  if (live) return { level: "ok", text: gettext("Live") };
-  if (!open) return { level: "fail", text: gettext("Offline") };
-  return heard
-    ? { level: "fail", text: gettext("No news") }
-    : { level: "warn", text: gettext("Connecting") };
 }
 
 export class FleetPage {
@@ -197,8 +189,11 @@ export class FleetPage {
 
   #look() {
     const live = this.#live;
-    const heard = this.#heardMs > -Infinity;
-    const { level, text } = connectionFact({ live, open: this.#socket.open, heard });
+    const { level, text } = connectionFact({
+      connected: this.#socket.open,
+      heard: this.#heardMs > -Infinity,
+      stale: !live,
+    });
     mark(this.#connection, "level", level);
     say(this.#connection, text);
     for (const { card } of this.#cards.values()) mark(card, "stale", !live);

@@ -6,6 +6,23 @@ export function isStale(sinceViewMs) {
   return sinceViewMs > STALE_MS;
 }
 
+/**
+ * What came of a page's connection: one that is open and silent is none.
+ * @param {object} now
+ * @param {boolean} now.connected the page has its socket
+ * @param {object | null} [now.gone] refusal: no link from the console to the robot's bridge
+ * @param {boolean} now.heard anything was heard yet
+ * @param {boolean} now.stale and it is too old to go by
+ */
+export function connectionFact({ connected, gone = null, heard, stale }) {
+  if (!connected) return { level: "fail", text: gettext("Offline") };
+  if (gone) return { level: "fail", text: gettext("No link") };
+  if (!heard) return { level: "warn", text: gettext("Connecting") };
+  return stale
+    ? { level: "fail", text: gettext("No news") }
+    : { level: "ok", text: gettext("Connected") };
+}
+
 /** What the bridge reports of the standstill, in words. */
 export function standstillText(stop) {
   if (stop.state === "stopping")

@@ -196,7 +196,7 @@ describe("the fleet page", () => {
     made[1].opens();
     expect(part("connection").textContent).toBe("Connecting");
     hears({ "tiago-1": clear });
-    expect(part("connection").textContent).toBe("Live");
+    expect(part("connection").textContent).toBe("Connected");
   });
 
   it("is brought anew when the first that is heard has other robots than the page, once in a row", () => {

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { firstShare, offers, sharesUpTo } from "../../static/js/offers.js";
-import { banner, isHeld, verdictText } from "../../static/js/standing.js";
+import { banner, connectionFact, isHeld, verdictText } from "../../static/js/standing.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };
@@ -119,5 +119,19 @@ describe("the speeds offered", () => {
     expect(firstShare([0.2, 0.4, 0.6], 0.5)).toBe(0.4);
     expect(firstShare([0.2, 0.4, 0.6], 0.4)).toBe(0.4);
     expect(firstShare([0.2, 0.4], 0.1)).toBe(0.2);
+  });
+});
+
+describe("the connection", () => {
+  const good = { connected: true, gone: null, heard: true, stale: false };
+
+  it.each([
+    [{}, "Connected", "ok"],
+    [{ stale: true }, "No news", "fail"],
+    [{ stale: true, heard: false }, "Connecting", "warn"],
+    [{ gone: { text: "away" }, heard: false }, "No link", "fail"],
+    [{ connected: false, gone: { text: "away" } }, "Offline", "fail"],
+  ])("is called by what came of it (%o: %s)", (now, text, level) => {
+    expect(connectionFact({ ...good, ...now })).toEqual({ level, text });
   });
 });
