@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from contextlib import suppress
+from collections.abc import Callable
 from functools import partial
 from hashlib import sha256
 from typing import Any
@@ -24,7 +24,7 @@ from teleop.models import EndReason
 from teleop.orders import BUSY, Orders, not_held
 from teleop.policy import Permit
 from teleop.robot_socket import RobotSocket
-from teleop.rules import Phase, Tab, lapse, open_asks, phase
+from teleop.rules import NO_LEASE, Phase, Tab, lapse, open_asks, phase
 from teleop.services import ControlRefused
 from teleop.socket import CloseCode, Errands, beside
 from teleop.standing import Ending, Registered, Standing, control_for, gist
@@ -51,7 +51,8 @@ class RobotConsumer(RobotSocket):
         self.grip: Grip | None = None
         self._gone = False  # a look that is under way gives nothing to a page that is closed
         self._gave_up: UUID | None = None  # never gripped again, whatever an older look says
-        self._unreleased = False  # given back, and that could not be stored yet
+        self._to_end: Callable[[], None] | None = None  # ends in the database what was given up here
+        self._one_end = asyncio.Lock()
         self._standing: Standing | None = None
         self._told: tuple[object, ...] | None = None
         self._asks: set[int] = set()
@@ -134,17 +135,18 @@ class RobotConsumer(RobotSocket):
                 raise ControlRefused(Refusal("hello_first", "The first message is hello.", "wire"))
             else:
                 await self._change(message, self.tab)
+        except services.NotStored as refused:
+            await self._not_now(message, refused.refusal)
         except (ControlRefused, LinkRefused) as refused:
             await self.refuse(kind_of(message), refused.refusal)
-            if self._unreleased:
-                await self._tell_control()
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
-            await self.refuse(kind_of(message), services.DATABASE_UNAVAILABLE)
-            if isinstance(
-                message, wire.Hello
-            ):  # it is said once; the page comes back by itself, and says it then
-                await self.close(CloseCode.TRY_AGAIN, services.DATABASE_UNAVAILABLE.text)
+            await self._not_now(message, services.DATABASE_UNAVAILABLE)
+
+    async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
+        await self.refuse(kind_of(message), refusal)
+        if isinstance(message, wire.Hello):  # said once; the page comes back by itself, and says it then
+            await self.close(CloseCode.TRY_AGAIN, refusal.text)
 
     async def _hello(self, hello: wire.Hello) -> None:
         if self.tab is not None:
@@ -154,9 +156,13 @@ class RobotConsumer(RobotSocket):
         await self.room.look_for(self)
         holding = self._standing.holding if self._standing else None
         if holding and holding.user == self.user.id and holding.tab.is_same_tab(self.tab):
-            with suppress(ControlRefused):  # then it lapsed just now, or the right to it ended
+            try:
                 await in_database(services.lease_resume, **self._me(), now=timezone.now())
                 await self.room.changed()
+            except services.NotStored:
+                raise
+            except ControlRefused:
+                pass  # It lapsed just now, or the right to it ended.
         self.viewer = Viewer(self.room.views, self.asgi_send)
         self.viewer.drives = self.grip is not None
         self.looks = True
@@ -171,8 +177,7 @@ class RobotConsumer(RobotSocket):
         me, now = self._me(), timezone.now()
         match message:
             case wire.Take():
-                if self._unreleased:
-                    await self._release()  # else it would be this page's own
+                await self._end_lease()  # what was given up here would be this page's own yet
                 await in_database(
                     services.lease_take, **me, highest_fence=await self._bridge_fence(), now=now
                 )
@@ -195,8 +200,11 @@ class RobotConsumer(RobotSocket):
             case wire.Renew():
                 await in_database(services.lease_renew, **me, now=now)
             case wire.Release():
-                self._let_go("Control was given back.")
-                await self._release()
+                if not self._give_up(EndReason.RELEASED, "Control was given back.", by=self.user.id):
+                    raise ControlRefused(NO_LEASE)
+                await self._tell_control()
+                await self._end_lease()
+                return
             case wire.Ask():
                 await in_database(services.control_ask, **me, now=now)
             case wire.AskCancel():
@@ -211,28 +219,6 @@ class RobotConsumer(RobotSocket):
             case wire.Clear(number=number):
                 await stopping.clear(self.room.link, number, user=self.user, tab=tab)
                 return
-        await self.room.changed()
-
-    async def _release(self) -> None:
-        """Free the lease. What cannot be stored is tried again beside; the page is told that it has control no more."""
-        try:
-            await in_database(services.lease_release, **self._me(), now=timezone.now())
-        except services.NotStored:
-            if not self._unreleased:
-                self._unreleased = True
-                beside(self._release_again())
-            raise
-        except ControlRefused:
-            if not self._unreleased:
-                raise
-            # Meanwhile it is over by itself.
-        self._unreleased = False
-
-    async def _release_again(self) -> None:
-        while self._unreleased:
-            await asyncio.sleep(AGAIN_S)
-            with suppress(services.NotStored):
-                await self._release()
         await self.room.changed()
 
     def _me(self) -> dict[str, Any]:
@@ -366,23 +352,43 @@ class RobotConsumer(RobotSocket):
         await self._control_ended(EndReason.BRIDGE, refusal)
 
     async def _control_ended(self, reason: EndReason, refusal: Refusal) -> None:
-        if self._give_up(reason, refusal):
+        if self._give_up(reason, refusal.text, refusal=refusal):
             await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
 
-    def _give_up(self, reason: EndReason, refusal: Refusal) -> bool:
+    def _give_up(
+        self, reason: EndReason, words: str, *, refusal: Refusal | None = None, by: UUID | None = None
+    ) -> bool:
         """End control here and, beside, the lease. False if there was none."""
-        session = self._let_go(refusal.text)
-        if session is not None:
-            beside(self._end_lease(session, reason, refusal))
-        return session is not None
+        session = self._let_go(words)
+        if session is None:
+            return False
+        self._to_end = partial(_end_lease, self.robot_id, session, reason, refusal, by)
+        beside(self._keep_ending())
+        return True
 
-    async def _end_lease(self, session: UUID, reason: EndReason, refusal: Refusal) -> None:
-        await in_database(_end_lease, self.robot_id, session, reason, refusal)
+    async def _end_lease(self) -> None:
+        """End the lease of what was given up here, unless that is done. ControlRefused: it cannot be stored."""
+        async with self._one_end:
+            if (end := self._to_end) is not None:
+                await in_database(end)
+                self._to_end = None if self._to_end is end else self._to_end
+
+    async def _keep_ending(self) -> None:
+        """What cannot be stored is tried again, also without the page: it refers to its session, whoever has it."""
+        tries = 0
+        while self._to_end is not None:
+            try:
+                await self._end_lease()
+            except ControlRefused as error:
+                if tries == 0:
+                    log.error("the end of control of robot %s is not stored yet: %s", self.robot_id, error)
+                tries += 1
+                await asyncio.sleep(AGAIN_S)
         await self.room.changed()
 
     async def cut_off(self, refusal: Refusal) -> None:
         """This person may not even look any more."""
-        self._give_up(EndReason.RIGHT, refusal)
+        self._give_up(EndReason.RIGHT, refusal.text, refusal=refusal)
         if self.viewer:
             self.viewer.leave()
         await super().cut_off(refusal)
@@ -412,7 +418,7 @@ class RobotConsumer(RobotSocket):
         standing = self._standing
         if standing is None or self.tab is None:
             return
-        if self._unreleased and self._is_ours(standing):
+        if standing.holding and standing.holding.session == self._gave_up:
             standing = structs.replace(standing, holding=None)
         # Just got, and the bridge has not answered; or just lost, and the lease not ended yet: said in a moment.
         if self._is_ours(standing) and not (self.grip and self.grip.is_settled):
@@ -444,11 +450,10 @@ def _left(robot_id: UUID, connection: str, session: UUID | None) -> None:
     services.control_ask_cancel(robot_id=robot_id, connection=connection, gone=True, now=now)
 
 
-def _end_lease(robot_id: UUID, session: UUID, reason: EndReason, refusal: Refusal) -> None:
-    try:
-        services.lease_end(
-            robot_id=robot_id, session=session, reason=reason, refusal=refusal, now=timezone.now()
-        )
-    except ControlRefused as error:
-        # The bridge has been told already; unseen, the lease lapses by itself.
-        log.error("the end of control session %s was not recorded: %s", session, error)
+def _end_lease(
+    robot_id: UUID, session: UUID, reason: EndReason, refusal: Refusal | None, by: UUID | None
+) -> None:
+    now = timezone.now()
+    services.lease_end(
+        robot_id=robot_id, session=session, reason=reason, refusal=refusal, user_id=by, now=now
+    )

@@ -18,6 +18,7 @@ from robots.models import Role
 from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
 from teleop.database import in_database
 from teleop.rooms import Room
+from teleop.rules import NO_LEASE
 from teleop.selectors import holding_of
 from teleop.socket import beside
 from teleop.standing import Rights
@@ -118,7 +119,7 @@ class Orders:
 def not_held(fence: int, held: int | None) -> Refusal | None:
     """Why what came under `fence` is not done on a connection whose control has the number `held`."""
     if held is None:
-        return Refusal("no_lease", "You do not have control: take it first.", "lease")
+        return NO_LEASE
     if fence != held:
         figures: dict[str, float | int | str | None] = {"fence": fence, "yours": held}
         return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)

@@ -182,8 +182,9 @@ class Room:
         standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         if rules.phase(standing.holding, standing.read_at) is not Phase.LAPSED:
             return standing, looked_s
-        self._note_seen()
-        with suppress(ControlRefused):  # then somebody else expires it, or it came back
+        # It is over by the clock, even if nothing can be written; or somebody else expires it, or it came back.
+        with suppress(ControlRefused, DatabaseError):
+            self._note_seen()
             lease_expire(robot_id=self.robot_id, now=standing.read_at)
         standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         return standing, looked_s

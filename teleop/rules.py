@@ -100,6 +100,7 @@ def open_asks(asks: Sequence[Ask], now: datetime) -> list[Ask]:
     return sorted((ask for ask in asks if ask.asked_at > asked_since), key=lambda ask: ask.asked_at)
 
 
+NO_LEASE = Refusal("no_lease", "You do not have control: take it first.", "lease")
 _ALREADY_YOURS = Refusal("already_yours", "You have control yourself.", "lease")
 
 # --- what is allowed --------------------------------------------------------------------------
@@ -180,7 +181,7 @@ def may_clear(holding: Holding | None, *, tab: Tab | None, supervises: bool, now
 def must_hold(holding: Holding | None, *, tab: Tab, now: datetime) -> Refusal | None:
     """Steps for the holder's own page only."""
     if holding is None:
-        return Refusal("no_lease", "You do not have control: take it first.", "lease")
+        return NO_LEASE
     if not holding.tab.is_same_tab(tab) or holding.tab.connection != tab.connection:
         return Refusal(
             "not_holder",

@@ -119,17 +119,6 @@ def lease_hand_over(
     return given
 
 
-def lease_release(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> Holding:
-    """Give control back. Returns what was given back."""
-    with _change():
-        robot, user = _robot(robot_id), _user(user_id)
-        held = holding_of(robot_id)
-        before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
-        _free(robot_id, before, now)
-        _end_session(before, EndReason.RELEASED, robot, user, now)
-    return before
-
-
 # --- keeping ------------------------------------------------------------------------------------
 
 
@@ -186,15 +175,26 @@ def lease_expire(*, robot_id: UUID, now: datetime) -> Holding | None:
 
 
 def lease_end(
-    *, robot_id: UUID, session: UUID, reason: EndReason, refusal: Refusal, now: datetime
+    *,
+    robot_id: UUID,
+    session: UUID,
+    reason: EndReason,
+    refusal: Refusal | None = None,
+    user_id: UUID | None = None,
+    now: datetime,
 ) -> Holding | None:
-    """End control because the right to it ended, or the bridge does not take it. None if it was over already."""
+    """End this control session, whichever connection has it by now. None if it was over already.
+
+    Its holder `user_id` gives it back; or the right to it ended, or the bridge does not take it: `refusal`.
+    """
+    note, why = (refusal.text, refusal.code) if refusal else ("", "")
     with _change():
         held = holding_of(robot_id)
         if held is None or held.session != session:
             return None
         _free(robot_id, held, now)
-        _end_session(held, reason, _robot(robot_id), None, now, note=refusal.text, why=refusal.code)
+        by = _user(user_id) if user_id else None
+        _end_session(held, reason, _robot(robot_id), by, now, note=note, why=why)
     return held
 
 

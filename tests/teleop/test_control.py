@@ -193,8 +193,8 @@ async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_i
         full.setattr(audit, "record", unavailable)
         await page.say("release")
         assert (await bridge.hears(wire.Revoke)).fence == fence
-        await page.refused("audit_disk_full")
         await page.hears("control", state="free")
+        await page.refused("audit_disk_full")
     session = await eventually(ControlSession.objects.filter(ended_at__isnull=False).first)
     assert session.end_reason == EndReason.RELEASED
 
@@ -210,6 +210,76 @@ async def test_whoever_could_not_give_back_may_take_control_again(open_page, mon
         await page.say("take")
         await page.refused("audit_disk_full")
     await take(page)
+
+
+async def test_who_takes_control_again_while_giving_back_is_tried_again_gets_it_and_keeps_it(
+    open_page, monkeypatch
+):
+    monkeypatch.setattr(consumers, "AGAIN_S", 0.0)
+    record, failed, trying, go_on = audit.record, threading.Event(), threading.Event(), threading.Event()
+
+    def slow(kind, **told):
+        if kind == "control.end" and not failed.is_set():
+            failed.set()
+            unavailable()
+        if kind == "control.end":
+            trying.set()
+            assert go_on.wait(10)
+        return record(kind, **told)
+
+    page = await open_page("operator")
+    given_back = (await take(page))["session"]
+    monkeypatch.setattr(audit, "record", slow)
+    await page.say("release")
+    assert await asyncio.to_thread(trying.wait, 5)
+    await page.say("take")
+    await page.say("ping", sent_ms=1)
+    await page.hears("pong")
+    go_on.set()
+    taken = (await page.hears("control", state="yours"))["session"]
+    await page.hears_nothing("control")
+    ended = await in_database(lambda: list(ControlSession.objects.values_list("id", "end_reason")))
+    assert {str(session): reason for session, reason in ended} == {
+        given_back: EndReason.RELEASED,
+        taken: "",
+    }
+
+
+async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_that_is_stored(
+    open_page, monkeypatch
+):
+    page = await open_page("operator")
+    await take(page)
+    monkeypatch.setattr(consumers, "AGAIN_S", 0.5)
+    with monkeypatch.context() as full:
+        full.setattr(audit, "record", unavailable)
+        await page.say("release")
+        await page.refused("audit_disk_full")
+    await page.close()
+    await open_page("operator")
+    session = await eventually(ControlSession.objects.filter(ended_at__isnull=False).first)
+    assert session.end_reason == EndReason.RELEASED
+
+
+async def test_the_lease_of_whose_right_ended_is_ended_even_if_that_can_only_be_stored_later(
+    open_page, bridge, monkeypatch
+):
+    monkeypatch.setattr(consumers, "AGAIN_S", 0.05)
+    page = await open_page("operator")
+    bridge.refuses = Refusal("stale_fence", "There is a higher number.", "lease")
+    with monkeypatch.context() as full:
+        full.setattr(services, "_end_session", away)
+        await page.say("take")
+        await page.hears("notice", code="stale_fence")
+        await page.hears("control", state="free")
+    session = await eventually(ControlSession.objects.filter(ended_at__isnull=False).first)
+    assert session.end_reason == EndReason.BRIDGE
+
+
+async def test_who_gives_back_what_they_do_not_have_is_told(open_page):
+    page = await open_page("operator")
+    await page.say("release")
+    await page.refused("no_lease")
 
 
 async def test_a_second_person_asks_and_gets_control(open_page, bridge):
@@ -288,10 +358,12 @@ async def test_control_ends_with_its_term_even_if_that_cannot_be_recorded(open_p
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     monkeypatch.setattr(audit, "record", unavailable)
+    monkeypatch.setattr(rooms, "lease_seen", away)
     await moves_on(term_ends_at=timezone.now())
     assert (await bridge.hears(wire.Revoke)).fence == fence
     await page.hears("notice", code="term")
     await page.hears("control", state="free")
+    assert (await open_page("observer")).control["state"] == "free"
 
 
 async def test_renewing_begins_a_fresh_term(open_page):
@@ -500,6 +572,24 @@ async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_tha
         await page.say("hello", tab="operator-tab-0123456789")
         assert await page.is_closed() == CloseCode.TRY_AGAIN
     await open_page("operator")
+
+
+async def test_a_page_that_comes_back_while_that_cannot_be_stored_is_closed_and_then_has_control_again(
+    open_page, monkeypatch
+):
+    page = await open_page("operator")
+    session = (await take(page))["session"]
+    await page.close()
+    with monkeypatch.context() as full:
+        full.setattr(audit, "record", unavailable)
+        page = await open_page("operator", hello=False)
+        await page.say("hello", tab="operator-tab-0123456789")
+        assert await page.is_closed() == CloseCode.TRY_AGAIN
+    again = await open_page("operator")
+    control = (
+        again.control if again.control["state"] == "yours" else await again.hears("control", state="yours")
+    )
+    assert control["session"] == session
 
 
 async def test_what_is_done_is_not_refused_because_it_cannot_be_told_yet(open_page, monkeypatch):

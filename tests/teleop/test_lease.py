@@ -35,6 +35,12 @@ def take(robot, user, *, name=None, highest_fence=0, now=NOW):
     )
 
 
+def give_back(robot, held):
+    services.lease_end(
+        robot_id=robot.id, session=held.session, reason=EndReason.RELEASED, user_id=held.user, now=NOW
+    )
+
+
 def refused(step, *args, **kwargs):
     with pytest.raises(services.ControlRefused) as caught:
         step(*args, **kwargs)
@@ -60,7 +66,7 @@ def test_taking_begins_a_control_session_and_is_recorded_with_its_fence(robot, o
 
 def test_every_control_has_a_higher_fencing_number_than_all_before(robot, operator, second_operator):
     first = take(robot, operator)
-    services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
+    give_back(robot, first)
     second = take(robot, second_operator)
     assert second.fence > first.fence
 
@@ -287,7 +293,7 @@ def test_however_control_ends_its_session_says_so_once(robot, operator, second_o
 
     refusal = Refusal("role_too_low", "You may not.", "account")
     held = [take(robot, operator)]
-    step(services.lease_release, operator)
+    give_back(robot, held[0])
     held += [take(robot, operator), take(robot, operator, name="operator-elsewhere")]
     step(services.lease_take_over, supervisor, reason="fire drill", highest_fence=0)
     held.append(holding_of(robot.id))
@@ -332,22 +338,22 @@ def test_names_and_reasons_in_records_of_control_may_expire(robot, operator, sup
 
 
 def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, second_operator):
-    take(robot, operator)
+    held = take(robot, operator)
     services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
-    services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
+    give_back(robot, held)
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.FREED
 
 
 @pytest.mark.parametrize("outcome", ControlRequest.Outcome.values)
 def test_what_became_of_a_question_for_control_is_on_record(outcome, robot, operator, second_operator):
-    take(robot, operator)
+    held = take(robot, operator)
     asker, holder = tab("second"), {"robot_id": robot.id, "user_id": operator.id, "tab": tab("operator")}
     asked = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
     match outcome:
         case "granted":
             services.lease_hand_over(**holder, request_id=asked, highest_fence=0, now=NOW)
         case "freed":
-            services.lease_release(**holder, now=NOW)
+            give_back(robot, held)
         case "lapsed":
             services.asks_lapse(now=NOW + timedelta(hours=1))
         case _:
@@ -361,7 +367,7 @@ def test_what_became_of_a_question_for_control_is_on_record(outcome, robot, oper
 
 def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_operator):
     old = take(robot, operator)
-    services.lease_release(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW)
+    give_back(robot, old)
     new = take(robot, second_operator)
     ended = services.lease_end(
         robot_id=robot.id,

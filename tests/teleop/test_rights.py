@@ -14,6 +14,7 @@ from teleop.database import in_database
 from teleop.models import ControlSession, EndReason
 from teleop.rooms import LOOK_S
 from teleop.socket import CloseCode
+from tests.teleop.test_topics import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -46,9 +47,8 @@ async def test_without_the_role_control_ends_and_one_may_still_look(driving, bri
     told = await driving.hears("control", state="free")
     assert told["refusal"]["code"] == "role_too_low"
     assert "yours" not in [message.get("state") for message in driving.inbox]
-    assert (
-        await in_database(lambda: Record.objects.get(kind="control.end").parameters["why"]) == "role_too_low"
-    )
+    ended = await eventually(Record.objects.filter(kind="control.end").first)
+    assert ended.parameters["why"] == "role_too_low"
 
 
 async def test_without_any_role_the_page_is_cut_off(driving, bridge, operator):
