@@ -170,6 +170,6 @@ def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
         lambda: person.state["verdict"]["allowed"] == [0, 0, 0] and person.state["verdict"]["asked"][0] > 0,
         "the gate to hold the robot",
     )
+    person.until(lambda: person.part("words").inner_text(), "words that say why")  # they go with the hold
     person.until_still()
     person.page.mouse.up()
-    assert person.part("words").inner_text() != ""  # it says why
