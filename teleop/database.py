@@ -17,6 +17,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _threads = ThreadPoolExecutor(max_workers=4, thread_name_prefix="database")
+_beside = ThreadPoolExecutor(max_workers=1, thread_name_prefix="beside")  # rights are confirmed in the others
 
 
 async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -26,7 +27,7 @@ async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kw
 
 
 def in_database_beside(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-    """The same from where there is no event loop, for what nobody waits for: only the end of the process does."""
+    """In a thread of its own, for what nobody waits for: only the end of the process does."""
 
     def call() -> R:
         try:
@@ -34,4 +35,4 @@ def in_database_beside(function: Callable[P, R], /, *args: P.args, **kwargs: P.k
         finally:
             close_old_connections()
 
-    return _threads.submit(call)
+    return _beside.submit(call)

@@ -11,7 +11,7 @@ from typing import Generic, Protocol, TypeVar
 
 logger = logging.getLogger(__name__)
 
-MOST = 500  # folds at once; what happens beyond is only logged
+MOST = 500  # folds at once of what anybody chooses the keys of; what happens beyond is only logged
 
 
 class Event(Protocol):
@@ -41,8 +41,10 @@ class _Fold(Generic[E]):
 class FoldingLog(Generic[E]):
     """Folds events, and writes them in a thread that is there only while there is something to write."""
 
-    def __init__(self, write: Callable[[E, int], None]) -> None:
+    def __init__(self, write: Callable[[E, int], None], *, most: int | None = MOST) -> None:
         self._write = write
+        self._most = most
+        self._at_once = False
         self._changed = threading.Condition()
         self._folds: dict[Hashable, _Fold[E]] = {}
         self._thread: threading.Thread | None = None
@@ -53,7 +55,7 @@ class FoldingLog(Generic[E]):
             fold = self._folds.get(event.key)
             if fold is not None:
                 fold.newest, fold.times = event, fold.times + 1
-            elif len(self._folds) >= MOST:
+            elif self._most is not None and len(self._folds) >= self._most:
                 logger.error("too much to record: %s is lost", event.key)
             else:
                 self._folds[event.key] = _Fold(event, 1, time.monotonic())
@@ -64,15 +66,16 @@ class FoldingLog(Generic[E]):
         """Forget what is not written yet; what is being written is waited for."""
         with self._changed:
             self._folds.clear()
-            self._changed.notify()
-        self.calm()
+        self.flush()
 
-    def calm(self) -> None:
-        """Wait until nothing is left to fold."""
+    def flush(self) -> None:
+        """Write at once what waits, and be done with it: for the end of the process."""
         with self._changed:
-            thread = self._thread
+            thread, self._at_once = self._thread, True
+            self._changed.notify()
         if thread is not None:
             thread.join()
+        self._at_once = False
 
     def _see_to_the_thread(self) -> None:
         if self._thread is None:
@@ -92,7 +95,9 @@ class FoldingLog(Generic[E]):
             while self._folds:
                 fold = min(self._folds.values(), key=lambda fold: fold.due_s)
                 now_s = time.monotonic()
-                if now_s < fold.due_s:
+                if fold.times == 0 and self._at_once:
+                    del self._folds[fold.newest.key]
+                elif now_s < fold.due_s and not self._at_once:
                     self._changed.wait(fold.due_s - now_s)
                 elif fold.times == 0:
                     del self._folds[fold.newest.key]

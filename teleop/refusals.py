@@ -6,6 +6,7 @@ robot are folded: the first is written at once, what follows within `GAP_S` in o
 
 from __future__ import annotations
 
+import atexit
 import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -91,6 +92,7 @@ class RefusalLog(FoldingLog[Denied]):
 
 
 log = RefusalLog()
+atexit.register(log.flush)
 
 
 def note(denied: Denied) -> None:

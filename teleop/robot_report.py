@@ -108,7 +108,7 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
         driven_h=sum(use.hours),
         distance_m=sum(day.metres for day in use.days),
         interventions=sum(row["times"] for row in reasons),
-        stops=_of_days(robot, since, today).filter(kind="stop.press", of=None).count(),
+        stops=_stops(robot, since, today),
         use=use,
         reasons=_reasons(reasons[:REASONS]),
         faults=_faults(robot, since, today),
@@ -118,6 +118,13 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
 def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
     """Not of days to come either: a clock may have been ahead."""
     return Record.objects.filter(robot_id=robot.pk, day__range=(since, until))
+
+
+def _stops(robot: Robot, since: date, until: date) -> int:
+    """How often it was pressed: a record may be of several times."""
+    pressed = _of_days(robot, since, until).filter(kind="stop.press", of=None)
+    times = Coalesce(_number("times", "parameters"), 1.0)
+    return int(pressed.aggregate(pressed=Sum(times))["pressed"] or 0)
 
 
 def _driven(robot: Robot, since: date, until: date) -> list[Any]:

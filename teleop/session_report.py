@@ -140,7 +140,7 @@ def _figures(rows: Sequence[Row], drives: Sequence[Row], lasted_s: float) -> Fig
         lasted=clock(lasted_s),
         driven=clock(sum(_driven_s(row) for row in drives)),
         distance_m=sum(end.details.get("distance_m", 0.0) for end in ends),
-        stops=kinds.count("stop.press"),
+        stops=sum(row.record.parameters.get("times", 1) for row in rows if row.record.kind == "stop.press"),
         interventions=kinds.count("gate.begin"),
         complete=not any(wording.expired(end) and "distance_m" not in end.parameters for end in ends),
     )

@@ -6,12 +6,13 @@ Every press is sent; of presses again and again few are recorded (`teleop.foldin
 from __future__ import annotations
 
 import asyncio
+import atexit
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import Future
 from typing import NamedTuple
-from uuid import UUID
+from uuid import UUID, uuid4
 
-from django.db import DatabaseError
+from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
 from fleet.accounts.models import User
@@ -28,7 +29,7 @@ from teleop.socket import beside
 
 GAP_S = 3.0  # between two records of one person's presses of one robot by one door
 
-Key = tuple[UUID, UUID, str]
+Key = tuple[UUID, UUID, str, UUID | None]
 
 
 class Press(NamedTuple):
@@ -37,12 +38,13 @@ class Press(NamedTuple):
     person: User
     through: str  # which door
     robot_id: UUID
+    of: UUID | None  # the press that stopped the robot, of which this is that or a repetition
     answer: Future[Stopped | Refusal]
 
     @property
     def key(self) -> Key:
         """What is folded into one."""
-        return self.person.pk, self.robot_id, self.through
+        return self.person.pk, self.robot_id, self.through, self.of
 
     @property
     def gap_s(self) -> float:
@@ -60,18 +62,29 @@ class StopButton:
     def __init__(self, user: User, through: str, failed: Callable[[Refusal], Awaitable[None]]) -> None:
         self._answer: Future[Stopped | Refusal] | None = None  # of the press that is not answered yet
         self._again = False
+        self._number = 0  # of the newest stop that the bridge confirmed
+        self._of: UUID | None = None  # the newest press that was no repetition
         self._user = user
         self._through = through
         self._failed = failed
 
     def press(self, link: BridgeLink, *, flood: bool = False) -> None:
         """Stop the robot behind `link`."""
+        if self._is_cleared(link):
+            self._of = uuid4()
         if self._answer is None:
             self._answer = self._begin(link)
         elif flood or not link.send(LinkStop(self._user.display_name)):
             self._again = True  # without a link, the way round it is being tried: once more, when it was
-        pressed = Press(self._user, self._through, link.robot_id, self._answer)
+        pressed = Press(self._user, self._through, link.robot_id, self._of, self._answer)
         asyncio.get_running_loop().call_soon(log.note, pressed)  # after it was sent
+
+    def _is_cleared(self, link: BridgeLink) -> bool:
+        """Whether a press now is no repetition. The state may be older than the last press; its number tells."""
+        if self._answer is not None or link.state is None:
+            return False
+        stop = link.state.stop
+        return stop.state == "clear" and stop.number >= self._number
 
     def _begin(self, link: BridgeLink) -> Future[Stopped | Refusal]:
         answer: Future[Stopped | Refusal] = Future()
@@ -81,6 +94,8 @@ class StopButton:
     async def _send(self, link: BridgeLink, answer: Future[Stopped | Refusal]) -> None:
         try:
             result = await _send(link, self._user.display_name)
+            if isinstance(result, Stopped):
+                self._number = result.stop.number
             answer.set_result(result)
         finally:
             again, self._again = self._again, False
@@ -98,12 +113,16 @@ async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
 
 
 def put_on_record(last: Press, times: int) -> None:
-    """Record so many presses beside, with the control session that they interrupt; then what came of the last."""
-    in_database_beside(_record, last, times)
+    """Record so many presses, with the control session that they interrupt; beside, what came of the last."""
+    try:
+        _record(last, times)
+    finally:
+        close_old_connections()
 
 
 def _record(last: Press, times: int) -> None:
     try:
+        close_old_connections()
         held = holding_of(last.robot_id)
     except DatabaseError:
         held = None
@@ -119,10 +138,14 @@ def _record(last: Press, times: int) -> None:
     def answered(answer: Future[Stopped | Refusal]) -> None:
         in_database_beside(record_outcome, pressed, actor=last.person, result=answer.result())
 
-    last.answer.add_done_callback(answered)
+    if last.answer.done():
+        record_outcome(pressed, actor=last.person, result=last.answer.result())
+    else:
+        last.answer.add_done_callback(answered)
 
 
-log = FoldingLog(put_on_record)
+log = FoldingLog(put_on_record, most=None)  # keys are people, robots and doors: nobody chooses them
+atexit.register(log.flush)
 
 
 async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
@@ -147,5 +170,5 @@ def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Sto
     for robot, result in zip(robots, results, strict=True):
         answer: Future[Stopped | Refusal] = Future()
         answer.set_result(result)
-        log.note(Press(user, through, robot.id, answer))
+        log.note(Press(user, through, robot.id, None, answer))
     return results

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 
 import pytest
@@ -11,7 +10,7 @@ import pytest_asyncio
 from fleet.accounts.models import User
 from robots.link import links
 from robots.models import RobotRole
-from teleop import database, stopping
+from teleop import stopping
 from teleop.database import in_database_beside
 from teleop.folding import FoldingLog
 from tests.conftest import PASSWORD
@@ -38,20 +37,11 @@ def second_operator(robot):
 @pytest.fixture(autouse=True)
 def stop_log(monkeypatch) -> Iterator[None]:
     """What is pressed in a test is written in it or not at all."""
-    own = FoldingLog(stopping.put_on_record)
+    own = FoldingLog(stopping.put_on_record, most=None)
     monkeypatch.setattr(stopping, "log", own)
     yield
     own.end()
-    for _ in ("what is being written", "and what came of it"):
-        _wait_for_the_database_threads()
-
-
-def _wait_for_the_database_threads() -> None:
-    """Until all of them are free at the same time: nothing is written into the next test."""
-    threads = database._threads._max_workers
-    together = threading.Barrier(threads)
-    for waits in [in_database_beside(together.wait, 10) for _ in range(threads)]:
-        waits.result()
+    in_database_beside(lambda: None).result(10)  # and what came of it: nothing is written into the next test
 
 
 @pytest_asyncio.fixture

@@ -78,6 +78,11 @@ class FakeBridge:
             link.show(picture)
         return picture.decode()
 
+    def tells_stop(self, state: str) -> None:
+        """The stop latch as it is now, to every web process."""
+        latch = StopState(state, number=self.newest_stop)
+        self.say(wire.Status(msgspec.structs.replace(IDLE, stop=latch)))
+
     def shows(self, topic: str, number: int) -> str:
         """A message of a topic for every web process. Returns it as a page sees it."""
         shown = wire.encode(wire.Shown(topic, "std_msgs/Int32", number, 5.0, 4, None, 1, {"data": number}))
@@ -118,7 +123,8 @@ class FakeBridge:
                     wire.Refused("grant", self.refuses, fence=fence) if self.refuses else wire.Granted(fence)
                 )
             case wire.LinkStop(by=by, seq=seq):
-                link.report(wire.Stopped(StopState("stopping", by), seq))
+                self.newest_stop += 1
+                link.report(wire.Stopped(StopState("stopping", by, number=self.newest_stop), seq))
             case wire.LinkClear(number=number, seq=seq):
                 again = Refusal("stopped_again", "Pressed again since.", "stop")
                 known = number == self.newest_stop

@@ -186,7 +186,7 @@ def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_anot
     put, session, robot, other_robot, supervisor
 ):
     put("control.take")
-    record("stop.press", actor=supervisor, robot_id=robot.pk)
+    record("stop.press", actor=supervisor, robot_id=robot.pk, parameters={"times": 3})
     record("stop.press", actor=supervisor, robot_id=other_robot.pk)
     put("control.end", outcome="released")
     record("stop.press", actor=supervisor, robot_id=robot.pk)
@@ -196,7 +196,7 @@ def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_anot
         ("stop", ["Sue Pervisor"]),
         ("control", ["released"]),
     ]
-    assert report.figures.stops == 1
+    assert report.figures.stops == 3
 
 
 def test_figures_are_those_of_all_drives(session, drive):
@@ -339,6 +339,14 @@ def test_what_is_older_or_another_robots_does_not_count(robot, other_robot, driv
     assert (report.drives, report.driven_h, report.interventions, report.faults) == (0, 0.0, 0, [])
     assert report.interventions_per_hour is None
     assert robot_report.report_of(robot, 30, TUESDAY).drives == 1
+
+
+def test_every_press_of_a_stop_counts_however_few_records_there_are_of_it(robot, put, at):
+    at(TUESDAY)
+    put("stop.press", parameters={"through": "page"})
+    pressed = put("stop.press", parameters={"through": "page", "times": 4})
+    record("stop.press", of=pressed, outcome="stopped")
+    assert robot_report.report_of(robot, 7, TUESDAY).stops == 5
 
 
 def test_nor_does_what_a_clock_recorded_that_was_ahead(robot, drive, put, at):

@@ -2,16 +2,23 @@
 
 import asyncio
 import threading
+from concurrent.futures import Future
+from uuid import uuid4
 
 import pytest
 
 from fleet import audit
+from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots import wire
+from robots.link import links
 from robots.models import Robot
-from teleop import stopping
+from robots.selectors import link_address
+from teleop import database, stopping
 from teleop.database import in_database
+from teleop.folding import MOST, FoldingLog
 from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
+from tests.teleop.test_topics import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -119,6 +126,29 @@ async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, brid
     assert len(told) <= 4
 
 
+async def test_a_stop_after_the_last_was_cleared_is_no_repetition(open_page, bridge, robot, monkeypatch):
+    """It is on record at once, with the control session that it interrupts."""
+    monkeypatch.setattr(stopping, "GAP_S", 60.0)
+    holder, page = await open_page("operator"), await open_page("observer")
+    link = links.get(robot.id, link_address(robot))
+    for number in (1, 2):
+        await page.say("stop")
+        assert await presses_on_record(number) == [(1, "stopping")] * number
+        await page.say("stop")  # this one is: the robot's state is still of before, and then it is stopped
+        await bridge.hears(wire.LinkStop, count=2 * number)
+        bridge.tells_stop("stopped")
+        await eventually(lambda: link.state.stop.state == "stopped")
+        if number == 1:
+            bridge.tells_stop("clear")
+            await eventually(lambda: link.state.stop.state == "clear")
+            await holder.say("take")
+            control = await holder.hears("control", state="yours")
+    first, second = [record for record in await records("stop.press") if not record.of_id]
+    assert (first.session_id, str(second.session_id)) == (None, control["session"])
+    await asyncio.to_thread(stopping.log.flush)
+    assert [times for times, _ in await presses_on_record(4)] == [1, 1, 1, 1]
+
+
 async def test_many_presses_without_a_live_connection_are_few_records_too(browsers, bridge, monkeypatch):
     monkeypatch.setattr(stopping, "GAP_S", 1.0)
     for _ in range(10):
@@ -135,7 +165,7 @@ async def test_a_press_after_a_while_is_recorded_by_itself(open_page, bridge, mo
     for count in (1, 2):
         await page.say("stop")
         assert await presses_on_record(count) == [(1, "stopping")] * count
-        await asyncio.to_thread(stopping.log.calm)
+        await eventually(lambda: not stopping.log._folds)
 
 
 async def test_no_number_of_stops_is_refused_nor_ends_the_connection(open_page, bridge):
@@ -145,9 +175,40 @@ async def test_no_number_of_stops_is_refused_nor_ends_the_connection(open_page, 
     await page.say("ping", sent_ms=1)
     told = await page.hears("refused")  # they were paid for all the same
     assert (told["of"], told["refusal"]["code"]) == ("ping", "flood")
-    sent = len(bridge.all(wire.LinkStop))
-    await page.say("stop")
-    await bridge.hears(wire.LinkStop, count=sent + 1)
+
+
+class SilentLink:
+    """A link whose bridge answers a stop when it is told to."""
+
+    state = None
+
+    def __init__(self, robot):
+        self.robot_id = robot.id
+        self.sent = []
+        self.answers = []
+
+    def send(self, message):
+        self.sent.append(message)
+        return True
+
+    async def stop(self, message):
+        self.sent.append(message)
+        self.answers.append(asyncio.get_running_loop().create_future())
+        return await self.answers[-1]
+
+
+async def test_the_presses_of_a_flood_are_one_more_when_the_bridge_has_answered(robot, observer):
+    link, button = SilentLink(robot), stopping.StopButton(observer, "robot page", None)
+    button.press(link)
+    await eventually(lambda: link.answers)
+    for _ in range(5):
+        button.press(link, flood=True)
+    assert len(link.sent) == 1
+    link.answers[0].set_result(wire.Stopped(wire.StopState("stopping")))
+    await eventually(lambda: len(link.answers) == 2)
+    link.answers[1].set_result(wire.Stopped(wire.StopState("stopping")))
+    await presses_on_record(6)
+    assert len(link.sent) == 2
 
 
 async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, bridge):
@@ -197,6 +258,39 @@ async def test_a_press_while_another_is_on_a_way_round_a_lost_link_is_sent_too(
     second.set()
     await page.refused("bridge_down")
     assert len(pressed) == 2
+
+
+async def test_however_slowly_stops_are_recorded_rights_are_confirmed(open_page, bridge, monkeypatch):
+    begun, answered = threading.Semaphore(0), threading.Event()
+
+    def slow(*_args, **_kwargs):
+        begun.release()
+        answered.wait(10)
+
+    pages = [await open_page(who) for who in ("observer", "operator", "supervisor", "staff", "second")]
+    monkeypatch.setattr(audit, "record", slow)
+    monkeypatch.setattr(stopping, "record_outcome", slow)
+    try:
+        for page in pages:
+            await page.say("stop")
+            await bridge.hears(wire.LinkStop)
+        assert await asyncio.to_thread(begun.acquire, timeout=5)
+        together = threading.Barrier(database._threads._max_workers)
+        waits = [in_database(together.wait, 5) for _ in range(database._threads._max_workers)]
+        await asyncio.gather(*waits)
+    finally:
+        answered.set()
+
+
+def test_what_waits_is_recorded_at_the_end_of_the_process_however_much_it_is():
+    told = []
+    log = FoldingLog(lambda press, times: told.append((press.robot_id, times)), most=None)
+    presses = [stopping.Press(User(username="p"), "rest", uuid4(), None, Future()) for _ in range(MOST + 10)]
+    for press in presses * 3:
+        log.note(press)
+    log.flush()
+    for press in presses:
+        assert sum(times for robot, times in told if robot == press.robot_id) == 3
 
 
 # --- clear ----------------------------------------------------------------------------------------
