@@ -10,10 +10,12 @@ import pytest
 from django.core.management import CommandError, call_command
 from django.db import connection, transaction
 
+from fleet.accounts.management.commands import erase_person
 from fleet.accounts.models import User
 from fleet.audit import record, retention
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.verify import verify_all
+from teleop import refusals
 from tests.script.support import until
 
 pytestmark = pytest.mark.django_db
@@ -90,6 +92,11 @@ def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step
     erase(operator.username)
     assert not [data for data in Content.objects.values_list("text", "data") if "Olga" in str(data)]
     assert verify_all().findings == []
+
+
+def test_it_waits_for_longer_than_refusals_are_folded_and_says_what_to_do_if_it_is_interrupted(operator):
+    assert erase_person.WRITTEN_S > refusals.GAP_S
+    assert "interrupted: run it again" in erase()
 
 
 def test_what_was_refused_before_and_is_recorded_a_while_later_names_nobody_either(

@@ -43,6 +43,7 @@ class Command(BaseCommand):
         account_close(user=person)
         self.stdout.write(
             f"The account is closed. What is still being recorded is waited for: {WRITTEN_S:.0f} s."
+            " If this is interrupted: run it again."
         )
         sleep(WRITTEN_S)
         told = account_erase(user=person, actor=here())
