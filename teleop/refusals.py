@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import atexit
 import logging
-from collections.abc import Callable
 from typing import Any, NamedTuple
 from uuid import UUID
 
@@ -84,14 +83,7 @@ def put_on_record(denied: Denied, times: int) -> None:
         close_old_connections()
 
 
-class RefusalLog(FoldingLog[Denied]):
-    """Folds refusals, and writes them."""
-
-    def __init__(self, write: Callable[[Denied, int], None] = put_on_record) -> None:
-        super().__init__(write)
-
-
-log = RefusalLog()
+log = FoldingLog(put_on_record)
 atexit.register(log.flush)
 
 

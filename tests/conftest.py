@@ -23,7 +23,8 @@ from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
 from robots.models import Robot, RobotProfile, RobotRole, Role
-from teleop.refusals import RefusalLog
+from teleop import refusals
+from teleop.folding import FoldingLog
 from tests.disk import Disk
 from tests.pristine import pristine_copy
 
@@ -71,10 +72,10 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 
 
 @pytest.fixture(autouse=True)
-def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RefusalLog]:
+def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[refusals.Denied]]:
     """What is refused in a test is written in it or not at all."""
-    own = RefusalLog()
-    monkeypatch.setattr("teleop.refusals.log", own)
+    own = FoldingLog(refusals.put_on_record)
+    monkeypatch.setattr(refusals, "log", own)
     yield own
     own.end()
 

@@ -15,7 +15,7 @@ from robots import wire
 from robots.wire import Refusal
 from teleop import folding, refusals
 from teleop.database import in_database
-from teleop.refusals import Denied, RefusalLog, put_on_record
+from teleop.refusals import Denied, put_on_record
 from tests.teleop.support import TIMEOUT_S, Page
 from tests.teleop.test_control import take
 from tests.teleop.test_topics import eventually
@@ -29,7 +29,7 @@ def written(monkeypatch):
     """What a log with short gaps writes: (code, times)."""
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = queue.Queue()
-    log = RefusalLog(lambda denied, times: told.put((denied.refusal.code, times)))
+    log = folding.FoldingLog(lambda denied, times: told.put((denied.refusal.code, times)))
     log.told = lambda: told.get(timeout=TIMEOUT_S)
     yield log
     log.end()
@@ -92,7 +92,7 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
         begun.set()
         assert go_on.wait(TIMEOUT_S)
 
-    log = RefusalLog(hang)
+    log = folding.FoldingLog(hang)
     log.note(denied())
     assert begun.wait(TIMEOUT_S)
     for _ in range(folding.MOST + 10):  # returns, however long the database takes
