@@ -34,6 +34,11 @@ ROBOTS = (
 )
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The usability tasks come first: they have robots of their own, and need not run beside everybody else's."""
+    items.sort(key=lambda item: item.path.name != "test_usability.py")
+
+
 @pytest.fixture(scope="package")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """The console, ready, on a free port."""
