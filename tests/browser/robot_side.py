@@ -62,9 +62,10 @@ def publish_unknown() -> None:
     text = "uint8 SUN=0\nuint8 RAIN=1\nuint8 sky\nfloat32 celsius\nstring words\n"
     weather = genpy.dynamic.generate_dynamic("fleet_test_msgs/Weather", text)["fleet_test_msgs/Weather"]
     publisher = rospy.Publisher("/weather", weather, queue_size=1)
+    pace = rospy.Rate(10)  # a sleep of 0.1 s would be slower than that by what the rest takes
     while not rospy.is_shutdown():
         publisher.publish(weather(sky=1, celsius=7.5, words="Take a coat."))
-        time.sleep(0.1)
+        pace.sleep()
 
 
 def hear_places() -> None:
