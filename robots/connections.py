@@ -16,9 +16,8 @@ from robots.wire import Refusal
 _OPEN_TIMEOUT_S = 2.0
 _PING_S = 1.0
 _CLOSE_S = 0.2
-_LARGEST_REPORT_BYTES = (
-    8 * 1024 * 1024
-)  # far above any: what the robot has to tell must not cut off its driver
+# far above any: what the robot has to tell must not cut off its driver
+_LARGEST_REPORT_BYTES = 8 * 1024 * 1024
 
 DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
 

@@ -181,9 +181,7 @@ class Say(Struct, frozen=True, tag_field="t", tag="say"):
     """Say `text`, at most 500 characters; `topic` None: where speech goes now (`State.chosen`)."""
 
     fence: Fence
-    text: Annotated[
-        str, Meta(max_length=LARGEST_MESSAGE_BYTES)
-    ]  # the rule is the bridge's, and its refusal too
+    text: Annotated[str, Meta(max_length=LARGEST_MESSAGE_BYTES)]  # how long it may be is the bridge's rule
     language: Language
     topic: TopicName | None = None
     seq: Seq = 0
@@ -494,9 +492,7 @@ class Speech(Struct, frozen=True):
     who: str
     status: str
     since_s: float
-    word: tuple[int, int] | None = (
-        None  # first and last + 1 character of the word that is spoken, where the robot says
-    )
+    word: tuple[int, int] | None = None  # now spoken, where the robot tells: first character, last + 1
 
 
 class SpeechEnd(Struct, frozen=True):
@@ -549,18 +545,14 @@ class State(Struct, frozen=True):
     refused: dict[str, int]  # refused messages so far, by code
     latency_s: float = 0.0  # from a command to odometry that shows it, as the gate reckons with it
     latency_measured: bool = False  # else it is the profile's
-    arm: list[
-        tuple[float, float, float]
-    ] = []  # what of it reaches out of the base: discs x, y, radius (base frame)
+    arm: list[tuple[float, float, float]] = []  # beyond the base: discs x, y, radius (base frame)
     watchers_more: int = 0
     motion: Motion | None = None
     motion_ended: MotionEnd | None = None  # the last one
     speech: Speech | None = None
     speech_ended: SpeechEnd | None = None  # the last one
     chosen: dict[str, str] = {}  # by use: the topic where input goes instead of the default
-    choice_ended: dict[
-        str, ChoiceEnd
-    ] = {}  # by use: the last one that ended by itself, until the next choice
+    choice_ended: dict[str, ChoiceEnd] = {}  # by use: the last that ended by itself, until the next choice
     publishing: list[Publishing] = []
 
 
@@ -808,9 +800,7 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     holder: ShortText
     holder_id: ShortText
     max_share: Share
-    delay_s: Annotated[float, Meta(ge=0.0)] | None = (
-        None  # to the holder's page and back, as the web process saw it
-    )
+    delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # web process -> holder's page -> web process
 
 
 class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):

@@ -74,9 +74,8 @@ class Conditions:
     late_s: float = 0.0  # commands come this much later
     slows_to_s: float = 0.0  # messages and commands come later and later, up to this
     clock_s: float = 0.0  # the robot's clock is this far off
-    head_pan: float | None = (
-        None  # where the head is turned to, and stays; else it follows the turn of the drive
-    )
+    # where the head is turned to, and stays; else it follows the turn of the drive
+    head_pan: float | None = None
 
 
 class Seen(NamedTuple):

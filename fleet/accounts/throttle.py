@@ -19,9 +19,8 @@ from fleet.audit.models import Record
 FAILURES = 10  # of one name from one address
 FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address
 WINDOW = timedelta(minutes=5)
-CLOCKS = timedelta(
-    minutes=5
-)  # of two web processes: what is later was recorded while a clock was ahead, and counts no more
+# of two web processes: what is later was recorded while a clock was ahead, and counts no more
+CLOCKS = timedelta(minutes=5)
 KIND = "account.sign_in_failed"
 
 

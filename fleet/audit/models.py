@@ -85,9 +85,8 @@ class Record(models.Model):
     )
     outcome = models.CharField(max_length=200, blank=True)
     parameters = models.JSONField(default=dict, blank=True)
-    content_digest = models.CharField(
-        max_length=64, blank=True, editable=False
-    )  # "": there never was content
+    # "": there never was content
+    content_digest = models.CharField(max_length=64, blank=True, editable=False)
     seq = models.BigIntegerField("place in its chain", editable=False)
     digest = models.CharField(max_length=64, editable=False)
 

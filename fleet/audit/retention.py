@@ -194,9 +194,8 @@ def _wal_emptied() -> bool:
     with connection.cursor() as cursor:
         cursor.execute("PRAGMA busy_timeout")
         [patience] = cursor.fetchone()
-        cursor.execute(
-            "PRAGMA busy_timeout = 0"
-        )  # else whoever writes would wait, with us, for whoever reads
+        # else whoever writes would wait, with us, for whoever reads
+        cursor.execute("PRAGMA busy_timeout = 0")
         try:
             cursor.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             busy, *_frames = cursor.fetchone()

@@ -117,13 +117,11 @@ class Erasure(Struct, frozen=True):
 class Taken(Struct):
     """Which contents were lawfully taken out, by what the log itself says."""
 
-    before: dict[str, date] = msgspec.field(
-        default_factory=dict
-    )  # by kind: those of earlier days had expired
+    # by kind: those of earlier days had expired
+    before: dict[str, date] = msgspec.field(default_factory=dict)
     erased: set[int] = msgspec.field(default_factory=set)  # of these records, with a person
-    misdated: dict[int, date] = msgspec.field(
-        default_factory=dict
-    )  # of these, if they are of later days than these
+    # of these, if they are of later days than these
+    misdated: dict[int, date] = msgspec.field(default_factory=dict)
 
     def covers(self, record: Any) -> bool:
         """Whether it is right that the content of a record is gone."""

@@ -59,9 +59,8 @@ class HeadSource(Struct, frozen=True):
     topic: str
     pan_joint: str  # positive: left
     tilt_joint: str  # positive: up
-    look_tilt: float = (
-        -0.6
-    )  # radians: with it the depth camera shows the floor from 0.5 m to 3 m before the robot
+    # radians: with it the depth camera shows the floor from 0.5 m to 3 m before the robot
+    look_tilt: float = -0.6
     follows_turn: bool = False  # on a drive the head turns to where the robot will be
 
 
@@ -73,9 +72,8 @@ class ArmSource(Struct, frozen=True):
     tolerance: float = 0.15  # of home: radians, or metres
     radius_m: float = 0.07
     reach_m: float = 0.9  # from the shoulder: what a motion sweeps whose points nobody knows
-    postures: dict[
-        str, list[tuple[float, float, float]]
-    ] = {}  # by motion, where there is no description: its end
+    # by motion, where there is no description: its end
+    postures: dict[str, list[tuple[float, float, float]]] = {}
 
 
 class Topics(Struct, frozen=True):

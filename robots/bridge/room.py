@@ -43,9 +43,8 @@ class Room:
     def __init__(self, gate: Gate, arm: Arm) -> None:
         self._gate = gate
         self._arm = arm
-        self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = (
-            deque()
-        )  # where the arm was, while it moves
+        # where the arm was, while it moves
+        self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = deque()
 
     def why_none(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
         """Why the arm may not sweep this space, or not go on with it: something is there, or nobody can tell."""

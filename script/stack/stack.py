@@ -61,9 +61,8 @@ class PracticeRobot:
     address: str = "127.0.0.1"
     console_address: str = "127.0.0.1"
     inside: tuple[str, ...] = ()
-    stick: tuple[()] | None = (
-        None  # (): the stick passes nothing on its way to the gate; None: as the profile says
-    )
+    # (): the stick passes nothing on its way to the gate; None: as the profile says
+    stick: tuple[()] | None = None
 
 
 @dataclass(frozen=True)

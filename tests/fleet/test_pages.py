@@ -44,9 +44,8 @@ def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
     assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
 
 
-@pytest.mark.parametrize(
-    "accept", ["application/json", "*/*", None]
-)  # curl, requests; and nobody says anything
+# curl, requests; and nobody says anything
+@pytest.mark.parametrize("accept", ["application/json", "*/*", None])
 @pytest.mark.parametrize("page", ["/stop-all/", "/your-data/export/"])
 def test_a_script_is_told_that_nobody_is_signed_in(page, accept):
     response = Client().post(page, headers={"accept": accept} if accept else {})

@@ -100,9 +100,8 @@ def test_a_robot_later_than_assumed_counts_from_the_first_measurement_on():
 def test_while_the_robot_does_nothing_about_a_command_the_wait_itself_is_the_latency():
     base = Base(0.60)
     base.drive(0.5, 0.0, 0.5)
-    assert base.latency.in_force_s(base.now_s) == pytest.approx(
-        0.44, abs=0.06
-    )  # of 0.5 s, the first step is too small
+    # of 0.5 s, the first step is too small
+    assert base.latency.in_force_s(base.now_s) == pytest.approx(0.44, abs=0.06)
 
 
 def test_a_robot_that_somebody_else_drives_is_no_measurement():

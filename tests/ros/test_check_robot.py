@@ -166,9 +166,8 @@ def test_a_topic_of_another_type_is_told_with_both(robot: Robot, ros: RosClient)
 
 
 def test_a_short_message_of_another_type_spoils_no_other_answer(robot: Robot, ros: RosClient) -> None:
-    publisher = rospy.Publisher(
-        ODOMETRY, Bool, queue_size=1, latch=True
-    )  # two bytes, where a stamp was looked for
+    # two bytes, where a stamp was looked for
+    publisher = rospy.Publisher(ODOMETRY, Bool, queue_size=1, latch=True)
     publisher.publish(Bool(True))
     try:
         answers = check(robot, ros.master)

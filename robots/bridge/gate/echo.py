@@ -15,9 +15,8 @@ class Echo:
     """One connection. Bytes are counted from its beginning."""
 
     def __init__(self) -> None:
-        self._unheard: deque[tuple[int, float]] = deque(
-            maxlen=MOST
-        )  # bytes so far, and when they were written
+        # bytes so far, and when they were written
+        self._unheard: deque[tuple[int, float]] = deque(maxlen=MOST)
         self._looked_s = -math.inf
         self._last_s = math.inf
 

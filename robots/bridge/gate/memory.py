@@ -52,12 +52,10 @@ class Memory:
         )
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._lives = np.zeros(CELLS * CELLS, dtype=np.bool_)
-        self._order = np.zeros(
-            CELLS * CELLS, dtype=np.intp
-        )  # scratch: which of several points in a cell is last
-        self._cells: NDArray[np.intp] = np.empty(
-            0, dtype=np.intp
-        )  # the entries that live, in order of `points`
+        # scratch: which of several points in a cell is last
+        self._order = np.zeros(CELLS * CELLS, dtype=np.intp)
+        # the entries that live, in order of `points`
+        self._cells: NDArray[np.intp] = np.empty(0, dtype=np.intp)
         self._robot: Pose | None = None
         self._travelled_m = 0.0
         self._points: Points | None = None

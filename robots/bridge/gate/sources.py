@@ -17,9 +17,8 @@ from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import Pose, SensorHealth
 
 SONAR_MEMORY_S = 0.5
-LASER_WATCHES_RAD = math.radians(
-    20.0
-)  # most beams this near to the direction of travel must measure something
+# most beams this near to the direction of travel must measure something
+LASER_WATCHES_RAD = math.radians(20.0)
 SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
 
 
