@@ -18,6 +18,7 @@ from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
+OURS = "fleet_bridge-"  # how ids begin, of this bridge and of those before it
 
 What = TypeVar("What")
 
@@ -38,7 +39,7 @@ class Goal(Generic[What]):
 
     def sent(self, now_s: float) -> str:
         """It goes to the robot now, by this id."""
-        self.id, self.heard_s = f"fleet_bridge-{uuid4()}", now_s
+        self.id, self.heard_s = f"{OURS}{uuid4()}", now_s
         return self.id
 
 
@@ -108,6 +109,7 @@ class Goals(ABC, Generic[What]):
         if now_s - goal.heard_s > UNHEARD_S:
             self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
             self._end("cancelled", "", now_s)
+            self._ended = None  # if the robot speaks of it again, it does it
         elif goal.cancelled is not None and goal.id is not None:
             if goal.cancel_sent_s is None:
                 goal.cancel_sent_s = now_s

@@ -17,7 +17,7 @@ from robots import wire
 from robots.bridge.drives import Asker, DriveLog
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
-from robots.bridge.goals import Goal, Goals
+from robots.bridge.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
 from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
@@ -121,6 +121,7 @@ class Piece:
     """What is performed: a motion, and the space that its arm sweeps; None: the robot has not told yet."""
 
     name: str
+    title: str  # for people
     space: Sequence[Disc] | None = None
 
 
@@ -131,23 +132,24 @@ class Motions(Goals[Piece]):
         super().__init__(log, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
+        self._strays_cancelled_s = -math.inf
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why the base must stand, and no other motion may begin: one runs."""
         goal = self._current
         if goal is not None:
-            motion, who = goal.what.name, goal.asker.holder.holder
+            who = goal.asker.holder.holder
             does = "performs" if self.begun else "is about to perform"
-            text = f"The robot {does} “{motion}”, asked for by {who}."
-            return Refusal("motion_running", text, "robot", {"motion": motion, "who": who})
+            text = f"The robot {does} “{goal.what.title}”, asked for by {who}."
+            return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
         if self._busy(now_s):
             return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
         return None
 
-    def begin(self, name: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
+    def begin(self, name: str, title: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
         """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
         number = self._log.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._current = Goal(Piece(name), action, asker, now_s, number)
+        self._current = Goal(Piece(name, title), action, asker, now_s, number)
         return self._current
 
     def told(self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float) -> None:
@@ -178,7 +180,7 @@ class Motions(Goals[Piece]):
     @property
     def under_way(self) -> list[str]:
         """The motion that was asked for here and is not over, in words."""
-        return [f"the motion “{self._current.what.name}”"] if self._current is not None else []
+        return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
 
     def halt(self, refusal: Refusal, now_s: float) -> None:
         """What runs is cancelled, what has not begun will not be."""
@@ -203,6 +205,7 @@ class Motions(Goals[Piece]):
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """The robot says which goals are under way."""
         self._heard(action, goal_ids, now_s)
+        self._cancel_strays(action, goal_ids, now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
         """The bridge ends, and with it whoever could watch the motion."""
@@ -216,6 +219,15 @@ class Motions(Goals[Piece]):
         if goal is None:
             return None
         return wire.Motion(goal.what.name, goal.asker.holder.holder, round(now_s - goal.since_s, 1))
+
+    def _cancel_strays(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
+        """What a bridge that was killed left, or this one gave up: nobody watches the space about that arm."""
+        known = {self._current.id if self._current else None, self._ended}
+        strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
+        if strays and now_s - self._strays_cancelled_s >= CANCEL_AGAIN_S:
+            self._strays_cancelled_s = now_s
+            for goal_id in strays:
+                self._withdraw(goal_id, action)
 
     def _over(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)

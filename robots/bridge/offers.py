@@ -35,6 +35,11 @@ class Catalogue:
         self.tell(self._asked)
         self._asked = False
 
+    def title_of(self, motion: str, action: str) -> str:
+        """What people read for a motion of an action's; its own name, if nothing else is known."""
+        motions, _ = self._motions.get(action, ((), ""))
+        return next((offer.title for offer in motions if offer.name == motion), motion)
+
     def tell(self, anyway: bool = False) -> None:
         """Tell what is on offer, if it has changed or `anyway`."""
         offers = self.now()

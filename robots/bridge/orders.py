@@ -336,7 +336,8 @@ class Orders:
             asker.answer(refusal)
             return
         action = self.choices.topic("motions")
-        goal = self.motions.begin(order.motion, action, asker, now_s)
+        title = self.catalogue.title_of(order.motion, action)
+        goal = self.motions.begin(order.motion, title, action, asker, now_s)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
             self.motions.told(goal, space, now_s)

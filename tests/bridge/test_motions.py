@@ -213,6 +213,24 @@ def test_a_second_motion_is_refused_with_who_runs_which(bench):
     assert refusal.figures == {"motion": "wave", "who": "Ann"}
 
 
+def test_a_motion_is_called_by_the_name_that_people_read(bench):
+    bench.core.orders.catalogue.read("/play_motion", [wire.MotionOffer("wave", "Wave the hand")], "")
+    begun(bench)
+    refusal = ask(bench, "nod")
+    assert refusal.text == "The robot performs “Wave the hand”, asked for by Ann."
+    assert refusal.figures == {"motion": "wave", "who": "Ann"}
+    assert bench.core.orders.under_way == ["the motion “Wave the hand”"]
+
+
+def test_an_end_that_is_told_twice_is_one_end(bench):
+    goal_id = begun(bench)
+    ends(bench, goal_id, "succeeded")
+    bench.core.orders.motions.ended(goal_id, "failed", "", bench.now_s)
+    bench.recorded()
+    assert bench.sink.kinds == ["motion.start", "motion.end"]
+    assert bench.core.state(bench.now_s, []).motion_ended.outcome == "succeeded"
+
+
 def test_while_it_runs_the_base_stands_and_afterwards_the_stick_returns_to_neutral_first(bench):
     goal_id = begun(bench)
     assert bench.stick(0.5).code == "motion_running"
@@ -419,6 +437,30 @@ def test_a_goal_of_which_the_robot_never_speaks_is_given_up(bench):
     assert bench.core.state(bench.now_s, []).motion is None
     assert bench.stick(0.0) is None
     bench.driving()
+
+
+def test_a_goal_that_was_given_up_and_is_heard_of_again_is_cancelled_and_the_base_stands_meanwhile(bench):
+    goal_id = begun(bench)
+    bench.pass_time(2.2)
+    bench.base.cancelled_goals.clear()
+    passes(bench, goal_id, 0.2)
+    assert bench.base.cancelled_goals == [goal_id]
+    assert ask(bench, "nod").code == "motion_running"
+    assert bench.stick(0.5).code == "motion_running"
+
+
+def test_a_goal_of_an_earlier_bridge_which_nobody_watches_is_cancelled_until_the_robot_obeys(bench):
+    left = "fleet_bridge-left"
+    passes(bench, left, 1.4)
+    assert bench.base.cancelled_goals == [left] * 3
+    assert ask(bench).code == "motion_running"
+    bench.pass_time(2.2)
+    begun(bench)
+
+
+def test_what_others_asked_for_is_left_alone(bench):
+    passes(bench, "/play_motion-7-1.2", 1.4)
+    assert bench.base.cancelled_goals == []
 
 
 def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
