@@ -18,7 +18,7 @@ from msgspec import Struct
 
 from robots.bridge.config import ArmSource, DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import Parameters
-from robots.bridge.never import USE_TYPES
+from robots.bridge.never import FULL_NAME, USE_TYPES
 from robots.bridge.stick import STEADYING, STEPS, StickStep
 
 T = TypeVar("T", bound=Struct)
@@ -36,7 +36,6 @@ UNDERSTOOD_TYPES = {
 }
 
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
-_TOPIC = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 _HOST = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*\.?")
 _PLACE = re.compile(r"(?P<what>.*?)(?: - at `(?:key in )?\$(?P<path>.*)`)?", re.DOTALL)
 _WORDS = {
@@ -247,7 +246,7 @@ def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:
 
 
 def _name_problem(name: str, path: str) -> Iterator[str]:
-    if not _TOPIC.fullmatch(name):
+    if not FULL_NAME.fullmatch(name):
         yield f"{path}: {name!r} is not a full ROS name such as /scan_raw (leading slash, letters, digits, _)"
 
 

@@ -545,7 +545,9 @@ class Allowance(OfProfileOrRobot):
                 _("Write package and type, such as std_msgs/String."),
             )
         ],
-        help_text=_("What is published needs it, such as std_msgs/String. Otherwise leave it empty."),
+        help_text=_(
+            "What is published or called needs it, such as std_msgs/String or std_srvs/Trigger. Otherwise leave it empty."
+        ),
     )
     role = models.CharField(
         _("lowest role"),
@@ -583,8 +585,10 @@ class Allowance(OfProfileOrRobot):
                 if not self.use
                 else gettext("Only for what is chosen: leave it empty.")
             )
-        if self.what == self.What.PUBLISH and not self.type:
-            errors["type"] = gettext("What is published needs its type.")
+        if self.what in (self.What.PUBLISH, self.What.CALL) and not self.type:
+            errors["type"] = gettext("What is published or called needs its type.")
+        if self.what == self.What.SET and self.type:
+            errors["type"] = gettext("A parameter has no type: leave it empty.")
         if errors:
             raise ValidationError(errors)
         self._judge()

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from robots.bridge.config import Allowed, Topic, Topics
+from robots.wire import Field
 
 USE_TYPES = {
     "drive": ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"),
@@ -18,53 +19,70 @@ USE_TYPES = {
     "motions": ("play_motion_msgs/PlayMotionAction",),
 }
 
+FULL_NAME = re.compile(
+    r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*"
+)  # what ROS itself would resolve to no other name
+
 _VELOCITY = "velocities move the base: they go through the gate only"
 
-# Why not, and the words in a name that mean it. Those of five letters or more are found inside others, too.
+# Why not, and what in a name means it: found anywhere in it, but where an underscore stands a word begins or ends.
 # What is chosen for driving has passed the gate, so that only the first group keeps it away.
 _OVERRIDING = {
-    "controllers, and what configures them, take commands past the gate": "control command trajectory mux reconfigure "
-    "parameter",
-    "the lab's own joystick wins over the console, and must": "joy joystick joypad gamepad teleop tab",
-    "locks and emergency stops are the robot's own": "lock locks locked pause brake stop estop emergency "
-    "closing_loop safety deadman",
+    "controllers, and what configures or loads them, take commands past the gate": "control command trajectory mux "
+    "reconfigure param rosapi nodelet bond script setpoint _pid_",
+    "the lab's own joystick wins over the console, and must": "_joy joystick joypad gamepad teleop _tab_ _tabs_",
+    "locks and emergency stops are the robot's own": "_lock locks locked unlock interlock pause brake breaker stop "
+    "halt emergency closing_loop safety deadman collision",
     "what the console calls its own is its own": "fleet_bridge fleet_inspector",
 }
 _CHAIN = {
-    _VELOCITY: "vel velocity velocities cmdvel twist speed",
-    "what turns wheels and motors goes past the gate": "cmd wheel motor servo",
+    _VELOCITY: "_vel_ _vels_ velocit cmdvel basevel twist speed _drive_ steer throttle gazebo",
+    "what turns wheels and motors goes past the gate": "cmd wheel motor servo effort torque _pwm_ _jog",
     "goals and cancels of actions go through the console's own orders": "goal cancel",
-    "the gate sees by scans and ranges": "scan scans laser lidar hokuyo sick sonar range ultrasound bumper cliff",
-    "the gate sees by depth pictures and clouds": "depth points cloud disparity xtion realsense",
-    "the gate reckons with odometry": "odom odometry",
+    "the gate sees by scans and ranges": "scan laser lidar hokuyo _sick_ sonar range ultraso bumper cliff",
+    "the gate sees by depth pictures and clouds": "depth points cloud disparity camera xtion realsense kinect astra",
+    "the gate reckons with odometry": "odom encoder _imu gyro _ekf_ _ukf_ set_pose _reset_",
     "the gate reckons with where the joints are": "joint",
-    "frames and clocks tie together what the gate sees": "tf clock time robot_description",
-    "the robot's power is its own": "power battery batteries charging charge docked shutdown reboot",
+    "frames and clocks tie together what the gate sees": "_tf clock _time_ robot_description robot_state_publisher",
+    "the robot's power is its own, and who docks it drives": "power battery batteries charg dock shutdown reboot",
 }
 
 _POINTS = {"what a motion sweeps is judged by its points": "play_motion"}
 
 _SENT_TYPES = {
-    _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|ackermann_msgs/.*|.*/(Twist|Velocity|CmdVel)\w*",
-    "controllers take commands past the gate": r"(trajectory_msgs|control_msgs|controller_manager_msgs)/.*|"
+    _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|(ackermann|gazebo)_msgs/.*|.*/\w*(Twist|Velocit|CmdVel|Speed)\w*",
+    "controllers take commands past the gate": r"(trajectory_msgs|control_msgs|controller_manager_msgs|bond)/.*|"
     r".*/\w*JointTrajectory\w*",
     "goals, cancels and what answers them go through the console's own orders": r"actionlib_msgs/.*|"
     r".*/\w+Action(Goal|Result|Feedback)?",
-    "joysticks win over the console, and must": r".*/Joy\w*",
-    "the gate sees by scans and ranges": r"sensor_msgs/(LaserScan|MultiEchoLaserScan|LaserEcho|Range)|.*/\w*Bumper\w*",
-    "the gate sees by depth pictures and clouds": r"sensor_msgs/(PointCloud2?|Image|CompressedImage|CameraInfo)|"
-    r"stereo_msgs/.*|theora_image_transport/.*",
-    "the gate reckons with odometry": r"nav_msgs/Odometry",
-    "the gate reckons with where the joints are": r"sensor_msgs/(Multi\w*)?JointState",
-    "frames and clocks tie together what the gate sees": r"(tf|tf2_msgs)/.*|geometry_msgs/TransformStamped|"
-    r"rosgraph_msgs/Clock",
-    "the robot's power is its own": r"sensor_msgs/BatteryState",
+    "joysticks win over the console, and must": r".*/\w*Joy\w*",
+    "the gate sees by scans and ranges": r".*/\w*(LaserScan|LaserEcho|Bumper)\w*|.*/Range",
+    "the gate sees by depth pictures and clouds": r".*/\w*(PointCloud|Image|CameraInfo)\w*|"
+    r"(stereo_msgs|theora_image_transport)/.*",
+    "the gate reckons with odometry": r".*/\w*Odom\w*|.*/Imu",
+    "the gate reckons with where the joints are": r".*/\w*JointState\w*",
+    "frames and clocks tie together what the gate sees": r"(tf|tf2_msgs)/.*|.*/TransformStamped|rosgraph_msgs/Clock",
+    "the robot's power is its own": r".*/BatteryState|power_msgs/.*",
     "what is spoken goes through the console's own orders": r"sound_play/.*",
 }
 _CALLED_TYPES = {
+    _VELOCITY: r".*/\w*(Twist|Velocit|CmdVel|Speed)\w*|gazebo_msgs/.*",
     "controllers and what configures them take commands past the gate": r"(controller_manager_msgs|dynamic_reconfigure|"
-    r"topic_tools|nodelet)/.*",
+    r"topic_tools|nodelet|rosapi)/.*|.*/\w*(Controller|Reconfigure|SetParam)\w*",
+    "the gate sees by depth pictures and clouds": r".*/\w*SetCameraInfo",
+    "the gate reckons with odometry": r"robot_localization/.*|.*/\w*Odom\w*",
+    "the robot's power is its own": r"power_msgs/.*",
 }
+
+# Whose bytes, under whatever name, reach the same listeners: ROS compares md5 sums, not the names of types.
+COUNTERFEITED = (
+    *("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "geometry_msgs/TwistWithCovarianceStamped"),
+    *("geometry_msgs/Wrench", "trajectory_msgs/JointTrajectory", "actionlib_msgs/GoalID", "sensor_msgs/Joy"),
+    *("sensor_msgs/LaserScan", "sensor_msgs/Range", "sensor_msgs/PointCloud", "sensor_msgs/PointCloud2"),
+    *("sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/CameraInfo", "nav_msgs/Odometry"),
+    *("sensor_msgs/Imu", "sensor_msgs/JointState", "tf2_msgs/TFMessage", "geometry_msgs/TransformStamped"),
+    *("rosgraph_msgs/Clock", "sensor_msgs/BatteryState"),
+)
 
 
 def why_never(what: str, name: str, type: str, topics: Topics, use: str = "") -> str | None:
@@ -72,9 +90,24 @@ def why_never(what: str, name: str, type: str, topics: Topics, use: str = "") ->
 
     `what`: choose (input of `use` goes there), publish, call, set. `type` "" where it is not known.
     """
+    if not FULL_NAME.fullmatch(name):
+        return "it is no full ROS name"
     if what == "choose":
         return _why_never_chosen(name, type, topics, use)
     return next(_reasons(what, name, type, topics), None)
+
+
+def why_never_sent(type: str, fields: Iterable[Field]) -> str | None:
+    """Why nobody publishes a message of this definition, for what it is or what is within it; None if one may."""
+    return next(_by_parts(type, fields), None)
+
+
+def names_set(name: str, *values: object) -> Iterator[str]:
+    """Every parameter that is set, or lost, where one of these values takes the place of another at `name`."""
+    yield name
+    for value in values:
+        for key, inner in value.items() if isinstance(value, dict) else ():
+            yield from names_set(f"{name}/{key}", inner)
 
 
 def admissible(allowed: Iterable[Allowed], topics: Topics) -> tuple[Allowed, ...]:
@@ -115,16 +148,20 @@ def _own(topics: Topics) -> set[str | None]:
 
 def _by_name(name: str, groups: dict[str, str]) -> Iterator[str]:
     words = _words(name)
-    for why, meant in groups.items():
-        if any((word if len(word) >= 5 else f"_{word}_") in words for word in meant.split()):
-            yield why
+    return (why for why, meant in groups.items() if any(word in words for word in meant.split()))
 
 
 def _words(name: str) -> str:
-    """/tiago/scanRaw2 -> _tiago_scan_raw_"""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-    return f"_{'_'.join(re.findall('[a-z]+', apart))}_"
+    """/tiago/scanRaw2 -> _tiago_scan_raw_ _tiago_scanraw_"""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    return " ".join(f"_{'_'.join(re.findall('[a-z]+', spelt.lower()))}_" for spelt in (apart, name))
 
 
 def _by_type(type: str, groups: dict[str, str]) -> Iterator[str]:
     return (why for why, meant in groups.items() if re.fullmatch(meant, type))
+
+
+def _by_parts(type: str, fields: Iterable[Field]) -> Iterator[str]:
+    yield from _by_type(type, _SENT_TYPES)
+    for field in fields:
+        yield from _by_parts(field.type, field.fields)

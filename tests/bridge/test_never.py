@@ -3,7 +3,8 @@
 import pytest
 
 from robots.bridge.config import DepthSource, ScanSource, Topic, Topics
-from robots.bridge.never import why_never
+from robots.bridge.never import COUNTERFEITED, names_set, why_never, why_never_sent
+from robots.wire import Field
 
 TEXT = "std_msgs/String"
 TWIST = "geometry_msgs/Twist"
@@ -18,13 +19,19 @@ def words(text):
 OVERRIDING = words("""
     /arm_controller/state /gripper/commands /arm/trajectory /mux/select /camera/reconfigure_server
     /camera/parameter_updates /lab/joy /joysticks /the_joypads /gamepads /teleoperation /tab_7 /base/lock /doorlocks
-    /unlocked /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
+    /unlocked /unlock /interlocks /base_breaker /halt /enable_software_runstop /collision_monitor/enabled
+    /joys /joyvel /tabs /rosapi/set_param /manager/load_nodelet /manager/bond /ur_driver/URScript /left/setpoint /pid
+    /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
     /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers
 """)
 CHAIN = words("""
     /nav_vel /basevelocity /velocities /cmdvel /twisted /top_speed /planner/goal /planner/cancel_all /frontScan
     /allscans /laser_front /lidars /hokuyo /sick /sonars /ranges /ultrasound /bumpers /cliff_left /depthmap /points
     /cloud /disparity /xtion2 /realsense /odom_combined /visualodometry /joint_angles /tf2 /clock /sim_time
+    /rawscan /baseScan /sCaN /SCAN /basecmd /goals /goalPose /odoms /drive_straight /steering /throttle /effort /torque
+    /jog_frame /gazebo/set_model_state /imu/data /encoders /ekf/set_pose /reset /camera/set_camera_info /kinect2/sd
+    /tfStatic /robot_state_publisher/rate /dock /undock /recharge /foo/cmd_vel
+    /mobile_base_controller/cmd_vel_unstamped
     /robot_description /power_state /battery1 /batteries /charging /charges /docked
     /arm/cmd /leftwheel/amount /enable_motors /servos/1 /shutdown /reboots
 """)
@@ -35,6 +42,8 @@ SENT = words("""
     lab_msgs/ArmJointTrajectoryPoint actionlib_msgs/GoalID lab_msgs/FetchAction lab_msgs/FetchActionGoal
     lab_msgs/FetchActionResult lab_msgs/FetchActionFeedback sensor_msgs/Joy lab_msgs/JoyFeedback sensor_msgs/LaserScan
     sensor_msgs/MultiEchoLaserScan sensor_msgs/LaserEcho sensor_msgs/Range lab_msgs/BumperEvent
+    lab_msgs/BaseTwist lab_msgs/WheelVelocities lab_msgs/RawJoy lab_msgs/LaserScan lab_msgs/MyOdometry sensor_msgs/Imu
+    gazebo_msgs/ModelState bond/Status power_msgs/BatteryState
     sensor_msgs/PointCloud sensor_msgs/PointCloud2 sensor_msgs/Image sensor_msgs/CompressedImage
     sensor_msgs/CameraInfo stereo_msgs/DisparityImage theora_image_transport/Packet nav_msgs/Odometry
     sensor_msgs/JointState sensor_msgs/MultiDOFJointState tf/tfMessage tf2_msgs/TFMessage
@@ -42,6 +51,8 @@ SENT = words("""
 """)
 CALLED = words("""
     controller_manager_msgs/SwitchController dynamic_reconfigure/Reconfigure topic_tools/MuxSelect nodelet/NodeletUnload
+    rosapi/SetParam gazebo_msgs/SetModelState power_msgs/BreakerCommand robot_localization/SetPose lab_srvs/SetVelocity
+    sensor_msgs/SetCameraInfo lab_srvs/LoadController
 """)
 
 
@@ -60,6 +71,39 @@ def test_types_that_mean_it_whatever_the_topic_is_called(type_name):
 @pytest.mark.parametrize("type_name", CALLED)
 def test_services_that_undo_it_whatever_they_are_called(type_name):
     assert why_never("call", "/notes", type_name, PLAIN)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *words(
+            "notes ~notes /~notes //notes /demo//notes /notes/ / /1notes /demo/no-tes /nötes ./notes ../notes"
+        ),
+        *("", "/notes ", "/notes\n", "/notes\0", "/no tes", "/notes\u200b", "/n\u043etes"),
+    ],
+)
+@pytest.mark.parametrize("what", ["publish", "call", "set"])
+def test_names_that_ros_would_resolve_to_another_or_that_only_look_like_one(what, name):
+    assert why_never(what, name, TEXT, PLAIN) == "it is no full ROS name"
+
+
+def test_what_is_within_a_message_counts_as_much_as_what_it_is_called():
+    twist = Field("how", "geometry_msgs/Twist", -1)
+    assert why_never_sent("lab_msgs/Order", [Field("why", "string"), twist]) == why_never_sent(TWIST, [])
+    assert why_never_sent("lab_msgs/Plan", [Field("steps", "lab_msgs/Order", fields=[twist])])
+    assert (
+        why_never_sent("lab_msgs/Note", [Field("at", "std_msgs/Header", fields=[Field("seq", "uint32")])])
+        is None
+    )
+
+
+@pytest.mark.parametrize("type_name", COUNTERFEITED)
+def test_what_is_looked_for_under_other_names_is_refused_under_its_own(type_name):
+    assert why_never_sent(type_name, [])
+
+
+def test_what_a_value_sets_and_what_it_replaces_are_named():
+    assert list(names_set("/a", {"b": {"c": 1}, "d": [1]}, 5)) == ["/a", "/a/b", "/a/b/c", "/a/d"]
 
 
 def test_what_is_chosen_for_driving_has_passed_the_gate_and_may_be_called_a_velocity():
@@ -98,7 +142,20 @@ def test_what_the_robots_description_names_takes_no_other_input():
         assert (why_never("choose", name, TWIST, topics, "drive") is None) == (name == "/drive")
 
 
-@pytest.mark.parametrize("name", ["/notes", "/visit_pose", "/stable", "/enjoy", "/level", "/travel/times"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "/notes",
+        "/visit_pose",
+        "/stable",
+        "/enjoy",
+        "/level",
+        "/travel/times",
+        "/initialpose",
+        "/lamp",
+        "/physics",
+    ],
+)
 def test_other_words_mean_nothing_of_the_kind(name):
     assert why_never("publish", name, TEXT, PLAIN) is None
 

@@ -167,7 +167,10 @@ def test_it_is_empty_by_default(robot: Robot) -> None:
         ({"type": "geometry_msgs/Twist"}, "name", "velocities move the base"),
         ({"name": "demo/notes"}, "name", "Write a full ROS name"),
         ({"type": "String"}, "type", "Write package and type"),
-        ({"type": ""}, "type", "What is published needs its type."),
+        ({"type": ""}, "type", "What is published or called needs its type."),
+        ({"what": "call", "type": ""}, "type", "What is published or called needs its type."),
+        ({"what": "set"}, "type", "A parameter has no type"),
+        ({"name": "/demo/notes\n"}, "name", "it is no full ROS name"),
         ({"use": "drive"}, "use", "Only for what is chosen"),
         ({"what": "choose", "name": "/phone_vel", "type": ""}, "use", "Say which input goes there."),
         (
@@ -197,9 +200,9 @@ def test_the_type_of_what_is_chosen_follows_from_the_robot(robot: Robot, staff: 
     assert allowed_on(robot) == (Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive", "operator"),)
 
 
-@pytest.mark.parametrize("what", ["call", "set"])
-def test_services_and_parameters_are_for_staff(robot: Robot, staff: User, what: str) -> None:
-    assert allow(robot, staff, what=what, type="", role=Role.OPERATOR).role == Role.STAFF
+@pytest.mark.parametrize(("what", "type_name"), [("call", "std_srvs/Trigger"), ("set", "")])
+def test_services_and_parameters_are_for_staff(robot: Robot, staff: User, what: str, type_name: str) -> None:
+    assert allow(robot, staff, what=what, type=type_name, role=Role.OPERATOR).role == Role.STAFF
 
 
 def test_entries_are_on_record(tiago: RobotProfile, staff: User) -> None:

@@ -57,6 +57,9 @@ ALLOWED = (
     Allowed("set", "/greeting"),
     Allowed("publish", "/lab/joy", "std_msgs/String"),  # what no list admits, is not allowed by being on one
     Allowed("set", "/robot_description"),
+    Allowed("set", "/hall"),
+    Allowed("publish", "/order", "lab_msgs/Order"),
+    Allowed("call", "/untyped"),
 )
 
 _report = msgspec.json.Decoder(InspectorReport)
@@ -450,6 +453,31 @@ def test_a_parameter_is_set_only_from_the_allow_list(inspector):
     assert inspector.ask(wire.SetParameter("/greeting", 2**40)).refusal.code == "bad_field"
 
 
+@pytest.mark.parametrize(
+    ("before", "value"),
+    [
+        ({"light": 1}, {"light": 2, "scan": {"enabled": False}}),
+        ({"light": 1}, {"robot": {"use_sim_time": True}}),
+        ({"light": 1, "robot_description": "<robot/>"}, 5),  # which would be lost
+    ],
+)
+def test_no_branch_is_set_or_overwritten_that_holds_what_no_allow_list_admits(inspector, before, value):
+    rospy.set_param("/hall", before)
+    assert inspector.ask(wire.SetParameter("/hall", value)).refusal.code == "not_allowed"
+    assert rospy.get_param("/hall") == before
+    rospy.delete_param("/hall")
+    assert inspector.ask(wire.SetParameter("/hall", {"light": 3})).value == {"light": 3}
+
+
+def test_a_service_is_called_as_the_type_that_the_allow_list_names(inspector):
+    """What took its name since, is another service."""
+    with serving("/lamp", Trigger, lambda _: TriggerResponse(True, "")):
+        refusal = inspector.ask(wire.CallService("/lamp")).refusal
+        assert (refusal.code, refusal.figures["type"]) == ("not_allowed", "std_srvs/Trigger")
+    with serving("/untyped", Trigger, lambda _: TriggerResponse(True, "")):
+        assert inspector.ask(wire.CallService("/untyped")).refusal.code == "not_allowed"
+
+
 def test_a_service_is_described_and_called_from_the_allow_list_only(inspector):
     with serving(
         "/lamp", SetBool, lambda request: SetBoolResponse(request.data, "on" if request.data else "off")
@@ -527,6 +555,26 @@ def test_a_type_that_only_a_publisher_knows_is_published_in_its_words(inspector,
 def test_what_the_allow_list_has_not_or_must_not_have_is_not_even_checked(inspector, topic):
     other = order(topic, "std_msgs/String", {})
     assert inspector.done(lambda number: Check(number, other)).code == "not_allowed"
+
+
+TWIST_TEXT = "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"
+VECTOR_TEXT = f"{'=' * 80}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TWIST_TEXT + VECTOR_TEXT,  # the bytes, and so the md5 sum, of a geometry_msgs/Twist
+        f"string why\ngeometry_msgs/Twist[] how\n{'=' * 80}\nMSG: geometry_msgs/Twist\n{TWIST_TEXT}{VECTOR_TEXT}",
+    ],
+    ids=["renamed", "wrapped"],
+)
+def test_a_velocity_is_one_whatever_its_type_is_called(inspector, text):
+    kind = generated("lab_msgs/Order", text)
+    with talking("/order", kind(), 1.0):
+        refusal = inspector.done(lambda number: Check(number, order("/order", "lab_msgs/Order", {})))
+    assert refusal.code == "not_allowed"
+    assert "velocities" in refusal.text
 
 
 def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):

@@ -28,7 +28,7 @@ ALLOWED = (
     Allowed("choose", "/phone_vel", use="drive"),
     Allowed("publish", "/fleet_demo/notes", "std_msgs/String"),
     Allowed("publish", "/fleet_demo/place", "geometry_msgs/PoseStamped"),
-    Allowed("call", "/play_motion/list_motions"),
+    Allowed("call", "/play_motion/list_motions", "play_motion_msgs/ListMotions"),
     Allowed("set", "/fleet_demo/greeting"),
 )
 

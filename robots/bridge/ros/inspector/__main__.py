@@ -36,7 +36,7 @@ from robots.bridge.inspection import (
     Silence,
     TooLate,
 )
-from robots.bridge.never import admissible
+from robots.bridge.never import COUNTERFEITED, admissible, names_set, why_never, why_never_sent
 from robots.bridge.packing import Broken, TooLarge
 from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
@@ -45,6 +45,7 @@ from robots.bridge.ros.inspector.publishing import Leave
 from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.tcpros import Header, connect_to_publisher, read_header
+from robots.bridge.ros.types import message_class
 from robots.ending import leave_within
 
 if TYPE_CHECKING:
@@ -195,6 +196,7 @@ class Inspector:
                 return graph.parameter(self._master, name, seq)
             case wire.SetParameter(name=name, value=value, seq=seq):
                 self._require("set", name)
+                self._require_admissible(name, value)
                 return graph.set_parameter(self._master, name, value, seq)
             case wire.CallService(service=name, fields=fields, seq=seq):
                 service = services.find(self._master, name)
@@ -206,9 +208,15 @@ class Inspector:
         """What the allow-list has not, nobody does. Who asks, the web process has checked, and the bridge."""
         wanted = (what, name, type_name)
         if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
-            raise Declined(
-                "not_allowed", f"Nobody may {what} {name}: the allow-list does not have it.", name=name
-            )
+            as_type = f" as {type_name}" if type_name else ""
+            text = f"Nobody may {what} {name}{as_type}: the allow-list does not have it."
+            raise Declined("not_allowed", text, name=name, type=type_name)
+
+    def _require_admissible(self, name: str, value: object) -> None:
+        """No branch is set, or overwritten, that holds what no allow-list admits."""
+        for inner in names_set(name, value, self._master.parameter(name)):
+            if why := why_never("set", inner, "", self._config.topics):
+                raise Declined("not_allowed", f"Nobody may set {inner}: {why}.", name=inner)
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
         """As a publisher of the topic has it, if there is one of this type; else as known here."""
@@ -233,6 +241,7 @@ class Inspector:
         try:
             self._require("publish", order.topic, order.type)
             definition = self._definition(order.type, order.topic)
+            _require_harmless(definition)
             definition.layout.write(fitted(definition.fields, order.fields), _now())
             self._checked[order.topic, order.type] = definition
             refusal = None
@@ -257,6 +266,16 @@ def _refusal(error: Exception) -> wire.Refusal:
         case _:
             log.error("a question found a fault", exc_info=error)
             return wire.Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
+
+
+def _require_harmless(definition: Definition) -> None:
+    """Whatever its type is called: a twist within it, or a twist's bytes, make it one."""
+    why = why_never_sent(definition.type, definition.fields)
+    if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum == definition.md5), None):
+        why = why_never_sent(twin, ())
+    if why:
+        text = f"Nobody may publish {definition.type}, for what its messages hold: {why}."
+        raise Declined("not_allowed", text, type=definition.type)
 
 
 def _described(definition: Definition, seq: int) -> wire.Described:
