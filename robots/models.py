@@ -546,7 +546,7 @@ class Allowance(OfProfileOrRobot):
             )
         ],
         help_text=_(
-            "What is published or called needs it, such as std_msgs/String or std_srvs/Trigger. Otherwise leave it empty."
+            "What is published or called needs it, such as std_msgs/String or std_srvs/Trigger; else leave it empty."
         ),
     )
     role = models.CharField(

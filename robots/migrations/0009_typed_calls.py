@@ -15,7 +15,7 @@ class Migration(migrations.Migration):
             name="type",
             field=models.CharField(
                 blank=True,
-                help_text="What is published or called needs it, such as std_msgs/String or std_srvs/Trigger. Otherwise leave it empty.",
+                help_text="What is published or called needs it, such as std_msgs/String or std_srvs/Trigger; else leave it empty.",
                 max_length=120,
                 validators=[
                     django.core.validators.RegexValidator(
