@@ -89,8 +89,8 @@ export class Desk {
     this.#topics.state = state;
     this.#choiceEnds.follow(choiceEnded);
     this.#motionEnds.follow(motion?.name ?? null, motionEnded);
-    const spoken = this.#speechEnds.follow(speech?.text ?? null, speechEnded);
-    if (spoken && this.#tab === "speech") this.#history.load();
+    this.#speechEnds.follow(speech?.text ?? null, speechEnded);
+    this.#history.state = state;
     this.#markTopic();
   }
 
@@ -109,7 +109,7 @@ export class Desk {
     this.#motions.showAll();
     this.#phrases.showAll();
     if (tab === "topics") this.#topics.show();
-    if (tab === "speech") this.#history.load();
+    this.#history.isShown = tab === "speech";
   }
 
   /** No velocity is repeated any more. */

@@ -37,7 +37,11 @@ export class History {
   #list;
   #entries = [];
   #topic = null;
+  #ended = null; // of what ended last: its record may come later than the robot's word
+  #newest = "";
+  #isShown = false;
   #mayAct = false;
+  #reading = Promise.resolve();
   #listening = new AbortController();
 
   /**
@@ -53,6 +57,7 @@ export class History {
       label: gettext("Search history"),
       text: ({ text, language, topic, who }) =>
         [text, languageName(language), topic, who].join(" "),
+      key: ({ number }) => number,
       row: (entry) => this.#row(entry),
       act: () => {},
     });
@@ -71,13 +76,36 @@ export class History {
   set topic(topic) {
     if (topic === this.#topic) return;
     this.#topic = topic;
-    this.#list.items = this.#entries;
-    this.#enable();
+    this.#show();
   }
 
-  /** Reads the newest. */
+  /** @param {boolean} isShown whether somebody looks at it */
+  set isShown(isShown) {
+    this.#isShown = isShown;
+    if (isShown) this.load();
+  }
+
+  /** @param {object} state of the robot: what it says now, and how what it said last ended */
+  set state({ speech = null, speech_ended: ended = null }) {
+    const newest = `${speech?.number} ${ended?.number}`;
+    if (newest === this.#newest) return;
+    this.#newest = newest;
+    this.#ended = ended;
+    if (this.#isShown) this.load();
+  }
+
+  /** Reads the newest. Older ones that were asked for stay. */
   load() {
-    return this.#read("", (entries) => entries);
+    return this.#read(
+      () => "",
+      ({ entries, more }) => {
+        const last = entries.at(-1)?.number ?? 0;
+        const older = this.#entries.filter(({ number }) => number < last);
+        const isNext = older.length < this.#entries.length; // nothing is missing in between
+        if (!isNext || older.length === 0) show(this.#parts["history-more"], more);
+        this.#entries = isNext ? [...entries, ...older] : entries;
+      },
+    );
   }
 
   close() {
@@ -86,28 +114,43 @@ export class History {
   }
 
   #more() {
-    const { number } = this.#entries.at(-1);
-    return this.#read(`&before=${number}`, (older) => [...this.#entries, ...older]);
+    return this.#read(
+      () => `&before=${this.#entries.at(-1).number}`,
+      ({ entries, more }) => {
+        this.#entries = [...this.#entries, ...entries];
+        show(this.#parts["history-more"], more);
+      },
+    );
   }
 
-  async #read(query, merged) {
+  /** One after another, so that nothing newer is written over. */
+  #read(query, take) {
+    this.#reading = this.#reading.then(() => this.#readNow(query, take));
+    return this.#reading;
+  }
+
+  async #readNow(query, take) {
     try {
-      const answer = await fetch(`${this.#url}?limit=${PAGE}${query}`, {
+      const answer = await fetch(`${this.#url}?limit=${PAGE}${query()}`, {
         headers: { Accept: "application/json" },
       });
       if (!answer.ok) throw new Error(gettext("The history could not be read."));
-      const { entries, more } = await answer.json();
-      this.#entries = merged(entries);
-      this.#list.items = this.#entries;
-      this.#enable();
-      show(this.#parts["history-more"], more);
+      take(await answer.json());
+      this.#show();
       this.#say(this.#entries.length ? "" : gettext("Nothing was said yet."));
     } catch (error) {
       this.#say(error.message);
     }
   }
 
-  #row({ text, language, topic, who, at, outcome, why }) {
+  #show() {
+    this.#list.items = this.#entries;
+    this.#enable();
+  }
+
+  #row({ number, text, language, topic, who, at, ...end }) {
+    const isLast = end.outcome === null && number === this.#ended?.number;
+    const { outcome, why } = isLast ? { ...this.#ended, why: this.#ended.text } : end;
     const isHere = topic === this.#topic;
     const time = make("time", { text: whenText(at) });
     time.dateTime = at;

@@ -53,6 +53,11 @@ export function languageChoices(own, locale = pageLanguage()) {
   return [...first, ...others];
 }
 
+/** A text within a sentence of another language: it runs its own way, and nothing around it does. */
+export function isolated(text) {
+  return `\u2068${text}\u2069`;
+}
+
 /** Marks an element's text as being in a language, whichever way that is written. */
 export function inLanguage(element, code) {
   element.lang = code;

@@ -40,6 +40,7 @@ export class SearchList {
    * @param {(item) => void} settings.act
    * @param {(item) => HTMLElement} [settings.row] an own row, instead of a button
    * @param {(item) => string} [settings.group] items of one group stand together, below its name
+   * @param {(item) => unknown} [settings.key] by which an item is known again; without it, the text that is searched
    */
   constructor(root, settings) {
     this.#root = root;
@@ -65,14 +66,17 @@ export class SearchList {
 
   /** @param {object[]} items in the order in which they are shown; the focus stays in its row if that is still there */
   set items(items) {
-    const at = this.#rows.findIndex((row) => row.contains(document.activeElement));
+    const { text, key = text } = this.#settings;
+    const held = this.#items[this.#rows.findIndex((row) => row.contains(document.activeElement))];
     this.#items = items;
     this.#rows = items.map((item) => this.#row(item));
     this.#groups = new Map();
     this.#hits.replaceChildren(...this.#grouped());
     this.#filter();
     show(this.#field, items.length > 0);
-    if (at >= 0) this.#rows[at]?.querySelector("button")?.focus();
+    if (held === undefined) return;
+    const again = items.findIndex((item) => key(item) === key(held));
+    this.#rows[again]?.querySelector("button")?.focus();
   }
 
   get items() {

@@ -1,5 +1,6 @@
 /** Orders to the robot besides driving: each has a number, gets one answer, and is told of once. */
 
+import { isolated } from "./languages.js";
 import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
@@ -18,7 +19,7 @@ function orderText(order) {
     case "play_cancel":
       return gettext("Cancel the motion");
     case "say":
-      return interpolate(gettext("Say “%s”"), [shortened(order.text)]);
+      return interpolate(gettext("Say “%s”"), [isolated(shortened(order.text))]);
     case "say_cancel":
       return gettext("Cancel speech");
     case "choose":

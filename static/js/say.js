@@ -1,13 +1,15 @@
 /** What a robot says: a text of one's own in a language of one's choice. */
 
 import { mark, say, show } from "./dom.js";
-import { inLanguage, languageChoices, languageName } from "./languages.js";
+import { inLanguage, isolated, languageChoices, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { shortened } from "./orders.js";
 import { recall, remember } from "./prefs.js";
 
 const LONGEST = 500; // characters
 const LANGUAGE = "language";
+const UNSPEAKABLE = /(?![\n\t])[\p{Cc}\p{Cs}]/u;
+const HEARD = /[^\p{C}\p{Z}\s]/u;
 
 /** How many characters a text has, as the robot's side counts them. */
 function lengthOf(text) {
@@ -26,7 +28,7 @@ export function speechEndNotice({ outcome, text: why }, text) {
     unheard: gettext("Nothing more was heard of “%s”."),
   };
   const levels = { done: "success", sent: "success", cancelled: "success", stopped: "warning" };
-  const said = interpolate(outcomes[outcome] ?? `${outcome}: “%s”`, [shortened(text)]);
+  const said = interpolate(outcomes[outcome] ?? `${outcome}: “%s”`, [isolated(shortened(text))]);
   return {
     level: levels[outcome] ?? "error",
     code: `speech ${outcome} ${text}`,
@@ -42,6 +44,7 @@ export class Say {
   #language = recall(LANGUAGE, null);
   #own = [];
   #mayAct = false;
+  #isSending = false;
   #listening = new AbortController();
 
   /**
@@ -53,14 +56,14 @@ export class Say {
     this.#send = send;
     this.#list = new SearchList(parts["language-list"], {
       label: gettext("Search languages"),
-      text: ({ name, code }) => `${name} ${code}`,
+      text: ({ name, code }) => `${name} ${code} ${languageName(code, code)}`,
       group: ({ own }) => (own ? gettext("This robot’s") : gettext("Others")),
       note: ({ code }) => code,
       act: ({ code }) => this.#choose(code),
     });
     const { signal } = this.#listening;
     const on = (part, type, act) => parts[part].addEventListener(type, act, { signal });
-    on("say-text", "input", () => this.#count());
+    on("say-text", "input", () => this.#typed());
     on("say-text", "keydown", (event) => this.#key(event));
     on("say-form", "submit", (event) => this.#submit(event));
     on("language", "click", () => this.#open(parts["language-box"].hidden));
@@ -122,8 +125,13 @@ export class Say {
 
   // --- text ------------------------------------------------------------------------------------
 
+  #typed() {
+    this.#say("");
+    this.#count();
+  }
+
   #count() {
-    const length = lengthOf(this.#parts["say-text"].value);
+    const length = lengthOf(this.#parts["say-text"].value.trim());
     const { "say-count": count, "say-send": send } = this.#parts;
     say(count, `${length} / ${LONGEST}`);
     mark(count, "over", length > LONGEST);
@@ -137,24 +145,40 @@ export class Say {
     this.#parts["say-form"].requestSubmit();
   }
 
+  /** Pressed twice, or held down, Enter says it once. Why the robot refuses it is told like every outcome. */
   async #submit(event) {
     event.preventDefault();
+    if (this.#isSending) return;
     const field = this.#parts["say-text"];
     const text = field.value.trim();
     const fault = this.#fault(text);
     this.#say(fault);
     if (fault) return;
+    this.#isSending = true;
     const refusal = await this.#send({ t: "say", text, language: this.language });
-    if (refusal) this.#say(refusal.text);
-    else if (field.value.trim() === text) this.#clear();
+    this.#isSending = false;
+    if (!refusal && field.value.trim() === text) this.#clear();
   }
 
   #fault(text) {
-    if (!text) return gettext("Write what the robot should say.");
+    const unspeakable = UNSPEAKABLE.exec(text);
+    if (unspeakable) return this.#pointOut(text, unspeakable);
+    if (!HEARD.test(text)) return gettext("Write what the robot should say.");
     if (!this.#mayAct) return gettext("Take control first: then the robot can speak.");
     if (lengthOf(text) > LONGEST)
       return interpolate(gettext("At most %s characters: shorten it."), [LONGEST]);
     return "";
+  }
+
+  /** What cannot be seen is selected: a key deletes it. */
+  #pointOut(text, { 0: character, index }) {
+    const field = this.#parts["say-text"];
+    const start = field.value.indexOf(text) + index;
+    field.focus();
+    field.setSelectionRange(start, start + character.length);
+    const code = character.codePointAt(0).toString(16).toUpperCase().padStart(4, "0");
+    const place = lengthOf(text.slice(0, index)) + 1;
+    return interpolate(gettext("Character %s (U+%s) cannot be spoken: delete it."), [place, code]);
   }
 
   #clear() {

@@ -44,7 +44,7 @@ def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
     go_to(operator, "Speech")
     operator.part("say-text").fill(SENTENCE)
     operator.part("say-text").press("Enter")
-    notice(operator, f"Said: “{SENTENCE}”.")
+    notice(operator, f"Said: “\u2068{SENTENCE}\u2069”.")
     go_to(operator, "Drive")
     operator.page.locator("main").focus()
     start = operator.place

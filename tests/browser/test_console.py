@@ -133,12 +133,15 @@ def test_a_sentence_in_spanish_is_said_another_cancelled_a_phrase_said_and_one_r
     operator.until(lambda: (operator.state["speech"] or {}).get("word"), "a word that is spoken")
     assert operator.state["speech"]["language"].startswith("es")
     assert operator.part("speech-word").inner_text() != ""
-    notice(operator, "Said: “Me llamo TIAGo.”.")
+    notice(operator, "Said: “\u2068Me llamo TIAGo.\u2069”.")
+    newest = operator.part("history-list").locator(".hit").first
+    operator.until(lambda: "done" in newest.inner_text(), "its end in the history")
+    assert "Me llamo TIAGo." in newest.inner_text()
 
     text.fill("Esta frase es demasiado larga para escucharla hasta el final, así que alguien la cancela.")
     text.press("Enter")
     operator.part("speech-cancel").click()
-    notice(operator, re.compile("Cancelled: “Esta frase"))
+    notice(operator, re.compile("Cancelled: “\u2068Esta frase"))
 
     go_to(operator, "Centre")
     operator.part("phrase-list").get_by_role("button").first.click()

@@ -87,6 +87,8 @@ describe("a text of one's own", () => {
     write("🙂".repeat(500));
     expect(parts["say-count"].textContent).toBe("500 / 500");
     expect(parts["say-send"].disabled).toBe(false);
+    write(`${"x".repeat(500)}\n`);
+    expect(parts["say-send"].disabled).toBe(false);
     write("x".repeat(501));
     expect(parts["say-count"].dataset.over).toBe("true");
     press("Enter");
@@ -94,12 +96,50 @@ describe("a text of one's own", () => {
     expect(parts["say-fault"].textContent).toContain("500");
   });
 
-  it("is kept when the robot refuses it, with why", async () => {
-    send.mockResolvedValue({ code: "speaking", text: "Ann has it speak." });
+  it("is kept when the robot refuses it, and why is told elsewhere, like every outcome", async () => {
+    const answer = Promise.resolve({ code: "speaking", text: "Ann has it speak." });
+    send.mockReturnValue(answer);
     write("Hola");
     press("Enter");
-    await vi.waitFor(() => expect(parts["say-fault"].textContent).toBe("Ann has it speak."));
+    await answer;
     expect(parts["say-text"].value).toBe("Hola");
+    expect(parts["say-fault"].hidden).toBe(true);
+    press("Enter");
+    expect(send).toHaveBeenCalledTimes(2);
+  });
+
+  it("is said once by an Enter that is held down", () => {
+    send.mockReturnValue(new Promise(() => {}));
+    write("Hola");
+    press("Enter");
+    press("Enter", { repeat: true });
+    expect(send).toHaveBeenCalledTimes(1);
+  });
+
+  it("must have something to hear, and says so until the next letter", () => {
+    for (const silent of ["", " \n", "\u200b"]) {
+      write(silent);
+      press("Enter");
+      expect(parts["say-fault"].hidden).toBe(false);
+      expect(parts["say-text"].getAttribute("aria-invalid")).toBe("true");
+    }
+    write("H");
+    expect(parts["say-fault"].hidden).toBe(true);
+    expect(parts["say-text"].getAttribute("aria-invalid")).toBe("false");
+    expect(send).not.toHaveBeenCalled();
+  });
+
+  it("has no control characters: they are named, and selected to be deleted", () => {
+    write(" 🙂a\u0007b\tc");
+    press("Enter");
+    expect(send).not.toHaveBeenCalled();
+    expect(parts["say-fault"].textContent).toBe(
+      "Character 3 (U+0007) cannot be spoken: delete it.",
+    );
+    expect([parts["say-text"].selectionStart, parts["say-text"].selectionEnd]).toEqual([4, 5]);
+    write("🙂\tb\nc");
+    press("Enter");
+    expect(send).toHaveBeenCalledTimes(1);
   });
 
   it("needs control", () => {
@@ -108,6 +148,15 @@ describe("a text of one's own", () => {
     press("Enter");
     expect(send).not.toHaveBeenCalled();
     expect(parts["say-fault"].textContent).toContain("Take control");
+  });
+
+  it("is in a language that is found by the name that it has for itself", () => {
+    parts.language.click();
+    const search = parts["language-list"].querySelector("input");
+    search.value = "português";
+    search.dispatchEvent(new Event("input"));
+    search.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
+    expect(form.language).toBe("pt-BR");
   });
 
   it("is in the language that was chosen, now and the next time", () => {
@@ -195,6 +244,60 @@ describe("the history", () => {
     expect(rows().map(({ dataset }) => dataset.here)).toEqual([undefined, "true", undefined]);
   });
 
+  describe("as it grows", () => {
+    let parts;
+    let history;
+    const rows = () => [...parts["history-list"].querySelectorAll(".hit")];
+    const texts = () => rows().map((row) => row.querySelector(".hit-name").textContent);
+    const saying = (number) => ({ speech: { number }, speech_ended: null });
+    const said = (number) => ({
+      speech: null,
+      speech_ended: { number, outcome: "failed", text: "No voice." },
+    });
+    const open = (...answers) => {
+      vi.stubGlobal("fetch", answering(...answers));
+      parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
+      document.body.append(parts["history-list"]);
+      history = new History(parts, "/speech/", vi.fn());
+      history.mayAct = true;
+    };
+    afterEach(() => parts["history-list"].remove());
+
+    it("is read again when a text begins and when it ends, while somebody looks", async () => {
+      const begun = { ...entry(9, "/tts"), outcome: null };
+      open({ entries: [begun], more: false }, { entries: [begun], more: false });
+      history.state = saying(9);
+      expect(fetch).not.toHaveBeenCalled();
+      history.isShown = true;
+      await vi.waitFor(() => expect(rows()[0].textContent).toContain("not over yet"));
+      history.state = saying(9);
+      expect(fetch).toHaveBeenCalledTimes(1);
+      // The robot has told how it ended; that is not on record yet.
+      history.state = said(9);
+      await vi.waitFor(() => expect(rows()[0].textContent).toContain("failed"));
+      expect(rows()[0].querySelector(".hit-note").title).toBe("No voice.");
+    });
+
+    it("keeps the older ones that were asked for, and the focus in its row", async () => {
+      open(
+        { entries: [entry(9), entry(8)], more: true },
+        { entries: [entry(7)], more: false },
+        { entries: [entry(10), entry(9)], more: true },
+        { entries: [entry(20), entry(19)], more: true },
+      );
+      await history.load();
+      rows()[1].querySelector("button").focus();
+      parts["history-more"].click();
+      await history.load();
+      expect(texts()).toEqual(["Text 10", "Text 9", "Text 8", "Text 7"]);
+      expect(parts["history-more"].hidden).toBe(true);
+      expect(rows()[2].contains(document.activeElement)).toBe(true);
+      await history.load(); // so much was said that some is missing in between
+      expect(texts()).toEqual(["Text 20", "Text 19"]);
+      expect(parts["history-more"].hidden).toBe(false);
+    });
+  });
+
   it("says of a text that is kept no longer that it expired, and does not repeat it", async () => {
     const expired = { ...entry(9, "/tts"), text: "" };
     vi.stubGlobal("fetch", answering({ entries: [expired], more: false }));
@@ -262,11 +365,11 @@ describe("what is being said", () => {
   it("is told when it ended", () => {
     expect(speechEndNotice({ outcome: "done", text: "" }, "Hola")).toMatchObject({
       level: "success",
-      text: "Said: “Hola”.",
+      text: "Said: “\u2068Hola\u2069”.", // a text from right to left keeps its full stop
     });
     expect(speechEndNotice({ outcome: "failed", text: "No voice." }, "Hola")).toMatchObject({
       level: "error",
-      text: "The robot failed to say “Hola”. No voice.",
+      text: "The robot failed to say “\u2068Hola\u2069”. No voice.",
     });
   });
 });
