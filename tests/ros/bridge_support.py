@@ -114,6 +114,11 @@ class BridgeProcess:
         shutil.rmtree(Path(self.config.link.unix_path).parent, ignore_errors=True)
 
 
+def _fence_told(report: Any) -> int | None:
+    """Of whose control a state is, 0 if of nobody's; None: it is no state."""
+    return report.state.fence or 0 if isinstance(report, wire.Status | wire.BridgeHello) else None
+
+
 def _listens(path: str) -> bool:
     """A killed bridge leaves a socket file behind, so the file alone says nothing."""
     with socket.socket(socket.AF_UNIX) as probe:
@@ -150,7 +155,7 @@ class Hand:
                         return report
                 remaining_s = deadline - time.monotonic()
                 if remaining_s <= 0:
-                    raise AssertionError(f"not within {timeout_s} s: {what}; last {self._reports[-1:]}")
+                    raise AssertionError(f"not within {timeout_s} s: {what}; the last state: {self.state}")
                 self._reports.clear()
                 self._news.wait(remaining_s)
 
@@ -162,9 +167,24 @@ class Hand:
         state: wire.State = report.state
         return state
 
+    def drive_until(self, x: float, condition: Callable[[wire.State], Any], what: str) -> wire.State:
+        """The first state for which `condition` holds, while the stick is pushed there as a person does it.
+
+        On a busy machine a scan may come too late, and the gate asks for a stick in the middle: it is let return there.
+        """
+
+        def pushed(state: wire.State) -> Any:
+            self.stick(0.0 if state.neutral_needed else x)
+            return condition(state)
+
+        return self.state_until(pushed, what)
+
     def take_control(self, fence: int, seconds: float = 60.0) -> None:
         self.send(wire.Grant(fence, seconds, f"session-{fence}", "Ann", "ann", 1.0))
         self.until(lambda r: isinstance(r, wire.Granted) and r.fence == fence, "a grant")
+        self.state_until(lambda state: state.fence == fence, "control")
+        with self._news:  # limits are told to who drives: earlier states say nothing of them
+            self._reports = [report for report in self._reports if _fence_told(report) in (None, fence)]
         self.fence = fence
         self.stick(0.0, 0.0)
 
@@ -203,6 +223,9 @@ class Hand:
             while True:
                 raw = self._socket.recv()
                 if isinstance(raw, str):
+                    report = wire.link_report(raw)
                     with self._news:
-                        self._reports.append(wire.link_report(raw))
+                        if isinstance(report, wire.Status | wire.BridgeHello):
+                            self.state = report.state
+                        self._reports.append(report)
                         self._news.notify_all()

@@ -101,9 +101,8 @@ def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(rosmaster, stage
         hand.state_until(lambda state: not depth_limits(state), "pictures of the way ahead")
         contacts.drain()
         truth.drain()
-        hand.stick(1.0)
-        state = hand.state_until(
-            lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
+        state = hand.drive_until(
+            1.0, lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
         )
         drive = truth.drain()
     fastest = max(message.twist.twist.linear.x for message in drive)

@@ -67,15 +67,14 @@ def test_an_arm_that_reaches_out_keeps_clear_of_the_wall(ros, rosmaster, tmp_pat
         ros.listen("/ground_truth/contacts", String) as contacts,
         ros.speak("/ground_truth/teleport", Pose2D) as teleport,
     ):
-        hand.state_until(lambda state: not arm_limits(state), "an arm at home")
+        hand.take_control(1)  # limits are told to who drives
+        hand.state_until(lambda state: not arm_limits(state) and not state.arm, "an arm at home")
         teleport.publish(BEFORE_WALL)
         truth.until(lambda message: abs(message.pose.pose.position.y - BEFORE_WALL.y) < 0.01)
         reach_out(ros)
         contacts.drain()
-        hand.take_control(1)
-        hand.stick(0.5)
-        state = hand.state_until(
-            lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
+        state = hand.drive_until(
+            0.5, lambda state: state.verdict.code == "obstacle" and state.odometry.vx < 0.01, "a stop"
         )
         [*_, last] = truth.drain()
     assert arm_limits(state) == [], "the robot's description tells where the arm is"
