@@ -166,6 +166,8 @@ class Listed:
     def motions_read(self, action, motions, text) -> None:
         self.offers.append(motions)
 
+    def motions_joined(self) -> None: ...
+
 
 @pytest.fixture
 def reads(rosmaster):

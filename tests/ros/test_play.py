@@ -18,6 +18,7 @@ from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import Topic
+from robots.bridge.ros.types import message_class
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import until
 from tests.ros.test_posture import ARM
@@ -203,3 +204,20 @@ def test_a_motion_that_was_recorded_anew_is_judged_by_its_new_points_and_the_lis
             "motion.end motion_blocked",
             "motion.start open /play_motion",
         ]
+
+
+def test_the_list_is_read_again_by_itself_when_the_robots_motions_begin_anew(ros, rosmaster, tmp_path):
+    told = rospy.get_param("/play_motion/motions/open")
+    with bridge(rosmaster, tmp_path) as (hand, _):
+        rospy.set_param("/play_motion/motions/open", {**told, "meta": {"name": "Anew"}})
+        try:
+            with ros.listen("/play_motion/goal", message_class("play_motion_msgs/PlayMotionActionGoal")):
+                hand.until(
+                    lambda report: (
+                        isinstance(report, wire.Offers)
+                        and "Anew" in [offer.title for offer in report.motions]
+                    ),
+                    "the list as it is now",
+                )
+        finally:
+            rospy.set_param("/play_motion/motions/open", told)

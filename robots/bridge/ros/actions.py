@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robots.bridge.ros import path  # noqa: F401 isort: skip
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import rospy
@@ -36,14 +37,16 @@ class Hearer(Protocol):
 
 
 class ActionTopics:
-    """The topics of one action."""
+    """The topics of one action. `joined` is called whenever somebody begins to take its goals."""
 
-    def __init__(self, action: Topic, hearer: Hearer, queue: int = 10) -> None:
+    def __init__(
+        self, action: Topic, hearer: Hearer, queue: int = 10, joined: Callable[[], None] = lambda: None
+    ) -> None:
         kind = action.type.removesuffix("Action")
         self.name = action.name
         self.goal_class = message_class(f"{kind}ActionGoal")
         self._hearer = hearer
-        self._goals = Sender(f"{action.name}/goal", self.goal_class)
+        self._goals = Sender(f"{action.name}/goal", self.goal_class, joined)
         self._cancels = Sender(f"{action.name}/cancel", GoalID)
         self._goal_id: str | None = None  # the last one that was sent
         told = {

@@ -43,6 +43,9 @@ class Watcher(Protocol):
     def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
         """What an action offers now; why nothing."""
 
+    def motions_joined(self) -> None:
+        """Somebody began to perform motions: maybe others than those before."""
+
 
 class MotionTopics:
     """The motion actions of one robot: the default, and one chosen instead, of one type."""
@@ -59,7 +62,9 @@ class MotionTopics:
     def attend(self, names: Collection[str]) -> None:
         """Be connected to these and no others. Asks the master."""
         for name in set(names) - set(self._actions):
-            self._actions[name] = ActionTopics(Topic(name, self._type), self)
+            self._actions[name] = ActionTopics(
+                Topic(name, self._type), self, joined=self._watcher.motions_joined
+            )
         for name in set(self._actions) - set(names):
             self._actions.pop(name).close()
 
@@ -129,10 +134,14 @@ class MotionTopics:
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """A goal has ended: in the robot's own words, with its error code in ours."""
-        told = [self._errors.get(result.error_code, ""), result.error_string or text]
+        told = [self._code_words(result.error_code), result.error_string or text]
         if outcome in {"succeeded", "cancelled"}:
             told = told[1:]
         self._watcher.motion_ended(goal_id, outcome, _sentence([words for words in told if words]))
+
+    def _code_words(self, code: int) -> str:
+        """One that nobody knows as it is; 0 is none."""
+        return self._errors.get(code) or (f"error code {code}" if code else "")
 
 
 def _errors(result: type[Any]) -> dict[int, str]:

@@ -416,6 +416,11 @@ class RosBase:
         """What an action offers now."""
         self._post(lambda: self._core.orders.catalogue.read(action, motions, text))
 
+    def motions_joined(self) -> None:
+        """The robot's motions began anew, maybe with others."""
+        if self._motions is not None:  # else they are being joined, and read after that
+            self._reading.do(self._motions.read)
+
     def speech_running(self, topic: str, goals: dict[str, str]) -> None:
         """The goals under way on a topic, whoever sent them."""
         self._post(lambda: self._core.orders.speaking.running(topic, goals, time.monotonic()))

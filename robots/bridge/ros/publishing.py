@@ -61,9 +61,13 @@ def publish(publisher: rospy.Publisher, message: Any) -> None:
 
 
 class Sender(rospy.SubscribeListener):  # type: ignore[misc]
-    """A topic whose newest message waits a moment for its listeners, if it has none yet."""
+    """A topic whose newest message waits a moment for its listeners, if it has none yet.
 
-    def __init__(self, topic: str, kind: type[Any]) -> None:
+    `joined` is called, on a thread of rospy's, whenever somebody begins to listen.
+    """
+
+    def __init__(self, topic: str, kind: type[Any], joined: Callable[[], None] = lambda: None) -> None:
+        self._joined = joined
         self._lock = threading.Lock()
         self._waiting: tuple[Any, float] | None = None  # message, and until when
         self.publisher = rospy.Publisher(topic, kind, subscriber_listener=self, queue_size=5)
@@ -97,3 +101,4 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
                     peer(self._waiting[0])
                 finally:
                     self.publisher.impl.release()
+        self._joined()

@@ -1,0 +1,145 @@
+"""What a robot's motion action tells, in words: names, codes, ends. The action is played by the test itself."""
+
+from __future__ import annotations
+
+from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+
+# isort: split
+import queue
+from contextlib import contextmanager
+
+import pytest
+import rospy
+from actionlib_msgs.msg import GoalStatus
+
+from robots.bridge.config import Topic
+from robots.bridge.gate.sweep import Motion
+from robots.bridge.ros.master import Master
+from robots.bridge.ros.motions import ERRORS, MotionTopics
+from robots.bridge.ros.types import message_class, service_class
+from robots.wire import MotionOffer
+from tests.ros.support import PATIENCE_S, until
+
+ACTION = "/odd_play"
+GOAL, ENDED = (message_class(f"play_motion_msgs/PlayMotionAction{part}") for part in ("Goal", "Result"))
+CODES = message_class("play_motion_msgs/PlayMotionResult")
+ODD_NAME = "grüß <b>你好 & Co."
+
+
+class Heard:
+    """Everything that a bridge would hear (motions.Watcher)."""
+
+    def __init__(self):
+        self.ends = queue.SimpleQueue()
+        self.lists = queue.SimpleQueue()
+        self.joined = queue.SimpleQueue()
+
+    def motions_running(self, action, goal_ids): ...
+
+    def motion_ended(self, goal_id, outcome, text):
+        self.ends.put((goal_id, outcome, text))
+
+    def motions_read(self, action, motions, text):
+        self.lists.put(motions)
+
+    def motions_joined(self):
+        self.joined.put(True)
+
+
+@pytest.fixture
+def heard():
+    return Heard()
+
+
+@pytest.fixture
+def motions(ros, rosmaster, heard):
+    topics = MotionTopics(
+        Topic(ACTION, "play_motion_msgs/PlayMotionAction"), Master(rosmaster.uri, "/test"), heard
+    )
+    yield topics
+    topics.attend(())
+
+
+@contextmanager
+def action(answer=None):
+    """Somebody who takes goals, and answers each with a result; their goals."""
+    goals = queue.SimpleQueue()
+    results = rospy.Publisher(f"{ACTION}/result", ENDED, queue_size=5)
+
+    def take(goal):
+        if answer is not None:
+            results.publish(answer(goal))
+        goals.put(goal)
+
+    taking = rospy.Subscriber(f"{ACTION}/goal", GOAL, take)
+    try:
+        until(results.get_num_connections, "somebody who hears results")
+        yield goals
+    finally:
+        taking.unregister()
+        results.unregister()
+
+
+def result(status, code, words=""):
+    def answer(goal):
+        told = ENDED()
+        told.status.goal_id.id, told.status.status = goal.goal_id.id, status
+        told.result.error_code, told.result.error_string = code, words
+        return told
+
+    return answer
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [*((getattr(CODES, name), words) for name, words in ERRORS.items()), (-99, "error code -99")],
+)
+def test_each_error_code_is_told_in_words_before_the_robots_own(motions, heard, code, words):
+    with action(result(GoalStatus.ABORTED, code, "arm_controller")):
+        motions.play("one", "wave", ACTION)
+        told = f"{words[0].upper()}{words[1:]}: arm_controller"
+        assert heard.ends.get(timeout=PATIENCE_S) == ("one", "failed", told)
+
+
+def test_every_code_of_the_definition_has_words():
+    names = {name for name in dir(CODES) if name.isupper()}
+    assert names - {"SUCCEEDED"} == set(ERRORS)
+
+
+def test_a_goal_has_the_name_as_the_robot_spells_it_and_planning_is_never_skipped(motions):
+    with action() as goals:
+        motions.play("two", ODD_NAME, ACTION)
+        goal = goals.get(timeout=PATIENCE_S)
+    assert (goal.goal_id.id, goal.goal.motion_name) == ("two", ODD_NAME)
+    assert goal.goal.skip_planning is False
+
+
+def test_odd_names_are_listed_as_the_robot_spells_them_and_their_points_are_found(motions, heard):
+    kind, info = service_class("play_motion_msgs/ListMotions"), message_class("play_motion_msgs/MotionInfo")
+    told = {
+        "joints": ["a"],
+        "points": [{"positions": [0.5], "time_from_start": 1.0}],
+        "meta": {"name": "<i>Hi</i>"},
+    }
+    service = rospy.Service(
+        f"{ACTION}/list_motions", kind, lambda _: kind._response_class(motions=[info(name=ODD_NAME)])
+    )
+    rospy.set_param(f"{ACTION}/motions", {ODD_NAME: told, "unlisted": told})
+    try:
+        motions.read()
+        assert heard.lists.get(timeout=PATIENCE_S) == [MotionOffer(ODD_NAME, "<i>Hi</i>", duration_s=1.0)]
+        assert motions.look_up(ACTION, ODD_NAME) == (Motion(("a",), ((0.5,),)), False)
+        service.shutdown()
+        motions.read()
+        offers = heard.lists.get(timeout=PATIENCE_S)
+        assert {offer.name for offer in offers} == {ODD_NAME, "unlisted"}, "those that have parameters"
+    finally:
+        service.shutdown()
+        rospy.delete_param(f"{ACTION}/motions")
+
+
+def test_the_list_is_to_be_read_when_somebody_begins_to_take_goals(motions, heard):
+    with action():
+        heard.joined.get(timeout=PATIENCE_S)
+    with action():
+        heard.joined.get(timeout=PATIENCE_S)
