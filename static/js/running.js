@@ -65,9 +65,10 @@ export class Running {
     this.#listening.abort();
   }
 
-  #showSpeech({ text, language, status, word }) {
+  #showSpeech({ text, language, status, word, who }) {
     const line = this.#parts["speech-text"];
     say(this.#parts["speech-status"], statusText(status));
+    say(this.#parts["speech-who"], interpolate(gettext("for %s"), [who]));
     const [before, spoken, after] = aroundWord(text, word);
     inLanguage(line, language);
     say(this.#parts["speech-before"], before);

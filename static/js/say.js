@@ -102,7 +102,9 @@ export class Say {
     if (open && this.#list.items.length === 0) this.#list.items = languageChoices(this.#own);
     show(this.#parts["language-box"], open);
     this.#parts.language.setAttribute("aria-expanded", String(open));
-    if (open) this.#list.focus();
+    if (!open) return;
+    this.#list.focus();
+    this.#parts["language-box"].scrollIntoView({ block: "nearest" }); // on a phone the hits are below its edge
   }
 
   #closeLanguages() {

@@ -49,6 +49,10 @@ def test_the_stop_is_in_one_place_on_every_tab_and_the_joystick_where_it_is_used
             "[document.scrollingElement.scrollWidth, document.scrollingElement.scrollHeight]"
         )
         assert size == [width, height], name
+        wider = operator.page.evaluate(
+            "[...document.querySelectorAll('.speech, .topics')].filter((it) => it.scrollWidth > it.clientWidth).length"
+        )
+        assert wider == 0, name
         assert found_by_axe(operator) == [], name
         if name in ("Centre", "Drive"):
             stick = box_of(operator.part("zone"))

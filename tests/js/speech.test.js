@@ -335,6 +335,7 @@ describe("what is being said", () => {
       "motion-cancel": "button",
       "speech-runs": "div",
       "speech-status": "strong",
+      "speech-who": "span",
       "speech-text": "p",
       "speech-before": "span",
       "speech-word": "mark",
@@ -348,11 +349,12 @@ describe("what is being said", () => {
     running.mayCancel = true;
     running.state = {
       motion: { name: "wave", who: "Ann" },
-      speech: { text: "Hola mundo", language: "es", status: "speaking", word: [5, 10] },
+      speech: { text: "Hola mundo", language: "es", status: "speaking", word: [5, 10], who: "Bob" },
     };
     expect(parts["motion-name"].textContent).toBe("WAVE");
     expect(parts["motion-who"].textContent).toBe("for Ann");
     expect(parts["speech-status"].textContent).toBe("Speaking");
+    expect(parts["speech-who"].textContent).toBe("for Bob");
     expect(parts["speech-word"].textContent).toBe("mundo");
     expect(parts["speech-text"]).toMatchObject({ lang: "es", dir: "auto" });
     parts["motion-cancel"].click();
