@@ -37,9 +37,10 @@ class AgeEstimator:
 
 
 class Stick:
-    """The newest command of one page, its stick position passed through `steps`.
+    """The newest command of one source (a page, its holder's tools), its stick position passed through `steps`.
 
-    A command lives 0.3 s from when it can have been sent at the earliest.
+    A command lives 0.3 s from when it can have been sent at the earliest. After a stop that the operator did not make a
+    stick `owes` neutral: nothing moves by it before it was in the middle itself.
     """
 
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:
@@ -49,6 +50,8 @@ class Stick:
         self._age = AgeEstimator()
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
+        self.owes: str | None = None  # neutral, and why
+        self.is_out = False  # as it was last seen, also if that command has died since
 
     @property
     def seq(self) -> int | None:
@@ -79,6 +82,11 @@ class Stick:
     def current(self, now_s: float) -> Drive | None:
         """The command that holds now, None when the last has died."""
         return self._drive if now_s < self._dies_s else None
+
+    def owe(self, reason: str) -> None:
+        """Nothing moves before this stick was in the middle. The first reason is the one that is told."""
+        if self.owes is None:
+            self.owes = reason.rstrip(".")
 
     def _shaped(self, drive: Drive, now_s: float) -> Drive:
         """The command with what the steps make of its position: once for each, whatever the ticks."""

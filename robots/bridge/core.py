@@ -102,9 +102,8 @@ class Core:
         self._stick = Stick(self.config.stick)
         self._twists = Stick()  # velocities that the holder's tools ask for, where the stick asks for none
         self._page_gone_s: float | None = None
-        self._neutral: str | None = None  # why the stick must return to neutral first
         self._unrecorded: Refusal | None = None  # why nothing goes on: it could not be recorded
-        self._asked = STILL  # by the stick
+        self._asking: Stick | None = None  # the one that asks for motion
         self._passed = STILL  # what of it reached the gate
         self._sent = STILL
         self._publish_until_s = float("-inf")
@@ -129,7 +128,7 @@ class Core:
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
             self._count_anew()
-            self._neutral = "you have just taken control"
+            self._owe_neutral("you have just taken control")
         elif self._page_gone_s is not None or link != self.grants.link:
             self._count_anew()
             self.halt("the page came back", now_s)
@@ -341,7 +340,7 @@ class Core:
             holder=grant.holder if grant else None,
             fence=grant.fence if grant else None,
             seq=self._stick.seq,
-            neutral_needed=self._neutral if grant else None,
+            neutral_needed=(self._asking or self._stick).owes if grant else None,
             foreign=self._ros.foreign,
             watchers=watchers,
             clock_skew_s=self._skew_s if self._skew_s and abs(self._skew_s) > CLOCK_SKEW_S else None,
@@ -396,7 +395,7 @@ class Core:
     def halt(self, reason: str, now_s: float) -> None:
         """Zero now, and a neutral stick before anything moves again."""
         self._need_neutral(reason)
-        self._asked = self._passed = STILL
+        self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
 
@@ -405,17 +404,10 @@ class Core:
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
         grant = self.grants.current
-        wanted = self._wanted(grant, now_s) if grant else None
-        if wanted is not None:
-            asked = wanted
-            if asked == STILL:
-                self._neutral = None
-        else:
-            if self._asked != STILL:
-                self._need_neutral(f"no command came for {COMMAND_LIFE_S} s")
-            asked = STILL
-        self._asked = asked
-        refusal = self._why_not(grant, now_s) if grant and asked != STILL else None
+        if self._asking and self._asking.current(now_s) is None:
+            self._need_neutral(f"no command came for {COMMAND_LIFE_S} s")
+        self._asking, asked = self._wanted(grant, now_s) if grant else (None, STILL)
+        refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
         if self._passed != STILL:
@@ -440,33 +432,42 @@ class Core:
             self._unrecorded = unrecorded(why, self.orders.under_way)
             self.orders.unrecorded(self._unrecorded, now_s)
 
-    def _wanted(self, grant: Grant, now_s: float) -> Velocity | None:
-        """What the holder asks for: with the stick, or, where that rests, as a twist. None: no command holds."""
-        wanted = None
-        for commands in (self._stick, self._twists):
-            if drive := commands.current(now_s):
-                wanted = velocity_of(
-                    drive, self.config.gate.limits, grant.max_share, self.config.reverse_steering
-                )
-                if wanted != STILL:
-                    break
-        return wanted
+    def _wanted(self, grant: Grant, now_s: float) -> tuple[Stick | None, Velocity]:
+        """What the holder asks for, and by which: the page's stick, or, where that rests, a twist.
+
+        One that is in the middle has done what it owes, and so has another that was not out when it was last seen.
+        """
+        limits, steering = self.config.gate.limits, self.config.reverse_steering
+        for stick, other in ((self._stick, self._twists), (self._twists, self._stick)):
+            if drive := stick.current(now_s):
+                wanted = velocity_of(drive, limits, grant.max_share, steering)
+                stick.is_out = wanted != STILL
+                if stick.is_out:
+                    return stick, wanted
+                stick.owes = None
+                if not other.is_out:
+                    other.owes = None
+        return None, STILL
 
     def _count_anew(self) -> None:
         """Commands come from another page, or from one that was loaded again."""
         self._stick = Stick(self.config.stick)
         self._twists = Stick()
 
-    def _why_not(self, grant: Grant, now_s: float) -> Refusal | None:
+    def _why_not(self, grant: Grant, stick: Stick, now_s: float) -> Refusal | None:
         """The first rule that forbids motion, lease and age apart."""
         if closed := self.why_closed(now_s):
             return closed
         if standing := self.orders.why_stand(now_s) or self._drives.why_not:
             return standing
-        if self._neutral is not None:
-            return Refusal(
-                "neutral_needed", f"Let the stick return to the middle: {self._neutral}.", "dead-man"
+        if stick.owes:
+            what = (
+                "Let the stick return to the middle"
+                if stick is self._stick
+                else "Publish a velocity of zero first"
             )
+            text = f"{what}: {stick.owes}."
+            return Refusal("neutral_needed", text, "dead-man")
         return self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
@@ -480,8 +481,11 @@ class Core:
     def _need_neutral(self, reason: str) -> None:
         """Something other than the operator stops the robot: a neutral stick before it moves again."""
         self._drives.halted(reason)
-        if self._neutral is None:
-            self._neutral = reason.rstrip(".")
+        self._owe_neutral(reason)
+
+    def _owe_neutral(self, reason: str) -> None:
+        for stick in (self._stick, self._twists):
+            stick.owe(reason)
 
     def _expire(self, now_s: float) -> None:
         """A grant that has run out is over, whichever comes first of the tick and what was waited for."""

@@ -255,6 +255,44 @@ def test_after_a_stop_a_twist_that_is_still_sent_does_not_drive(bench):
     assert bench.last == STILL
 
 
+def test_a_tool_that_rests_does_not_let_a_stick_go_on_that_never_was_in_the_middle(bench):
+    bench.driving(0.5)
+    for _ in range(10):  # the page is frozen, its stick held out
+        bench.order(twist(bench, 0.0))
+        bench.pass_time(0.05)
+    assert "no command" in bench.core.state(bench.now_s, []).neutral_needed
+    assert bench.stick(0.5).code == "neutral_needed"
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
+    bench.order(twist(bench, 0.0))
+    assert bench.stick(0.5).code == "neutral_needed"
+    assert bench.last == STILL
+    bench.stick(0.0)
+    assert bench.stick(0.5) is None
+
+
+def test_a_stick_that_rests_does_not_let_a_tool_go_on_that_fell_silent(bench):
+    driven(bench, 0.3)
+    bench.stick(0.0)
+    bench.pass_time(0.4)
+    bench.stick(0.0)
+    assert bench.core.state(bench.now_s, []).neutral_needed is None  # the stick may
+    refusal = bench.order(twist(bench, 0.3))
+    assert refusal.text == "Publish a velocity of zero first: no command came for 0.3 s."
+    assert bench.last == STILL
+    bench.order(twist(bench, 0.0))
+    assert bench.order(twist(bench, 0.3)) is None
+
+
+def test_a_stick_that_dies_while_out_hands_over_to_no_tool(bench):
+    bench.driving(0.5)
+    for _ in range(10):
+        refusal = bench.order(twist(bench, 0.3))
+        bench.pass_time(0.05)
+    assert refusal.code == "neutral_needed"
+    assert bench.last == STILL
+
+
 def test_a_twist_whose_age_nobody_can_tell_is_refused(bench):
     fields = {"linear.x": 0.3}
     assert bench.order(wire.Publish(1, "/key_vel", "geometry_msgs/Twist", fields)).code == "invalid"

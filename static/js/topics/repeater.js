@@ -23,13 +23,19 @@ export class Repeater {
   begin(order, rateHz) {
     this.end(order.topic);
     const pace = Math.max(rateHz, SLOWEST_HZ);
-    this.#send(order);
+    this.#anew(order);
     const timer = setInterval(() => this.#send({ ...order, quiet: true }), 1000 / pace);
     this.#timers.set(order.topic, { order, rateHz: pace, timer });
   }
 
   once(order) {
     this.end(order.topic);
+    this.#anew(order);
+  }
+
+  /** Who presses means it now, whatever was published before: from rest, as a stick that has been in the middle. */
+  #anew(order) {
+    this.#send({ ...order, fields: {}, quiet: true });
     this.#send(order);
   }
 

@@ -1,7 +1,13 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Repeater } from "../../../static/js/topics/repeater.js";
 
-const TWIST = { t: "publish", topic: "/key_vel", type: "geometry_msgs/Twist" };
+const TWIST = {
+  t: "publish",
+  topic: "/key_vel",
+  type: "geometry_msgs/Twist",
+  fields: { linear: { x: 0.2 } },
+};
+const REST = { ...TWIST, fields: {}, quiet: true };
 
 describe("velocities that the page repeats", () => {
   let sent;
@@ -20,13 +26,19 @@ describe("velocities that the page repeats", () => {
   it("are told of once, and repeated quietly", () => {
     repeater.begin(TWIST, 10);
     vi.advanceTimersByTime(250);
-    expect(sent).toEqual([TWIST, { ...TWIST, quiet: true }, { ...TWIST, quiet: true }]);
+    expect(sent).toEqual([REST, TWIST, { ...TWIST, quiet: true }, { ...TWIST, quiet: true }]);
+  });
+
+  it("begin from rest at each press, as a stick does", () => {
+    repeater.once(TWIST);
+    repeater.once(TWIST);
+    expect(sent).toEqual([REST, TWIST, REST, TWIST]);
   });
 
   it("are never slower than the base needs them", () => {
     repeater.begin(TWIST, 1);
     vi.advanceTimersByTime(1000);
-    expect(sent.length).toBe(6);
+    expect(sent.length).toBe(7);
     expect(repeater.running).toEqual([{ topic: "/key_vel", type: TWIST.type, rate_hz: 5 }]);
   });
 
@@ -35,7 +47,7 @@ describe("velocities that the page repeats", () => {
     expect(repeater.end("/other")).toBe(false);
     expect(repeater.end("/key_vel")).toBe(true);
     vi.advanceTimersByTime(1000);
-    expect(sent).toEqual([TWIST]);
+    expect(sent).toEqual([REST, TWIST]);
     expect(repeater.end()).toBe(false);
   });
 });
