@@ -1,179 +1,291 @@
-/** A form for a message, made from its definition: nested fields, arrays, constants as choices, time. */
+/** A form for a message, made from its definition: nested fields, lists of messages, constants as choices, time. */
 
 import { make, say, show } from "../dom.js";
+import { blankText, parsed, parsedArray } from "./written.js";
 
-const WHOLE = /^u?int(8|16|32|64)$|^byte$|^char$/;
-const FRACTION = /^float(32|64)$/;
-
-/** What a field holds before anybody writes there. */
-function blankText(type) {
-  if (type === "time") return "now";
-  if (type === "duration" || WHOLE.test(type) || FRACTION.test(type)) return "0";
-  return "";
-}
-
-/** A written value as the definition wants it. Throws an Error with words for a person. */
-function parsed(text, type) {
-  if (type === "string") return text;
-  const trimmed = text.trim();
-  if (type === "time" && trimmed === "now") return "now";
-  if (trimmed === "") throw new Error(gettext("Write a number."));
-  const value = Number(trimmed);
-  if (!Number.isFinite(value)) throw new Error(gettext("This is not a number."));
-  if (WHOLE.test(type) && !Number.isInteger(value))
-    throw new Error(gettext("Write a whole number."));
-  if (WHOLE.test(type) && !Number.isSafeInteger(value))
-    throw new Error(gettext("A browser would lose digits of this: publish it with a program."));
-  return value;
-}
-
-/** An array as it is written: values with commas between, or JSON for anything nested. */
-function parsedArray(text, { type, array, fields = [] }) {
-  const trimmed = text.trim();
-  let values;
-  if (fields.length || trimmed.startsWith("[")) {
-    try {
-      values = trimmed ? JSON.parse(trimmed) : [];
-    } catch {
-      throw new Error(gettext("Write a JSON list, such as [1, 2]."));
-    }
-    if (!Array.isArray(values)) throw new Error(gettext("Write a JSON list, such as [1, 2]."));
-  } else {
-    values = trimmed === "" ? [] : trimmed.split(",").map((part) => one(part.trim(), type));
-  }
-  if (array > 0 && values.length !== array) {
-    throw new Error(interpolate(gettext("Write exactly %s values."), [array]));
-  }
-  return values;
-}
-
-function one(text, type) {
-  if (type === "bool") return text === "true" || text === "1";
-  return parsed(text, type);
-}
+const MOST_MADE = 20; // messages of a list that has a fixed number: more are written as JSON
 
 /** The form of one message type. `values` reads it, `fault` shows what the robot's side found wrong. */
 export class MessageForm {
   #root;
-  #inputs = new Map(); // path -> {field, input, note}
+  #message;
 
   /** @param {HTMLElement} root is emptied. @param {object[]} fields as in the answer `described` */
   constructor(root, fields) {
     this.#root = root;
-    root.replaceChildren(...fields.map((field) => this.#row(field, "")));
+    this.#message = new Message(fields, "");
+    root.replaceChildren(...this.#message.rows);
   }
 
   /** @returns {?object} nested values; null if something is wrong, which is then said beside it */
   get values() {
-    const found = Object.create(null); // a field may be called "constructor"
-    let right = true;
-    for (const [path, { field, input, note }] of this.#inputs) {
-      try {
-        put(found, path.split("."), this.#value(field, input));
-        this.#note(note, input, "");
-      } catch (error) {
-        this.#note(note, input, error.message);
-        right = false;
-      }
-    }
-    if (!right) this.#root.querySelector("[aria-invalid=true]")?.focus();
-    return right ? found : null;
+    const values = this.#message.values();
+    const wrong = this.#root.querySelector("[aria-invalid=true]");
+    wrong?.focus();
+    return wrong ? null : values;
   }
 
-  /** @param {string} path of the wrong field, perhaps within an array. @returns {boolean} whether it is in this form */
+  /** @param {string} path of the wrong field, as `points[0].x`. @returns {boolean} whether it is in this form */
   fault(path, text) {
-    const own = [...this.#inputs.keys()].find((key) => path === key || path.startsWith(`${key}[`));
-    if (!own) return false;
-    const { input, note } = this.#inputs.get(own);
-    this.#note(note, input, text);
-    input.focus();
-    return true;
+    const found = this.#message.find(path.match(/[^.[\]]+/g) ?? []);
+    found?.fault(text);
+    return Boolean(found);
+  }
+}
+
+/** The fields of one message. */
+class Message {
+  #parts = new Map(); // by the field's name
+
+  constructor(fields, prefix) {
+    for (const field of fields) this.#parts.set(field.name, part(field, `${prefix}-${field.name}`));
   }
 
-  #value(field, input) {
-    if (field.array !== null && field.array !== undefined) return parsedArray(input.value, field);
-    if (field.type === "bool") return input.checked;
-    return field.constants?.[input.value.trim()] ?? parsed(input.value, field.type);
+  get rows() {
+    return [...this.#parts.values()].map(({ element }) => element);
   }
 
-  #row(field, prefix) {
-    const path = prefix ? `${prefix}.${field.name}` : field.name;
-    if (field.fields?.length && (field.array === null || field.array === undefined)) {
-      const legend = make("legend", { text: `${field.name} · ${field.type}` });
-      const inner = field.fields.map((child) => this.#row(child, path));
-      return make("fieldset", { className: "nested", children: [legend, ...inner] });
-    }
-    const input = this.#input(field);
-    const proposals = this.#proposals(field);
-    const note = make("span", { className: "field-note" });
-    note.hidden = true;
-    const id = `field-${path.replaceAll(".", "-")}`;
-    input.id = id;
-    if (proposals) {
-      proposals.id = `${id}-constants`;
-      input.setAttribute("list", proposals.id);
-    }
-    note.id = `${id}-note`;
-    input.setAttribute("aria-describedby", note.id);
-    const label = make("label", {
-      children: [
-        make("span", { text: field.name }),
-        make("span", { className: "quiet", text: typeText(field) }),
-      ],
+  values() {
+    const found = Object.create(null); // a field may be called "constructor"
+    for (const [name, inner] of this.#parts) found[name] = inner.values();
+    return found;
+  }
+
+  find([name, ...rest]) {
+    return this.#parts.get(name)?.find(rest) ?? null;
+  }
+}
+
+/** @param {string} id unlike that of any other part of the form */
+function part(field, id) {
+  if (!isMessage(field) || field.array > MOST_MADE) return new Value(field, id);
+  return isArray(field) ? new List(field, id) : new Nested(field, id);
+}
+
+/** A message within the message. */
+class Nested {
+  element;
+  #message;
+
+  constructor({ name, type, fields = [] }, id) {
+    this.#message = new Message(fields, id);
+    this.element = fieldset(name, type, this.#message.rows);
+  }
+
+  values() {
+    return this.#message.values();
+  }
+
+  find(path) {
+    return this.#message.find(path);
+  }
+}
+
+/** Messages within the message, as many as there should be. */
+class List {
+  element;
+  #field;
+  #id;
+  #items = [];
+  #made = 0;
+  #list = make("div", { className: "fields" });
+  #note;
+
+  constructor(field, id) {
+    this.#field = field;
+    this.#id = id;
+    this.#note = noteAt(`field${id}-note`);
+    this.#note.setAttribute("role", "alert");
+    this.element = fieldset(field.name, typeText(field), [this.#list, this.#note]);
+    for (let count = field.array; count > 0; count -= 1) this.#add();
+    if (field.array < 0) this.element.append(this.#adding());
+  }
+
+  values() {
+    this.fault("");
+    return this.#items.map(({ message }) => message.values());
+  }
+
+  find([number, ...rest]) {
+    return this.#items[number]?.message.find(rest) ?? this;
+  }
+
+  fault(text) {
+    write(this.#note, text);
+  }
+
+  #adding() {
+    const label = interpolate(gettext("Add one to %s"), [this.#field.name]);
+    const add = button(gettext("Add"), label);
+    add.addEventListener("click", () => {
+      this.#add();
+      this.#list.lastElementChild.querySelector("input, select, button")?.focus();
     });
-    label.htmlFor = id;
-    this.#inputs.set(path, { field, input, note });
-    return make("div", {
-      className: "field",
-      children: [label, input, proposals, note].filter(Boolean),
-    });
+    return add;
   }
 
-  /** The names of the constants of its type, to choose from; any other value may be written, too. */
-  #proposals({ type, array, constants = {} }) {
-    const isArray = array !== null && array !== undefined;
-    const named = Object.entries(constants);
-    if (isArray || type === "bool" || !named.length) return null;
-    const options = named.map(([name, value]) => {
-      const option = make("option", { text: `${name} = ${value}` });
-      option.value = name;
-      return option;
-    });
-    return make("datalist", { children: options });
-  }
-
-  #input(field) {
-    const isArray = field.array !== null && field.array !== undefined;
-    const input = make("input");
-    input.type = !isArray && field.type === "bool" ? "checkbox" : "text";
-    if (isArray) input.placeholder = field.fields?.length ? "[]" : "1, 2, 3";
-    else if (field.type !== "bool") input.value = blankText(field.type);
-    if (isArray && field.array > 0 && !field.fields?.length) {
-      input.value = Array(field.array).fill(blankText(field.type)).join(", ");
+  #add() {
+    const message = new Message(this.#field.fields ?? [], `${this.#id}-${this.#made}`);
+    const element = fieldset("", "", message.rows);
+    const item = { message, element, remove: null };
+    this.#made += 1;
+    if (this.#field.array < 0) {
+      item.remove = button(gettext("Remove"), "");
+      item.remove.addEventListener("click", () => this.#remove(item));
+      element.append(item.remove);
     }
-    input.autocomplete = "off";
-    input.spellcheck = false;
-    return input;
+    this.#items.push(item);
+    this.#list.append(element);
+    this.#number();
   }
 
-  #note(note, input, text) {
-    say(note, text);
-    show(note, text !== "");
-    if (text) input.setAttribute("aria-invalid", "true");
-    else input.removeAttribute("aria-invalid");
+  #remove(item) {
+    this.#items.splice(this.#items.indexOf(item), 1);
+    item.element.remove();
+    this.#number();
+    this.element.lastElementChild.focus(); // the button that adds one
   }
+
+  #number() {
+    for (const [number, { element, remove }] of this.#items.entries()) {
+      const name = `${this.#field.name}[${number}]`;
+      say(element.querySelector("legend > span"), name);
+      remove?.setAttribute("aria-label", interpolate(gettext("Remove %s"), [name]));
+    }
+  }
+}
+
+/** One value, or an array of plain ones. */
+class Value {
+  element;
+  #field;
+  #input;
+  #choice;
+  #note;
+
+  constructor(field, id) {
+    this.#field = field;
+    this.#input = inputFor(field);
+    this.#input.id = `field${id}`;
+    this.#note = noteAt(`field${id}-note`);
+    this.#input.setAttribute("aria-describedby", this.#note.id);
+    const label = make("label", { children: named(field.name, typeText(field)) });
+    label.htmlFor = this.#input.id;
+    this.#choice = this.#choiceOf(field);
+    const written = make("div", {
+      className: "written",
+      children: [this.#input, this.#choice].filter(Boolean),
+    });
+    this.element = make("div", { className: "field", children: [label, written, this.#note] });
+  }
+
+  values() {
+    this.fault("");
+    try {
+      return this.#value();
+    } catch (error) {
+      this.fault(error.message);
+      return null;
+    }
+  }
+
+  find() {
+    return this;
+  }
+
+  fault(text) {
+    write(this.#note, text);
+    if (text) this.#input.setAttribute("aria-invalid", "true");
+    else this.#input.removeAttribute("aria-invalid");
+    if (text) this.#input.focus();
+  }
+
+  #value() {
+    if (isArray(this.#field)) return parsedArray(this.#input.value, this.#field);
+    if (this.#input.type === "checkbox") return this.#input.checked;
+    return parsed(this.#input.value, this.#field);
+  }
+
+  /** The constants of its type, to choose from; any other value may be written, too. */
+  #choiceOf(field) {
+    const constants = Object.entries(field.constants ?? {});
+    if (isArray(field) || field.type === "bool" || !constants.length) return null;
+    const choice = make("select");
+    choice.setAttribute("aria-label", interpolate(gettext("Constants of %s"), [field.name]));
+    choice.append(option("", gettext("another value")));
+    for (const [name, value] of constants) choice.append(option(name, `${name} = ${value}`));
+    const read = () => {
+      const text = this.#input.value.trim();
+      const same = constants.find(([name, value]) => text === name || text === String(value));
+      choice.value = same?.[0] ?? "";
+    };
+    choice.addEventListener("change", () => {
+      if (choice.value) this.#input.value = choice.value;
+      else this.#input.select();
+    });
+    this.#input.addEventListener("input", read);
+    read();
+    return choice;
+  }
+}
+
+function inputFor(field) {
+  const input = make("input");
+  const isOne = !isArray(field);
+  input.type = isOne && field.type === "bool" ? "checkbox" : "text";
+  input.autocomplete = "off";
+  input.spellcheck = false;
+  const blank = field.type === "bool" ? "false" : blankText(field.type);
+  if (isOne) input.value = input.type === "text" ? blank : "on";
+  else if (isMessage(field)) input.placeholder = "[{}, {}]";
+  else if (field.array > 0) input.value = Array(field.array).fill(blank).join(", ");
+  else input.placeholder = field.type === "string" ? "a, b" : `${blank}, ${blank}`;
+  return input;
+}
+
+function isMessage({ type }) {
+  return type.includes("/");
+}
+
+function isArray({ array }) {
+  return array !== null && array !== undefined;
 }
 
 function typeText({ type, array }) {
-  if (array === null || array === undefined) return type;
+  if (!isArray({ array })) return type;
   return array < 0 ? `${type}[]` : `${type}[${array}]`;
 }
 
-function put(found, [name, ...rest], value) {
-  if (!rest.length) {
-    found[name] = value;
-    return;
-  }
-  found[name] ??= Object.create(null);
-  put(found[name], rest, value);
+function named(name, type) {
+  return [make("span", { text: name }), make("span", { className: "quiet", text: type })];
+}
+
+function fieldset(name, type, children) {
+  const legend = make("legend", { children: named(name, type) });
+  return make("fieldset", { className: "nested", children: [legend, ...children] });
+}
+
+function noteAt(id) {
+  const note = make("span", { className: "field-note" });
+  note.hidden = true;
+  note.id = id;
+  return note;
+}
+
+function write(note, text) {
+  say(note, text);
+  show(note, text !== "");
+}
+
+function button(text, label) {
+  const made = make("button", { className: "button", text });
+  made.type = "button";
+  made.setAttribute("aria-label", label);
+  return made;
+}
+
+function option(value, text) {
+  const made = make("option", { text });
+  made.value = value;
+  return made;
 }

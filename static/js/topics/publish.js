@@ -2,16 +2,19 @@
 
 import { make, say, show } from "../dom.js";
 import { MessageForm } from "./form.js";
+import { parsedJson } from "./written.js";
+
+const RATE_HZ = [0.1, 50]; // the slowest and the fastest, but for once
 
 /** A dictionary as somebody wrote it. Throws an Error with words for a person. */
 export function dictionary(text) {
-  let found;
+  let found = null;
   try {
-    found = JSON.parse(text.trim() || "{}");
-  } catch {
-    throw new Error(gettext('Write a dictionary, such as {"linear.x": 0.2}.'));
+    found = parsedJson(text.trim() || "{}");
+  } catch (error) {
+    if (!(error instanceof SyntaxError)) throw error;
   }
-  if (found === null || typeof found !== "object" || Array.isArray(found)) {
+  if (found === null || Object.getPrototypeOf(found) !== Object.prototype) {
     throw new Error(gettext('Write a dictionary, such as {"linear.x": 0.2}.'));
   }
   return found;
@@ -44,6 +47,7 @@ export class PublishPanel extends EventTarget {
   /** @param {{topic: string, type: string, why: string}[]} publishable `why` this person may not, empty if they may */
   set publishable(publishable) {
     const before = this.#parts["publish-topic"].value;
+    const typeBefore = this.#types[before];
     this.#types = Object.fromEntries(publishable.map(({ topic, type }) => [topic, type]));
     const options = publishable.map(({ topic, type, why }) => {
       const option = make("option", { text: [topic, type, why].filter(Boolean).join(" · ") });
@@ -57,7 +61,7 @@ export class PublishPanel extends EventTarget {
     const kept = before in this.#types;
     const first = publishable.find(({ why }) => why === "");
     this.#parts["publish-topic"].value = kept ? before : (first?.topic ?? "");
-    if (!kept) this.#choose();
+    if (this.#types[before] !== typeBefore || !kept) this.#choose();
   }
 
   /** Definitions can be asked for now: also that of what was chosen before there was a connection. */
@@ -129,7 +133,8 @@ export class PublishPanel extends EventTarget {
     const topic = this.#parts["publish-topic"].value;
     const fields = this.#read();
     if (fields === null) return;
-    const rateHz = Number(this.#parts["publish-rate"].value) || 0;
+    const rateHz = this.#rate();
+    if (rateHz === null) return;
     this.#tell("publish", { topic, type: this.#types[topic], fields, rate_hz: rateHz });
   }
 
@@ -142,6 +147,18 @@ export class PublishPanel extends EventTarget {
       this.#say(error.message);
       return null;
     }
+  }
+
+  /** 0 for once; null if what was written is none, which is then said. */
+  #rate() {
+    const input = this.#parts["publish-rate"];
+    const rateHz = input.validity.badInput ? Number.NaN : Number(input.value);
+    const right = rateHz === 0 || (rateHz >= RATE_HZ[0] && rateHz <= RATE_HZ[1]);
+    input.setAttribute("aria-invalid", String(!right));
+    if (right) return rateHz;
+    this.#say(interpolate(gettext("Rate: from %s to %s Hz, or 0 for once."), RATE_HZ));
+    input.focus();
+    return null;
   }
 
   #say(text) {
