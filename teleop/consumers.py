@@ -219,6 +219,7 @@ class RobotConsumer(RobotSocket):
             case wire.Clear(number=number):
                 await stopping.clear(self.room.link, number, user=self.user, tab=tab)
                 return
+        self._told = None  # this is its answer, also if nothing is other than before
         await self.room.changed()
 
     def _me(self) -> dict[str, Any]:
@@ -295,9 +296,7 @@ class RobotConsumer(RobotSocket):
         if self.grip and (ours is None or ours.session != self.held_session):
             await self._lost(standing)
         if ours and self.grip is None and not self._gone and isinstance(self.rights.permit, Permit):
-            if self._asking:
-                self._asking = False
-                await self.tell(notices.now_yours())
+            self._asking = False  # if it asked, it has its answer
             self.grip = Grip(
                 self.room,
                 ours,

@@ -37,11 +37,6 @@ def somebody_asks(name: str) -> Notice:
     return Notice("info", "asked", f"{name} asks for control.")
 
 
-def now_yours() -> Notice:
-    """To whoever asked, and got it."""
-    return Notice("info", "handed_to_you", "Control was handed to you.")
-
-
 def answered(free: bool) -> Notice:
     """To whoever asked, and did not get it."""
     if free:

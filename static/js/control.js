@@ -6,6 +6,7 @@ import { Echoes, RoundTrips } from "./delay.js";
 import { Desk } from "./desk.js";
 import { mark, parts } from "./dom.js";
 import { DrivingOptions } from "./driving_options.js";
+import { Errands, isErrand } from "./errands.js";
 import { Face } from "./face.js";
 import { listenToGamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
@@ -18,7 +19,7 @@ import { question } from "./question.js";
 import { DriveSender } from "./sender.js";
 import { LiveSocket, socketUrl } from "./socket.js";
 import { isHeld, isStale } from "./standing.js";
-import { Stick } from "./stick.js";
+import { isNeutral, Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
 import { Tabs } from "./tabs.js";
@@ -51,8 +52,7 @@ class ControlPage {
   #sender;
   #stopButton;
   #clear;
-  #releasing = false; // by this page, and not done yet
-  #clearing = false; // asked for by this page, and not done yet
+  #errands;
   #stopAsked = 0; // number of the stop that the question to clear is about
   #panel;
   #options;
@@ -98,9 +98,13 @@ class ControlPage {
       clock: this.#clock,
     });
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
-    this.#clear = question(this.#parts["clear-dialog"], () => {
-      this.#clearing = this.#socket.send({ t: "clear", number: this.#stopAsked });
-    });
+    this.#errands = new Errands(
+      (message) => this.#socket.send(message),
+      (notice) => this.#notices.add(notice),
+    );
+    this.#clear = question(this.#parts["clear-dialog"], () =>
+      this.#errands.send({ t: "clear", number: this.#stopAsked }),
+    );
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: (sinceMs) => this.#viewMs > sinceMs && this.#state.stop.state !== "clear",
@@ -133,6 +137,7 @@ class ControlPage {
       this.#face,
       this.#tabs,
       this.#desk,
+      this.#errands,
       this.#notices,
     ];
     const others = [
@@ -202,8 +207,7 @@ class ControlPage {
       this.#zero("released");
       this.#sender.stop();
     }
-    const sent = this.#socket.send(message);
-    this.#releasing = sent && message.t === "release";
+    this.#errands.send(message);
   }
 
   /** Another tab: the base stands, and nothing is latched by it. */
@@ -239,6 +243,7 @@ class ControlPage {
     this.#control = null;
     this.#panel.control = null;
     this.#desk.lost();
+    this.#errands.lost();
     this.#follow();
     this.#look();
     if (CLOSED_FOR_GOOD.has(code)) location.reload();
@@ -267,6 +272,7 @@ class ControlPage {
         return this.#onRefused(message);
       case "bridge_gone":
         this.#gone = message.refusal;
+        this.#desk.away();
         return this.#look();
     }
   }
@@ -281,17 +287,16 @@ class ControlPage {
   }
 
   #onControl(control) {
-    const { fence: before } = this.#control ?? {};
+    const { fence = null, asking = null } = this.#control ?? {};
     this.#control = control;
     this.#mine = control.state === "yours";
     this.#panel.control = control;
-    if (control.state === "yours" && control.fence !== before) {
-      this.#stick.neutralise("control-began");
-      this.#tell("success", "control", gettext("You have control."));
-    }
-    if (this.#releasing && control.state !== "yours") {
-      this.#releasing = false;
-      this.#tell("success", "control", gettext("Control is given back."));
+    const begins = this.#mine && control.fence !== fence;
+    if (begins) this.#stick.neutralise("control-began");
+    // Without having been asked for just now it was handed over, or goes on after a reload or a loss of the connection.
+    if (!this.#errands.heard(control) && begins) {
+      const handed = gettext("Control was handed to you.");
+      this.#tell("success", "control", asking ? handed : gettext("You have control."));
     }
     this.#follow();
     this.#look();
@@ -312,9 +317,10 @@ class ControlPage {
   }
 
   #onRefused({ of, refusal }) {
-    if (of === "drive" && SHOWN_ELSEWHERE.has(refusal.code)) return;
-    if (of === "clear") this.#clearing = false;
-    if (of === "release") this.#releasing = false;
+    // A stick that rests asked for nothing.
+    if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
+      return;
+    if (isErrand(of)) return this.#errands.refused(of, refusal);
     const level = of === "stop" ? "error" : "warning";
     this.#tell(level, `${of} ${refusal.code}`, refusal.text);
   }
@@ -322,6 +328,8 @@ class ControlPage {
   // --- the robot -------------------------------------------------------------------------------
 
   #onView(view) {
+    // First: a fault in what follows must not end the pictures.
+    requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
     const before = this.#state;
     this.#gone = null;
     this.#state = view.state;
@@ -333,15 +341,11 @@ class ControlPage {
     this.#desk.state = view.state;
     this.#followGate(view.state, before);
     this.#look();
-    requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
 
   /** What ends a stick: the latch always; a full hold of the gate ends one that nobody's finger is on. */
   #followGate({ stop, verdict }, before) {
-    if (stop.state === "clear" && this.#clearing) {
-      this.#clearing = false;
-      this.#tell("success", "clear", gettext("The stop is cleared."));
-    }
+    if (stop.state === "clear") this.#errands.done("clear");
     if (stop.state !== "clear" && before?.stop.state === "clear") this.#stick.neutralise("stopped");
     if (this.#joystick.sticks && isHeld(verdict)) this.#stick.neutralise("held");
   }

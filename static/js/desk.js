@@ -122,8 +122,16 @@ export class Desk {
     return this.#orders.heard(message);
   }
 
+  /** The connection is lost. */
   lost() {
     this.#orders.lost();
+    this.away();
+  }
+
+  /** The robot is out of reach. */
+  away() {
+    this.#motionEnds.lost();
+    this.#speechEnds.lost();
   }
 
   close() {

@@ -6,10 +6,17 @@ export class Endings {
   name = ""; // of what runs, or ran
   #tell;
   #last; // number of the ending that is known already
+  #runs = false;
+  #blind = false; // nothing was heard of the robot for a while: what ran may be gone with its bridge
 
   /** @param {(ended: object, name: string) => void} tell */
   constructor(tell) {
     this.#tell = tell;
+  }
+
+  /** The robot is out of reach. */
+  lost() {
+    this.#blind = true;
   }
 
   /**
@@ -18,11 +25,14 @@ export class Endings {
    */
   follow(name, ended) {
     if (name !== null) this.name = name;
-    const number = ended?.number ?? 0;
-    const isNew = this.#last !== undefined && number !== this.#last;
-    this.#last = number;
-    if (!isNew) return false;
-    if (this.mine) this.#tell(ended, ended.name ?? this.name);
+    const isNew = this.#last !== undefined && ended !== null && ended.number !== this.#last;
+    const isGone = this.#blind && this.#runs && name === null && !isNew;
+    this.#last = ended?.number ?? 0;
+    this.#runs = name !== null;
+    this.#blind = false;
+    if (!isNew && !isGone) return false;
+    const how = isNew ? ended : { outcome: "unheard", text: "" };
+    if (this.mine) this.#tell(how, how.name ?? this.name);
     this.mine = false;
     return true;
   }

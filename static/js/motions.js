@@ -45,6 +45,7 @@ export class Motions {
   #list;
   #buttons = new Map();
   #offered = [];
+  #titles = new Map(); // by name; also of those that are not offered while the robot is away
   #running = null;
   #mayPlay = false;
   #mayCancel = false;
@@ -72,6 +73,7 @@ export class Motions {
   /** @param {object} offers of the robot */
   set offers({ motions = [], motions_text: text = "" }) {
     this.#offered = inGroups(motions);
+    for (const { name, title } of motions) this.#titles.set(name, title || name);
     this.#buttons.clear();
     this.#list.items = this.#offered;
     const why = text || gettext("This robot offers no motions.");
@@ -97,7 +99,7 @@ export class Motions {
 
   /** A motion's name for people. */
   titleOf(name) {
-    return this.#offered.find((motion) => motion.name === name)?.title || name;
+    return this.#titles.get(name) ?? name;
   }
 
   /** Forgets the search: not every tab shows its field. */

@@ -1,12 +1,13 @@
 /** What came of a person's input: told once at the edge of the screen, and kept in a log. */
 
 import { closable } from "./dialog.js";
-import { make, say, show } from "./dom.js";
+import { make, mark, say, show } from "./dom.js";
 
 const SHOWN_MS = 5000;
 const SHOWN_AT_MOST = 4;
 const KEPT = 100;
 const ANNOUNCED_MS = 1500; // then a screen reader has it, and finds it on the page once
+const LEAST_MS = 1000; // for what was held until its time was nearly over
 
 /** Never by colour alone. */
 function levels() {
@@ -46,8 +47,10 @@ class Shown {
   #timer = null;
   #leftMs = SHOWN_MS;
   #sinceMs = 0;
+  #holders = new Set();
   #ended;
 
+  /** @param {(hadFocus: boolean) => void} ended is called once */
   constructor(entry, ended) {
     this.#ended = ended;
     this.#text = make("span");
@@ -61,13 +64,13 @@ class Shown {
       data: { level: entry.level },
       children: [...words(entry.level, this.#text), this.#times, close, this.#bar],
     });
-    for (const [type, act] of [
-      ["pointerenter", () => this.#hold()],
-      ["focusin", () => this.#hold()],
-      ["pointerleave", () => this.#run()],
-      ["focusout", () => this.#run()],
+    for (const [type, holder, holds] of [
+      ["pointerenter", "pointer", true],
+      ["pointerleave", "pointer", false],
+      ["focusin", "focus", true],
+      ["focusout", "focus", false],
     ])
-      this.element.addEventListener(type, act);
+      this.element.addEventListener(type, () => this.#hold(holder, holds));
     this.update(entry);
   }
 
@@ -82,26 +85,32 @@ class Shown {
 
   /** Whether the pointer or the focus is on it. */
   get held() {
-    return "held" in this.element.dataset;
+    return this.#holders.size > 0;
   }
 
   end() {
     clearTimeout(this.#timer);
+    if (!this.element.parentNode) return; // a browser tells what it takes away that the focus left it
+    const hadFocus = this.element.contains(document.activeElement);
     this.element.remove();
-    this.#ended();
+    this.#ended(hadFocus);
   }
 
   #run() {
     clearTimeout(this.#timer);
     this.#sinceMs = performance.now();
     this.#timer = setTimeout(() => this.end(), this.#leftMs);
-    delete this.element.dataset.held;
   }
 
-  #hold() {
+  #hold(holder, holds) {
+    const before = this.held;
+    if (holds) this.#holders.add(holder);
+    else this.#holders.delete(holder);
+    if (this.held === before) return;
+    mark(this.element, "held", this.held);
+    if (!this.held) return this.#run();
     clearTimeout(this.#timer);
-    this.#leftMs = Math.max(this.#leftMs - (performance.now() - this.#sinceMs), 1000);
-    this.element.dataset.held = "true";
+    this.#leftMs = Math.max(this.#leftMs - (performance.now() - this.#sinceMs), LEAST_MS);
   }
 }
 
@@ -109,7 +118,8 @@ export class Notices {
   #parts;
   #shown = new Map();
   #log = [];
-  #timer = null;
+  #announced = new Map(); // what a screen reader is being told, until when
+  #cameFrom = null; // where the focus was before it came to the notices
   #listening = new AbortController();
 
   /**
@@ -121,6 +131,10 @@ export class Notices {
     const { signal } = this.#listening;
     parts["log-open"].addEventListener("click", () => this.#openLog(), { signal });
     closable(parts["log-dialog"], signal);
+    const came = ({ relatedTarget }) => {
+      if (relatedTarget && !parts.notices.contains(relatedTarget)) this.#cameFrom = relatedTarget;
+    };
+    parts.notices.addEventListener("focusin", came, { signal });
   }
 
   /**
@@ -131,32 +145,32 @@ export class Notices {
   add({ level, code, text }) {
     const key = `${level} ${code}`;
     const before = this.#shown.get(key);
-    if (before) {
-      before.entry.times += 1;
-      before.entry.text = text;
-      before.entry.at = new Date();
-      before.item.update(before.entry);
-      if (level === "error") this.#announce(before.entry);
-    } else {
-      this.#begin(key, { level, text, times: 1, at: new Date() });
-    }
+    const entry = before?.entry ?? { level, times: 0 };
+    Object.assign(entry, { text, times: entry.times + 1, at: new Date() });
+    if (before) before.item.update(entry);
+    else this.#begin(key, entry);
+    this.#announce(key, entry);
+    this.#log = [entry, ...this.#log.filter((other) => other !== entry)].slice(0, KEPT);
     if (this.#parts["log-dialog"].open) this.#fillLog();
   }
 
   close() {
     for (const { item } of [...this.#shown.values()]) item.end();
-    clearTimeout(this.#timer);
+    for (const timer of this.#announced.values()) clearTimeout(timer);
     this.#listening.abort();
   }
 
   #begin(key, entry) {
     if (this.#shown.size >= SHOWN_AT_MOST) this.#oldest.end();
-    const item = new Shown(entry, () => this.#shown.delete(key));
+    const item = new Shown(entry, (hadFocus) => this.#ended(key, hadFocus));
     this.#shown.set(key, { item, entry });
     this.#parts.notices.prepend(item.element);
-    this.#announce(entry);
-    this.#log.unshift(entry);
-    this.#log.length = Math.min(this.#log.length, KEPT);
+  }
+
+  /** The focus goes on to the next notice, or back to where it came from. */
+  #ended(key, hadFocus) {
+    this.#shown.delete(key);
+    if (hadFocus) (this.#parts.notices.querySelector(".close") ?? this.#cameFrom)?.focus();
   }
 
   /** The first to give way: not the one that somebody is reading, unless all are. */
@@ -165,14 +179,17 @@ export class Notices {
     return items.find(({ held }) => !held) ?? items[0];
   }
 
-  #announce({ level, text }) {
+  /** An element for each: what comes while another is read out takes nothing away. A stream of repeats is told once. */
+  #announce(key, { level, text }) {
     const { alarm, said } = this.#parts;
-    say(level === "error" ? alarm : said, `${levels()[level].word}: ${text}`);
-    clearTimeout(this.#timer);
-    this.#timer = setTimeout(() => {
-      say(alarm, "");
-      say(said, "");
-    }, ANNOUNCED_MS);
+    const region = level === "error" ? alarm : said;
+    if (this.#announced.has(key)) clearTimeout(this.#announced.get(key));
+    else region.append(make("p", { text: `${levels()[level].word}: ${text}`, data: { key } }));
+    const forget = () => {
+      this.#announced.delete(key);
+      [...region.children].find((told) => told.dataset.key === key)?.remove();
+    };
+    this.#announced.set(key, setTimeout(forget, ANNOUNCED_MS));
   }
 
   #openLog() {

@@ -4,7 +4,7 @@ import { isolated } from "./languages.js";
 import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
-const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answer to what a person remembers
+export const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answer to what a person remembers
 
 // What those may ask who do not have control: the console knows who may cancel.
 const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
@@ -146,13 +146,14 @@ export class Orders {
 
   #done(order) {
     const text = doneText(order);
-    if (text && !order.quiet) this.#tell({ level: "success", code: `${order.t} done`, text });
+    if (text && !order.quiet) this.#tell({ level: "success", code: text, text });
     return null;
   }
 
   #refused(order, refusal) {
-    const text = `${orderText(order)}: ${refusal.text}`;
-    this.#tell({ level: "warning", code: `${order.t} ${refusal.code}`, text });
+    const what = orderText(order); // two motions refused are two notices, though for one reason
+    const code = `${what} ${refusal.code}`;
+    this.#tell({ level: "warning", code, text: `${what}: ${refusal.text}` });
     return refusal;
   }
 

@@ -24,6 +24,27 @@ describe("endings", () => {
     expect(tell).not.toHaveBeenCalled();
   });
 
+  it("that nobody tells, because the bridge ended with what ran, are told as unheard", () => {
+    ends.mine = true;
+    ends.follow("wave", { number: 4, outcome: "done" });
+    ends.lost();
+    expect(ends.follow(null, null)).toBe(true);
+    ends.follow(null, null);
+    ends.lost();
+    ends.follow(null, null);
+    expect(tell.mock.calls).toEqual([[{ outcome: "unheard", text: "" }, "wave"]]);
+  });
+
+  it("are those of what still runs, or has ended meanwhile, after a loss of the connection", () => {
+    ends.mine = true;
+    ends.follow("wave", { number: 4, outcome: "done" });
+    ends.lost();
+    expect(ends.follow("wave", { number: 4, outcome: "done" })).toBe(false);
+    ends.lost();
+    expect(ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" })).toBe(true);
+    expect(tell.mock.calls).toEqual([[{ number: 5, name: "wave", outcome: "succeeded" }, "wave"]]);
+  });
+
   it("are named as the robot names them", () => {
     ends.mine = true;
     ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" });

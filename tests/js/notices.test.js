@@ -52,6 +52,48 @@ describe("notices", () => {
     expect(texts()).toEqual([]);
   });
 
+  it("stay while the focus is within, whatever the pointer does, and the other way round", () => {
+    notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
+    const shown = parts.notices.firstElementChild;
+    for (const type of ["focusin", "pointerenter", "pointerleave"])
+      shown.dispatchEvent(new Event(type));
+    vi.advanceTimersByTime(60_000);
+    for (const type of ["pointerenter", "focusout"]) shown.dispatchEvent(new Event(type));
+    vi.advanceTimersByTime(60_000);
+    expect(texts()).toHaveLength(1);
+    shown.dispatchEvent(new Event("pointerleave"));
+    vi.advanceTimersByTime(5100);
+    expect(texts()).toEqual([]);
+  });
+
+  it("hand the focus on when they are dismissed, at last to where it came from", () => {
+    const before = document.createElement("button");
+    document.body.replaceChildren(before, parts.notices);
+    before.focus();
+    notices.add({ level: "info", code: "one", text: "One." });
+    notices.add({ level: "info", code: "two", text: "Two." });
+    const [two, one] = parts.notices.querySelectorAll(".close");
+    two.focus();
+    two.click();
+    expect(document.activeElement).toBe(one);
+    one.click();
+    expect(document.activeElement).toBe(before);
+  });
+
+  it("that are dismissed end once, whatever the browser tells of what it takes away", () => {
+    notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
+    const gone = parts.notices.firstElementChild;
+    for (const type of ["pointerenter", "focusin"]) gone.dispatchEvent(new Event(type));
+    gone.querySelector("button").click();
+    for (const type of ["pointerleave", "focusout"]) gone.dispatchEvent(new Event(type));
+    vi.advanceTimersByTime(4000);
+    notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
+    vi.advanceTimersByTime(2000);
+    notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
+    expect(texts()).toHaveLength(1);
+    expect(parts.notices.querySelector(".notice-times").textContent).toBe("×2");
+  });
+
   it("stay under the pointer when they are told again, and are not the ones to give way", () => {
     notices.add({ level: "error", code: "busy", text: "Busy." });
     parts.notices.firstElementChild.dispatchEvent(new Event("pointerenter"));
@@ -62,11 +104,25 @@ describe("notices", () => {
     expect(texts()).toEqual(["Still busy."]);
   });
 
-  it("of errors are announced each time", () => {
-    notices.add({ level: "error", code: "stop", text: "Not confirmed." });
+  it.each([
+    ["error", "alarm", "Error: Busy."],
+    ["warning", "said", "Warning: Busy."],
+  ])("of level %s are announced each time, a stream of repeats once", (level, region, words) => {
+    const told = () => [...parts[region].children].map(({ textContent }) => textContent);
+    for (let i = 0; i < 5; i += 1) notices.add({ level, code: "busy", text: "Busy." });
+    expect(told()).toEqual([words]);
     vi.advanceTimersByTime(1500);
-    notices.add({ level: "error", code: "stop", text: "Not confirmed." });
-    expect(parts.alarm.textContent).toBe("Error: Not confirmed.");
+    expect(told()).toEqual([]);
+    notices.add({ level, code: "busy", text: "Busy." });
+    expect(told()).toEqual([words]);
+  });
+
+  it("that come together are announced each by itself", () => {
+    notices.add({ level: "warning", code: "busy", text: "Busy." });
+    vi.advanceTimersByTime(100);
+    notices.add({ level: "success", code: "said", text: "Said." });
+    const told = [...parts.said.children].map(({ textContent }) => textContent);
+    expect(told).toEqual(["Warning: Busy.", "Done: Said."]);
   });
 
   it("fold repeats into one that counts", () => {
@@ -98,5 +154,14 @@ describe("notices", () => {
     const told = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(new Date());
     expect(time.textContent).toContain(told.find(({ type }) => type === "timeZoneName").value);
     expect(parts["log-none"].hidden).toBe(true);
+  });
+
+  it("are in the log with the newest first, also where the newest is a repeat", () => {
+    notices.add({ level: "info", code: "one", text: "One." });
+    notices.add({ level: "info", code: "two", text: "Two." });
+    notices.add({ level: "info", code: "one", text: "One again." });
+    parts["log-open"].click();
+    const logged = [...parts["log-list"].querySelectorAll("p > span")];
+    expect(logged.map(({ textContent }) => textContent)).toEqual(["One again.", "Two."]);
   });
 });

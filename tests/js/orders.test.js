@@ -71,8 +71,20 @@ describe("orders", () => {
     orders.heard({ t: "refused", of: "play", seq: 101, refusal });
     expect(await answer).toBe(refusal);
     expect(told).toEqual([
-      { level: "warning", code: "play motion_runs", text: "Play Wave: Ann has it perform bow." },
+      {
+        level: "warning",
+        code: "Play Wave motion_runs",
+        text: "Play Wave: Ann has it perform bow.",
+      },
     ]);
+  });
+
+  it("are told apart by what was asked for: only repeats of the same are counted together", () => {
+    for (const topic of ["/say", null]) orders.send({ t: "choose", use: "speech", topic });
+    for (const seq of [101, 102]) orders.heard({ t: "accepted", of: "choose", seq });
+    orders.fence = null;
+    for (const motion of ["wave", "bow"]) orders.send({ t: "play", motion });
+    expect(new Set(told.map(({ code }) => code)).size).toBe(4);
   });
 
   it("that get no answer within 0.75 s say so instead of hanging, and a late answer is told too", async () => {

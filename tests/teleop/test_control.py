@@ -375,6 +375,15 @@ async def test_renewing_begins_a_fresh_term(open_page):
     assert (await page.hears("control"))["remaining_s"] > 890
 
 
+async def test_renewing_is_answered_also_where_a_booking_leaves_no_more_time(open_page, monkeypatch):
+    page = await open_page("operator")
+    ends = timezone.now() + timedelta(seconds=600)
+    monkeypatch.setattr(services, "_term_end", lambda permit, now: ends)
+    await take(page)
+    await page.say("renew")
+    assert (await page.hears("control"))["state"] == "yours"
+
+
 # --- a page that goes and comes back ---------------------------------------------------------------------
 
 

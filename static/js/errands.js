@@ -1,0 +1,129 @@
+/** What a person asks for about control and the stop: each is told of once, however it ends. */
+
+import { clockText } from "./lease.js";
+import { FORGOTTEN_MS, PATIENCE_MS } from "./orders.js";
+
+/** Kinds of messages that are errands, each in words. */
+function labels() {
+  return {
+    take: gettext("Take control"),
+    take_over: gettext("Take over"),
+    renew: gettext("Keep control"),
+    release: gettext("Release"),
+    hand_over: gettext("Hand over"),
+    ask: gettext("Ask for control"),
+    ask_cancel: gettext("Withdraw"),
+    clear: gettext("Clear stop"),
+  };
+}
+
+/** @param {string} t kind of a message for the server */
+export function isErrand(t) {
+  return t in labels();
+}
+
+/** What is done by it; empty where the console itself has the words. */
+function doneText(t, { holder, remaining_s: remainingS }) {
+  const texts = {
+    take: gettext("You have control."),
+    take_over: gettext("You have control."),
+    renew: interpolate(gettext("You keep control: %s left."), [clockText(remainingS ?? 0)]),
+    release: gettext("Control is given back."),
+    ask: interpolate(gettext("%s knows that you ask for control."), [holder]),
+    ask_cancel: gettext("You ask for control no more."),
+    clear: gettext("The stop is cleared."),
+  };
+  return texts[t] ?? "";
+}
+
+/** Whether `control` as it is now answers what was asked for. */
+function isDone(t, { state, asking = null }) {
+  switch (t) {
+    case "take":
+    case "take_over":
+    case "renew":
+      return state === "yours";
+    case "release":
+    case "hand_over":
+      return state !== "yours";
+    case "ask":
+      return asking !== null;
+    case "ask_cancel":
+      return asking === null;
+    default:
+      return false;
+  }
+}
+
+export class Errands {
+  #send;
+  #tell;
+  #waiting = new Map(); // timers, by what was asked for
+
+  /**
+   * @param {(message: object) => boolean} send whether there was a connection
+   * @param {(notice: {level: string, code: string, text: string}) => void} tell
+   */
+  constructor(send, tell) {
+    this.#send = send;
+    this.#tell = tell;
+  }
+
+  /** @param {object} message for the server, which answers by `control`, by the robot's state or by a refusal */
+  send(message) {
+    const { t } = message;
+    this.#forget(t);
+    if (!this.#send(message)) {
+      this.#failed(t, "not_connected", gettext("There is no connection to the console."));
+      return;
+    }
+    const late = setTimeout(() => this.#late(t), PATIENCE_MS);
+    const forgotten = setTimeout(() => this.#forget(t), FORGOTTEN_MS);
+    this.#waiting.set(t, [late, forgotten]);
+  }
+
+  /** @param {object} control as the server says it stands @returns {boolean} whether something was done by it */
+  heard(control) {
+    const done = [...this.#waiting.keys()].filter((t) => isDone(t, control));
+    for (const t of done) this.done(t, control);
+    return done.length > 0;
+  }
+
+  /** It is done, if it was asked for. */
+  done(t, control = {}) {
+    if (!this.#forget(t)) return;
+    const text = doneText(t, control);
+    if (text) this.#tell({ level: "success", code: `${t} done`, text });
+  }
+
+  refused(t, { code, text }) {
+    this.#forget(t);
+    this.#failed(t, code, text);
+  }
+
+  /** The connection is gone, and with it the answers. */
+  lost() {
+    for (const t of [...this.#waiting.keys()])
+      this.refused(t, {
+        code: "no_answer",
+        text: gettext("The connection was lost before an answer came."),
+      });
+  }
+
+  close() {
+    for (const t of [...this.#waiting.keys()]) this.#forget(t);
+  }
+
+  #late(t) {
+    this.#failed(t, "no_answer", gettext("no answer within 0.75 s. It may still come."));
+  }
+
+  #failed(t, code, text) {
+    this.#tell({ level: "warning", code: `${t} ${code}`, text: `${labels()[t]}: ${text}` });
+  }
+
+  #forget(t) {
+    for (const timer of this.#waiting.get(t) ?? []) clearTimeout(timer);
+    return this.#waiting.delete(t);
+  }
+}
