@@ -5,6 +5,7 @@ from __future__ import annotations
 import ssl
 from contextlib import AbstractContextManager
 from socket import gaierror
+from typing import Any
 
 from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosed
@@ -13,11 +14,10 @@ from websockets.sync import client as sync_client
 from robots.bridge.config import LinkAddress
 from robots.wire import Refusal
 
-_OPEN_TIMEOUT_S = 2.0
 _PING_S = 1.0
 _CLOSE_S = 0.2
-# far above any: what the robot has to tell must not cut off its driver
-_LARGEST_REPORT_BYTES = 8 * 1024 * 1024
+# The largest report is far above any: what the robot has to tell must not cut off its driver, nor who stops it.
+_ALIKE: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
 DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
 
@@ -25,43 +25,32 @@ DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py 
 def open_link(address: LinkAddress) -> connect:
     """A connection for as long as it holds."""
     if address.unix_path:
-        return unix_connect(
-            address.unix_path,
-            compression=None,
-            open_timeout=_OPEN_TIMEOUT_S,
-            ping_interval=None,
-            max_size=_LARGEST_REPORT_BYTES,
-        )
+        return unix_connect(address.unix_path, ping_interval=None, **_ALIKE)
     return connect(
         _uri(address),
         ssl=_tls(address),
         additional_headers=_headers(address),
-        compression=None,
-        open_timeout=_OPEN_TIMEOUT_S,
         ping_interval=_PING_S,
         ping_timeout=_PING_S,
-        max_size=_LARGEST_REPORT_BYTES,
+        **_ALIKE,
     )
 
 
 def open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
     """A connection for one question, from where there is no event loop."""
     if address.unix_path:
-        return sync_client.unix_connect(
-            address.unix_path,
-            compression=None,
-            open_timeout=_OPEN_TIMEOUT_S,
-            close_timeout=_CLOSE_S,
-            ping_interval=None,
+        connection: sync_client.ClientConnection = sync_client.unix_connect(
+            address.unix_path, close_timeout=_CLOSE_S, ping_interval=None, **_ALIKE
         )
-    return sync_client.connect(
-        _uri(address),
-        ssl=_tls(address),
-        additional_headers=_headers(address),
-        compression=None,
-        open_timeout=_OPEN_TIMEOUT_S,
-        close_timeout=_CLOSE_S,
-    )
+    else:
+        connection = sync_client.connect(
+            _uri(address),
+            ssl=_tls(address),
+            additional_headers=_headers(address),
+            close_timeout=_CLOSE_S,
+            **_ALIKE,
+        )
+    return connection
 
 
 def _uri(address: LinkAddress) -> str:
