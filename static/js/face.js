@@ -3,7 +3,15 @@
 import { Announcer } from "./announce.js";
 import { Details, fill } from "./details.js";
 import { mark, say, show } from "./dom.js";
-import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./standing.js";
+import {
+  banner,
+  batteryText,
+  connectionFact,
+  isStale,
+  limitsOf,
+  stopText,
+  verdictText,
+} from "./standing.js";
 import { SAID_MS } from "./stop.js";
 
 const LOW_BATTERY_PERCENT = 20;
@@ -93,11 +101,10 @@ export class Face {
     this.#details.state = state;
   }
 
-  #showBattery({ battery_percent: percent, charging }) {
-    const { battery } = this.#parts;
-    const known = percent !== null;
-    say(battery, known ? `${Math.round(percent)} %${charging ? gettext(", charging") : ""}` : "–");
-    mark(battery, "low", known && percent < LOW_BATTERY_PERCENT);
+  #showBattery(state) {
+    const { battery_percent: percent } = state;
+    say(this.#parts.battery, batteryText(state));
+    mark(this.#parts.battery, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
   }
 
   #showGate(verdict, cut) {

@@ -1,15 +1,18 @@
-/** What a person chose on this device. A browser may forbid storage: then a choice lasts for the page. */
+/** What a person chose on this device, and what a tab keeps over a reload. A browser may forbid storage, or it is full. */
 
 const KEY = "fleet-console";
 let chosen = null;
 
-function all() {
-  if (chosen) return chosen;
+function tried(act) {
   try {
-    chosen = JSON.parse(localStorage.getItem(KEY)) ?? {};
+    return act();
   } catch {
-    chosen = {};
+    return null;
   }
+}
+
+function all() {
+  chosen ??= tried(() => JSON.parse(localStorage.getItem(KEY))) ?? {};
   return chosen;
 }
 
@@ -17,11 +20,20 @@ export function recall(name, fallback) {
   return all()[name] ?? fallback;
 }
 
+/** Where it cannot be stored, a choice holds until the page closes. */
 export function remember(name, value) {
   all()[name] = value;
-  try {
-    localStorage.setItem(KEY, JSON.stringify(chosen));
-  } catch {
-    // Storage is full or forbidden: the choice holds until the page closes.
-  }
+  tried(() => localStorage.setItem(KEY, JSON.stringify(chosen)));
+}
+
+/** @returns {string | null} null: nothing is kept */
+export function recallInTab(key) {
+  return tried(() => sessionStorage.getItem(key));
+}
+
+/** @param {string} key @param {string | null} value null forgets it */
+export function rememberInTab(key, value) {
+  tried(() =>
+    value === null ? sessionStorage.removeItem(key) : sessionStorage.setItem(key, value),
+  );
 }

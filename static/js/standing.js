@@ -95,6 +95,12 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
   return null;
 }
 
+export function batteryText({ battery_percent: percent, charging }) {
+  if (percent === null) return "–";
+  const text = `${Math.round(percent)} %`;
+  return charging ? interpolate(gettext("%s, charging"), [text]) : text;
+}
+
 export function phaseTitle(phase) {
   const titles = {
     waiting: gettext("Waiting for the robot"),

@@ -5,7 +5,7 @@ import { SAID_MS } from "./stop.js";
 
 export class StopWords {
   #element;
-  #failures = new Map();
+  #failures = new Map(); // by whose stop failed: what to say, or the name of a robot that was not reached
   #timer = null;
 
   constructor(element) {
@@ -21,7 +21,13 @@ export class StopWords {
 
   /** @param {string} text @param {string} of whose stop failed: a robot's slug, or every robot's */
   fail(text, of = "") {
-    this.#failures.set(of, text);
+    this.#failures.set(of, { text });
+    this.#showFailures();
+  }
+
+  /** @param {string} name of a robot that no stop reached @param {string} of its slug */
+  unreached(name, of) {
+    this.#failures.set(of, { name });
     this.#showFailures();
   }
 
@@ -35,7 +41,11 @@ export class StopWords {
   }
 
   #showFailures() {
-    this.#show([...new Set(this.#failures.values())].join(" "));
+    const failures = [...this.#failures.values()];
+    const names = failures.flatMap(({ name }) => name ?? []).join(", ");
+    const unreached = gettext("Not reached: %s. Use the red button on the robot.");
+    const texts = failures.map(({ text }) => text ?? interpolate(unreached, [names]));
+    this.#show([...new Set(texts)].join(" "));
   }
 
   #show(text) {

@@ -1,5 +1,7 @@
 /** This tab's own name and clock, which a reload keeps: a lease belongs to a tab, and its commands never go back in time. */
 
+import { recallInTab, rememberInTab } from "./prefs.js";
+
 const TOKEN = "tab-token";
 const ORIGIN = "tab-origin";
 const DUPLICATE_AFTER_MS = 400;
@@ -11,8 +13,8 @@ export function randomToken() {
 }
 
 function remembered(key, make) {
-  const value = sessionStorage.getItem(key) ?? make();
-  sessionStorage.setItem(key, value);
+  const value = recallInTab(key) ?? make();
+  rememberInTab(key, value);
   return value;
 }
 
@@ -23,7 +25,7 @@ function remembered(key, make) {
 export async function tabToken() {
   const token = remembered(TOKEN, randomToken);
   if (!navigator.locks || (await holdLock(token))) return token;
-  sessionStorage.removeItem(TOKEN);
+  rememberInTab(TOKEN, null);
   return tabToken();
 }
 

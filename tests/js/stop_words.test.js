@@ -32,6 +32,17 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("No answer. Not reached: B.");
   });
 
+  it("name the robots that were not reached in one sentence", () => {
+    for (const n of [1, 2]) words.unreached(`TIAGo ${n}`, `tiago-${n}`);
+    words.fail("No answer.", "tiago-3");
+    expect(element.textContent).toBe(
+      "Not reached: TIAGo 1, TIAGo 2. Use the red button on the robot. No answer.",
+    );
+    words.forget("tiago-1");
+    words.fail("Not sent.", "tiago-2");
+    expect(element.textContent).toBe("Not sent. No answer.");
+  });
+
   it("forget the failure of what is pressed again, and all of them with Stop all", () => {
     for (const slug of ["a", "b", "c"]) words.fail(`Not reached: ${slug}.`, slug);
     words.forget("a");

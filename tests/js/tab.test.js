@@ -1,7 +1,18 @@
-import { describe, expect, it } from "vitest";
-import { randomToken, tabClock } from "../../static/js/tab.js";
+import { afterEach, describe, expect, it, vi } from "vitest";
+import { randomToken, tabClock, tabToken } from "../../static/js/tab.js";
 
 describe("the tab", () => {
+  afterEach(() => vi.unstubAllGlobals());
+
+  it("has a token and a clock where the browser forbids storage", async () => {
+    const refuse = () => {
+      throw new DOMException("forbidden", "SecurityError");
+    };
+    vi.stubGlobal("sessionStorage", new Proxy({}, { get: refuse }));
+    expect(await tabToken()).toMatch(/^[0-9a-f]{32}$/);
+    expect(tabClock()()).toBeGreaterThan(0);
+  });
+
   it("has a token that the wire takes", () => {
     expect(randomToken()).toMatch(/^[A-Za-z0-9_-]{16,64}$/);
     expect(randomToken()).not.toBe(randomToken());
