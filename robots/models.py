@@ -490,7 +490,10 @@ class Phrase(OfProfileOrRobot):
     def clean(self) -> None:
         """Languages and tags in their usual form."""
         self.language = phrases.in_usual_case(self.language)
-        self.tags = ", ".join(phrases.tags_in(self.tags))
+        tags = phrases.tags_in(self.tags)
+        if why := phrases.why_no_tags(tags):
+            raise ValidationError(why)
+        self.tags = phrases.tags_text(tags)
 
     @property
     def line(self) -> phrases.Line:

@@ -6,6 +6,7 @@ code such as en-GB.
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -44,6 +45,16 @@ def why_no_phrase(text: str) -> str | None:
     return refusal.text if refusal else None
 
 
+def why_no_tags(tags: Iterable[str]) -> str | None:
+    """Why these cannot be tags of a phrase; None if they can."""
+    text = tags_text(tags)
+    if any(unicodedata.category(character) == "Cc" for character in text):
+        return "A tag has a control character."
+    if len(text) > LONGEST_TAGS:
+        return f"The tags have {len(text)} characters; there is room for {LONGEST_TAGS}."
+    return None
+
+
 def in_usual_case(code: str) -> str:
     """EN-gb -> en-GB, zh-hant -> zh-Hant: as robots and browsers write languages."""
     first, *others = code.split("-")
@@ -53,7 +64,13 @@ def in_usual_case(code: str) -> str:
 
 def tags_in(text: str) -> tuple[str, ...]:
     """Tags that are separated by commas, each once."""
-    return tuple(dict.fromkeys(tag.strip() for tag in text.split(",") if tag.strip()))
+    spaced = (" ".join(tag.split()) for tag in text.split(","))
+    return tuple(dict.fromkeys(tag for tag in spaced if tag))
+
+
+def tags_text(tags: Iterable[str]) -> str:
+    """As they are stored, and written to a file."""
+    return ", ".join(tags)
 
 
 # --- files ---------------------------------------------------------------------------------------
@@ -71,6 +88,8 @@ def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line
             phrases.setdefault((found.language, found.text), found)
         else:
             problems.append(f"line {number}: {found}")
+    if not phrases and not problems:
+        problems.append("There is no phrase in the file.")
     if len(phrases) > MOST_PHRASES:
         problems.append(f"There are {len(phrases)} phrases; a file has at most {MOST_PHRASES}.")
     if problems:
@@ -86,7 +105,7 @@ def read_file(path: Path, default_language: str = FALLBACK_LANGUAGE) -> list[Lin
 
 def written(phrases: Iterable[Line]) -> str:
     """The content of a file from which `read` makes these phrases."""
-    lines = ([phrase.language, phrase.text, ", ".join(phrase.tags)] for phrase in phrases)
+    lines = ([phrase.language, phrase.text, tags_text(phrase.tags)] for phrase in phrases)
     return "".join("\t".join(filter(None, fields)) + "\n" for fields in lines)
 
 
@@ -106,12 +125,10 @@ def _phrase(line: str, default_language: str) -> Line | str:
     if len(fields) > 3:
         return "There are more than two tabs: a line is language, tab, text, and perhaps a tab and tags."
     language, text = (default_language, fields[0]) if len(fields) == 1 else (fields[0], fields[1])
-    tags = "".join(fields[2:])
-    if why := why_no_language(language) or why_no_phrase(text):
+    tags = tags_in("".join(fields[2:]))
+    if why := why_no_language(language) or why_no_phrase(text) or why_no_tags(tags):
         return why
-    if len(tags) > LONGEST_TAGS:
-        return f"The tags have {len(tags)} characters; there is room for {LONGEST_TAGS}."
-    return Line(text, in_usual_case(language), tags_in(tags))
+    return Line(text, in_usual_case(language), tags)
 
 
 def _shortened(problems: list[str]) -> list[str]:

@@ -16,7 +16,7 @@ from fleet.audit import SystemAccount, record
 from fleet.audit.command_line import here
 from robots import shipped
 from robots.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
-from robots.phrases import Line
+from robots.phrases import Line, tags_text
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
@@ -223,7 +223,7 @@ def _phrases(owner: RobotProfile | Robot, lines: list[Line], after: int) -> Iter
             **{whose: owner},
             text=line.text,
             language=line.language,
-            tags=", ".join(line.tags),
+            tags=tags_text(line.tags),
             order=after + number * ORDER_STEP,
         )
 

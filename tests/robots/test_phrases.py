@@ -21,6 +21,10 @@ from robots.models import Phrase, Robot, RobotProfile
 from robots.phrases import MOST_PHRASES, Line, read, written
 from robots.services import entry_delete, entry_save, phrases_import
 
+MANY_TAGS = ",".join(
+    chr(code) for code in range(0x4E00, 0x4E00 + 70)
+)  # 139 characters, until they are spaced
+
 # --- files ---------------------------------------------------------------------------------------
 
 
@@ -57,6 +61,9 @@ def test_what_is_there_twice_is_one_phrase() -> None:
         (b"Hello.\n" + b"x" * 501, "line 2: The text has 501 characters; at most 500"),
         (b"en-GB\tHello.\tgreeting\tmore", "line 1: There are more than two tabs"),
         (b"en-GB\tHello.\t" + b"x" * 201, "line 1: The tags have 201 characters"),
+        (b"en-GB\tHello.\t" + MANY_TAGS.encode(), "line 1: The tags have 208 characters"),
+        (b"en-GB\tHello.\ta\x00b", "line 1: A tag has a control character"),
+        (b"\xef\xbb\xbf\r\n \n", "There is no phrase in the file."),
         (b"Hello.\nGr\xfc\xdf Gott.", "line 2: This is not UTF-8 text"),
         (b"\xff\xfeH\x00", "line 1: This is not UTF-8 text"),
         (b"x" * 1_000_001, "The file is larger than 1000 kB"),
@@ -99,6 +106,8 @@ def make(**fields: Any) -> Phrase:
         ({"text": "x" * 501}, "text", "at most 500 are said at once"),
         ({"text": "two\nlines"}, "text", "A phrase is one line"),
         ({"language": "English"}, "language", "is not a language code"),
+        ({"tags": MANY_TAGS}, "__all__", "The tags have 208 characters; there is room for 200."),
+        ({"tags": "a\x07b"}, "__all__", "A tag has a control character"),
     ],
 )
 def test_a_phrase_that_cannot_be_said_is_refused_at_its_field(
@@ -120,9 +129,10 @@ def test_a_phrase_belongs_to_a_profile_or_to_a_robot(robot: Robot, tiago: RobotP
 
 @pytest.mark.django_db
 def test_what_is_made_changed_and_deleted_is_on_record(robot: Robot, staff: User) -> None:
-    phrase = make(robot=robot, language="EN-gb", tags="b,a , b")
+    phrase = make(robot=robot, language="EN-gb", tags="b,a\tb , b")
     entry_save(entry=phrase, actor=staff)
-    assert (phrase.language, phrase.tags) == ("en-GB", "b, a")
+    assert (phrase.language, phrase.tags) == ("en-GB", "b, a b")
+    assert read(written([phrase.line]).encode()) == [phrase.line]
     phrase.text = "Hello!"
     entry_save(entry=phrase, actor=staff)
     entry_save(entry=phrase, actor=staff)
