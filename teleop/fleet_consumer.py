@@ -10,7 +10,7 @@ from functools import partial
 from uuid import UUID
 
 from django.db import DatabaseError
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
@@ -47,6 +47,8 @@ class Visible(Struct, frozen=True):
 
 class FleetConsumer(MessageSocket):
     """One fleet page. It is sent the newest picture when it has drawn the last, never a queue."""
+
+    through = "fleet page"
 
     def __init__(self) -> None:
         super().__init__()
@@ -99,14 +101,18 @@ class FleetConsumer(MessageSocket):
         for slug in slugs:
             button = self._buttons.get(slug)
             if button is None:
-                button = self._buttons[slug] = StopButton(
-                    self.user, "fleet page", partial(self.refuse, "stop")
-                )
+                not_stopped = partial(self._not_stopped, slug)
+                button = self._buttons[slug] = StopButton(self.user, self.through, not_stopped)
             button.press(self._links[slug], flood=flood)
+
+    async def _not_stopped(self, slug: str, refusal: Refusal) -> None:
+        """Say of which robot, always: whoever pressed Stop all must know where to go."""
+        told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
+        await self.answer(Refused("stop", told))
 
     def denied(self, of: str, refusal: Refusal) -> Denied:
         """By this person; which robot it was about, the record of a stop tells."""
-        return Denied(self.user, "fleet page", of, refusal)
+        return Denied(self.user, self.through, of, refusal)
 
     # --- what the page is shown --------------------------------------------------------------------
 

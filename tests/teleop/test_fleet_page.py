@@ -124,6 +124,23 @@ async def test_stop_all_leaves_robots_alone_that_one_may_not_see(
     assert (await other_bridge.hears(wire.LinkStop)).by == "Sam Staff"
 
 
+async def test_stop_all_tells_of_each_robot_that_was_not_stopped(
+    open_fleet, robot, bridge, other_robot, tiago
+):
+    third = await in_database(
+        lambda: Robot.objects.create(
+            slug="tiago-3", name="TIAGo 3", profile=tiago, master_uri="http://127.0.0.1:9"
+        )
+    )
+    page = await open_fleet("staff")
+    await page.hears("fleet")
+    await page.say("stop_all")
+    await bridge.hears(wire.LinkStop)
+    refused = [(await page.hears("refused", of="stop"))["refusal"] for _ in range(2)]
+    assert {refusal["figures"]["slug"] for refusal in refused} == {other_robot.slug, third.slug}
+    assert {refusal["code"] for refusal in refused} == {"bridge_down"}
+
+
 async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
     page = await open_fleet("observer")
     await page.say("stop", slug=robot.slug)
