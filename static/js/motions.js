@@ -3,6 +3,9 @@
 import { dim, make, mark, say, show } from "./dom.js";
 import { SearchList } from "./list.js";
 
+// A press so soon after a motion ended was meant to cancel it: hands are slower than that.
+const MEANT_CANCEL_MS = 500;
+
 /** How a motion ended, as a notice. */
 export function endNotice({ outcome, text }, title) {
   const outcomes = {
@@ -27,16 +30,23 @@ export function endNotice({ outcome, text }, title) {
   };
 }
 
-/** "about 3 s"; nothing if nobody knows. */
+/** "3.2 s"; nothing if nobody knows. */
 export function durationText(seconds) {
   if (!seconds) return "";
   return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);
 }
 
-/** The motions in the order in which they are shown: by group, and as the robot has them within. */
+/** The motions in the order in which they are shown: those without a group, then by group, and as the robot has them. */
 export function inGroups(motions) {
-  const groups = [...new Set(motions.map(({ usage = "" }) => usage))];
+  const groups = [...new Set(["", ...motions.map(({ usage = "" }) => usage)])];
   return groups.flatMap((group) => motions.filter(({ usage = "" }) => usage === group));
+}
+
+/** A key that is held down is one press: it begins nothing and cancels nothing again and again. */
+function heldOnce(event) {
+  if (event.key !== "Enter" || !event.repeat) return;
+  event.preventDefault();
+  event.stopPropagation();
 }
 
 export class Motions {
@@ -47,6 +57,8 @@ export class Motions {
   #offered = [];
   #titles = new Map(); // by name; also of those that are not offered while the robot is away
   #running = null;
+  #ended = null; // the motion that was over last
+  #endedMs = 0;
   #mayPlay = false;
   #mayCancel = false;
   #listening = new AbortController();
@@ -65,9 +77,9 @@ export class Motions {
       row: (motion) => this.#row(motion),
       act: () => {},
     });
-    parts["motions-refresh"].addEventListener("click", () => send({ t: "refresh" }), {
-      signal: this.#listening.signal,
-    });
+    const { signal } = this.#listening;
+    parts["motions-refresh"].addEventListener("click", () => send({ t: "refresh" }), { signal });
+    parts["motion-list"].addEventListener("keydown", heldOnce, { capture: true, signal });
   }
 
   /** @param {object} offers of the robot */
@@ -84,8 +96,11 @@ export class Motions {
 
   /** @param {object} state of the robot */
   set state({ motion = null }) {
-    if (motion?.name === this.#running) return;
-    this.#running = motion?.name ?? null;
+    const name = motion?.name ?? null;
+    if (name === this.#running) return;
+    this.#ended = this.#running;
+    this.#endedMs = performance.now();
+    this.#running = name;
     this.#show();
   }
 
@@ -138,16 +153,20 @@ export class Motions {
   }
 
   #press({ name, title }) {
-    if (this.#running === name) this.#send({ t: "play_cancel" });
+    const wasRunning = this.#ended === name && performance.now() - this.#endedMs < MEANT_CANCEL_MS;
+    if (this.#running === name || wasRunning) this.#send({ t: "play_cancel" });
     else this.#send({ t: "play", motion: name, title: title || name });
   }
 
   /** Another motion may be pressed while one runs: the robot says why not, and who runs which. */
   #show() {
+    const [play, cancel] = [gettext("Play"), gettext("Cancel")];
     for (const [name, { button, act }] of this.#buttons) {
       const runs = name === this.#running;
       mark(button, "runs", runs);
-      say(act, runs ? gettext("Cancel") : gettext("Play"));
+      const [now, later] = runs ? [cancel, play] : [play, cancel];
+      say(act, now);
+      act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
       dim(button, runs ? !this.#mayCancel : !this.#mayPlay);
     }
   }

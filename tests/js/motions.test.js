@@ -51,6 +51,43 @@ describe("the list of motions", () => {
     expect(send).not.toHaveBeenCalled();
   });
 
+  it("takes a press right after the end for the cancel that it was meant as, and later for a new one", () => {
+    motions.rights = { mayPlay: true, mayCancel: true };
+    const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.state = { motion: null };
+    clock.mockReturnValue(1300);
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play_cancel" });
+    button("Bow").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "bow", title: "Bow" });
+    clock.mockReturnValue(1600);
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "wave", title: "Wave" });
+    clock.mockRestore();
+  });
+
+  it("takes a key that is held down for one press, on a motion and in the search", () => {
+    motions.rights = { mayPlay: true, mayCancel: true };
+    const held = () =>
+      new KeyboardEvent("keydown", { key: "Enter", repeat: true, bubbles: true, cancelable: true });
+    const onMotion = held();
+    button("Wave").dispatchEvent(onMotion);
+    expect(onMotion.defaultPrevented).toBe(true);
+    const field = parts["motion-list"].querySelector("input");
+    field.value = "wave";
+    field.dispatchEvent(new Event("input"));
+    field.dispatchEvent(held());
+    expect(send).not.toHaveBeenCalled();
+  });
+
+  it("keeps room for the other word, so that nothing moves when it comes", () => {
+    const act = button("Wave").firstElementChild;
+    expect([act.textContent, act.dataset.later]).toEqual(["Play", "Cancel"]);
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    expect([act.textContent, act.dataset.later]).toEqual(["Cancel", "Play"]);
+  });
+
   it("lets a second one be pressed: the robot says why not, and who runs which", () => {
     motions.rights = { mayPlay: true, mayCancel: true };
     motions.state = { motion: { name: "wave", who: "Ann" } };
@@ -105,5 +142,8 @@ describe("motions in words", () => {
 
   it("keep the robot's order within a group", () => {
     expect(inGroups([WAVE, HOME, BOW]).map(({ name }) => name)).toEqual(["wave", "bow", "home"]);
+    const bare = { name: "bare", title: "Bare" };
+    const names = inGroups([WAVE, bare, HOME, { ...BOW, usage: "" }]).map(({ name }) => name);
+    expect(names).toEqual(["bare", "bow", "wave", "home"]); // none seems to belong to the group before
   });
 });
