@@ -70,20 +70,29 @@ class Grip:
 
     async def _keep_granted(self) -> None:
         while True:
-            if time.monotonic() - self._room.looked_s < CONFIRMED_S:
-                try:
-                    await self._grant()
-                except LinkRefused as error:
-                    if error.refusal.rule == "lease":
-                        await self._refused(error.refusal)
-                        return
-                    # The bridge is away or slow. The base stands by then; the page is told by the link.
-            if not self.is_settled:
-                self.is_settled = True
-                await self._settled()
+            try:
+                if (refusal := await self._why_over()) is not None:
+                    await self._refused(refusal)
+                    return
+                if not self.is_settled:
+                    self.is_settled = True
+                    await self._settled()
+            except Exception:
+                log.exception("control of robot %s was not renewed", self._room.robot_id)
             self._again.clear()
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._again.wait(), RENEW_S)
+
+    async def _why_over(self) -> Refusal | None:
+        """Grant if the right to it is confirmed. Returns why the bridge takes no grant of this control any more."""
+        if time.monotonic() - self._room.looked_s < CONFIRMED_S:
+            try:
+                await self._grant()
+            except LinkRefused as error:
+                if error.refusal.rule == "lease":
+                    return error.refusal
+                # The bridge is away or slow. The base stands by then; the page is told by the link.
+        return None
 
     async def _grant(self) -> None:
         await self._room.link.grant(

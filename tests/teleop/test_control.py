@@ -14,6 +14,7 @@ from msgspec import structs
 from fleet import audit
 from fleet.audit.models import Record
 from robots import wire
+from robots.link import BridgeLink
 from robots.models import Robot
 from robots.wire import Refusal
 from teleop import consumers, rooms, rules, services
@@ -116,6 +117,20 @@ async def test_the_grant_is_renewed_every_second_for_three(open_page, bridge):
     await take(await open_page("operator"))
     renewed = await bridge.hears(wire.Grant, count=3)
     assert renewed.seconds == 3.0
+
+
+async def test_a_fault_of_ours_does_not_end_the_renewal(open_page, bridge, monkeypatch):
+    page = await open_page("operator")
+    works, faults = BridgeLink.grant, iter([RuntimeError("a fault of ours")])
+
+    async def fails_once(link, grant):
+        for fault in faults:
+            raise fault
+        await works(link, grant)
+
+    monkeypatch.setattr(BridgeLink, "grant", fails_once)
+    await take(page)
+    await bridge.hears(wire.Grant, count=2)
 
 
 async def test_nothing_reaches_the_bridge_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
