@@ -11,7 +11,7 @@ from pathlib import Path
 import benchmarks
 from benchmarks.gate import record
 from benchmarks.harness import machine, show
-from script.stack.demo import Ended, ended_by_signals
+from script.stack.processes import Ended, ended_by_signals
 
 
 def main() -> int:

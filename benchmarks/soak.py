@@ -27,7 +27,7 @@ from benchmarks.parts.killed import PARTS as WRITERS
 from benchmarks.parts.killed import Database, Embedded, LostError, Person, Rounds, Witness
 from benchmarks.stop import ROBOT, STILL_RADPS, Scene, bridges, scene_on
 from script.stack.client import sign_in
-from script.stack.demo import Ended, ended_by_signals
+from script.stack.processes import Ended, ended_by_signals
 from script.stack.stack import PRACTICE_ROBOTS, Stack, StartError, temporary_stack
 from tests.script.servers import Postgresql, postgresql_installed, running_postgresql
 

@@ -11,6 +11,7 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonRespons
 from django.shortcuts import render
 from django.views.defaults import server_error
 
+from fleet.accounts.requests import wants_json
 from fleet.audit import AuditUnavailable
 from fleet.audit.errors import cause_of
 
@@ -50,7 +51,7 @@ def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | 
         case _:
             return None
     logger.error("%s %s: %s", request.method, request.path, error)
-    if request.get_preferred_type(["application/json", "text/html"]) == "application/json":
+    if wants_json(request):
         response: HttpResponse = JsonResponse(refusal, status=503)
     else:
         response = render(request, "503.html", refusal, status=503)

@@ -18,9 +18,10 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
-from fleet.recorded_admin import RecordedAdmin
+from fleet.accounts.requests import person_of
+from fleet.audit.recorded_admin import RecordedAdmin
 from robots import services, shipped
-from robots.admin_entries import AllowanceInline, SpokenFormSet, actor_of, save_entries
+from robots.admin_entries import AllowanceInline, SpokenFormSet, save_entries
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.selectors import last_editor
 from robots.supervisor import LOCK, supervised
@@ -160,17 +161,17 @@ class RobotAdmin(RecordedAdmin):
 
     def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
         """Save by the service."""
-        services.robot_save(robot=obj, actor=actor_of(request))
+        services.robot_save(robot=obj, actor=person_of(request))
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         """Roles and allow-list by the service."""
         if formset.model is not RobotRole:
-            save_entries(formset, actor_of(request))
+            save_entries(formset, person_of(request))
             return
         for entry in formset.save(commit=False):
-            _give(entry, actor_of(request))
+            _give(entry, person_of(request))
         for entry in formset.deleted_objects:
-            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=actor_of(request))
+            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=person_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Robots are disabled, not deleted."""
@@ -199,11 +200,11 @@ class RobotRoleAdmin(RecordedAdmin):
         self, request: HttpRequest, obj: RobotRole, form: ModelForm[RobotRole], change: bool
     ) -> None:
         """Save by the service."""
-        _give(obj, actor_of(request))
+        _give(obj, person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
         """Take the role away by the service."""
-        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=actor_of(request))
+        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
         """Each of them by the service."""
@@ -258,7 +259,7 @@ class RobotProfileAdmin(RecordedAdmin):
     def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
         """Back to the data file."""
         for profile in queryset:
-            taken = services.profile_take_shipped(profile=profile, actor=actor_of(request))
+            taken = services.profile_take_shipped(profile=profile, actor=person_of(request))
             if taken:
                 self.message_user(request, gettext("%s is as shipped now.") % profile.name, messages.SUCCESS)
             else:
@@ -269,7 +270,7 @@ class RobotProfileAdmin(RecordedAdmin):
         self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
     ) -> None:
         """Save by the service, and say it where a limit of the gate was loosened."""
-        services.profile_save(profile=obj, actor=actor_of(request))
+        services.profile_save(profile=obj, actor=person_of(request))
         if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
             told = gettext(
                 "The blind speed of every %(name)s is %(now)s m/s now, it was %(before)s: where no sensor watches, "
@@ -280,11 +281,11 @@ class RobotProfileAdmin(RecordedAdmin):
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         """The allow-list by the service."""
-        save_entries(formset, actor_of(request))
+        save_entries(formset, person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
         """Delete by the service."""
-        services.profile_delete(profile=obj, actor=actor_of(request))
+        services.profile_delete(profile=obj, actor=person_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
         """A profile that is in use, or would come back with the next migration, stays."""

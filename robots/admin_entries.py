@@ -8,7 +8,6 @@ from django import forms
 from django.contrib import admin, messages
 from django.contrib.admin.helpers import AdminForm
 from django.contrib.admin.widgets import AdminIntegerFieldWidget
-from django.core.exceptions import PermissionDenied
 from django.db import models
 from django.db.models import QuerySet
 from django.forms import BaseInlineFormSet
@@ -19,18 +18,12 @@ from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
-from fleet.recorded_admin import RecordedAdmin
+from fleet.accounts.requests import person_of
+from fleet.audit.recorded_admin import RecordedAdmin
 from robots import phrases, services
 from robots.described import Problems
 from robots.models import Allowance, Phrase, Robot, RobotProfile
 from robots.selectors import first_language
-
-
-def actor_of(request: HttpRequest) -> User:
-    """Who answers for a change."""
-    if not isinstance(request.user, User):
-        raise PermissionDenied
-    return request.user
 
 
 def save_entries(formset: Any, actor: User) -> None:
@@ -78,11 +71,11 @@ class EntryAdmin(RecordedAdmin):
 
     def save_model(self, request: HttpRequest, obj: Any, form: Any, change: bool) -> None:
         """Save by the service."""
-        services.entry_save(entry=obj, actor=actor_of(request))
+        services.entry_save(entry=obj, actor=person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: Any) -> None:
         """Delete by the service."""
-        services.entry_delete(entry=obj, actor=actor_of(request))
+        services.entry_delete(entry=obj, actor=person_of(request))
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> None:
         """Each of them by the service."""
@@ -130,7 +123,7 @@ class PhraseAdmin(EntryAdmin):
             return render(request, "admin/robots/phrase/import.html", context)
         asked = form.cleaned_data
         new = services.phrases_import(
-            owner=asked["owner"], lines=asked["lines"], actor=actor_of(request), replace=asked["replace"]
+            owner=asked["owner"], lines=asked["lines"], actor=person_of(request), replace=asked["replace"]
         )
         told = ngettext("%(owner)s: %(count)d new phrase.", "%(owner)s: %(count)d new phrases.", new)
         self.message_user(request, told % {"owner": asked["owner"], "count": new}, messages.SUCCESS)

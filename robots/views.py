@@ -6,15 +6,14 @@ import threading
 from collections import defaultdict
 from uuid import UUID
 
-from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest, HttpResponse
-from django.shortcuts import get_object_or_404, render
+from django.shortcuts import render
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
-from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
 from robots.checks import run_checks
-from robots.selectors import robots_visible_to
+from robots.selectors import robot_seen_by
 
 _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
 
@@ -23,9 +22,7 @@ _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe o
 @require_safe
 def robot_check(request: HttpRequest, slug: str) -> HttpResponse:
     """What `manage.py check_robot` says, for everybody who may see the robot."""
-    if not isinstance(request.user, User):  # LoginRequiredMiddleware lets in nobody else
-        raise PermissionDenied
-    robot = get_object_or_404(robots_visible_to(request.user), slug=slug)
+    robot = robot_seen_by(person_of(request), slug)
     lock = _probed[robot.id]
     if not lock.acquire(blocking=False):
         return render(request, "robots/check.html", {"robot": robot, "answers": [], "busy": True})

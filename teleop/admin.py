@@ -13,11 +13,14 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
 from fleet.audit import exports
-from fleet.audit.admin import Line, ListAdmin, beside, by_day, count_of, number, session_url_of
+from fleet.audit.addresses import beside, by_day, number, session_url_of
+from fleet.audit.admin import Line, ListAdmin, count_of
 from fleet.audit.forms import FilterForm
 from fleet.audit.listing import COUNTED, PAGE
 from robots.models import Robot
+from teleop.durations import clock
 from teleop.models import ControlSession, EndReason
 from teleop.selectors import end_notes
 
@@ -84,7 +87,7 @@ class ControlSessionAdmin(ListAdmin):
             _COLUMNS,
             _chunks(_of_the_filters(form).filter(_days(form))),
             form.wanted(),
-            actor=request.user,  # type: ignore[arg-type]  # signed in: this is the admin
+            actor=person_of(request),
             name="control-sessions",
             format_=format_,
         )
@@ -156,24 +159,19 @@ def _day_beside(sessions: Sessions, edge: datetime.date | None, *, later: bool) 
 
 
 def _line(session: ControlSession, note: str) -> Line:
+    lasted = (session.ended_at or session.started_at) - session.started_at
     return Line(
         url=session_url_of(session.pk),
         at=session.started_at,
         robot=session.robot.name,
         who=session.user.display_name,
-        what=_("had control for %s") % _lasted(session) if session.ended_at else _("has control"),
+        what=_("had control for %s") % clock(lasted.total_seconds()) if session.ended_at else _("has control"),
         subject="",
         expired=False,
         outcome=session.get_end_reason_display(),
         facts=[note] if note else [],
         session_url="",
     )
-
-
-def _lasted(session: ControlSession) -> str:
-    """Such as 1:02:03, hours, minutes and seconds."""
-    lasted = (session.ended_at or session.started_at) - session.started_at
-    return str(lasted - lasted % datetime.timedelta(seconds=1))
 
 
 def _first(day: datetime.date) -> datetime.datetime:

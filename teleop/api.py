@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import msgspec
-from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from rest_framework.exceptions import APIException, AuthenticationFailed, NotAuthenticated, NotFound
 from rest_framework.request import Request
@@ -19,8 +18,16 @@ from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
 from robots.link import LinkRefused, hello_once
-from robots.models import Robot
-from robots.selectors import link_address, phrases_of, robot_facts, robots_visible_to, role_on
+from robots.models import Robot, Role
+from robots.selectors import (
+    link_address,
+    phrases_of,
+    robot_facts,
+    robot_seen_by,
+    robots_visible_to,
+    role_on,
+    roles_of,
+)
 from robots.wire import Refusal
 from teleop import refusals, rules, stopping
 from teleop.history import speech_history
@@ -80,7 +87,7 @@ class FleetApi(APIView):
 
     def visible(self, slug: str) -> Robot:
         """The robot, if the person may see it; else 404."""
-        return get_object_or_404(robots_visible_to(self.person()), slug=slug)
+        return robot_seen_by(self.person(), slug)
 
     def number(self, name: str, default: int, most: int) -> int:
         """A whole number, from 1 to `most`, behind the ? of the address."""
@@ -91,12 +98,9 @@ class FleetApi(APIView):
 
     def stop(self, robots: Sequence[Robot]) -> Response:
         """Stop at once; 502 if one of them was not reached."""
-        results = stopping.press_once(robots, user=self.person(), through="rest")
-        unreached = any(isinstance(result, Refusal) for result in results)
-        outcomes = {
-            robot.slug: msgspec.to_builtins(result) for robot, result in zip(robots, results, strict=True)
-        }
-        return Response({"robots": outcomes}, status=502 if unreached else 200)
+        outcomes = stopping.press_once(robots, user=self.person(), through="rest")
+        by_slug, status = stopping.told(outcomes)
+        return Response({"robots": by_slug}, status=status)
 
 
 class RobotList(FleetApi):
@@ -104,7 +108,9 @@ class RobotList(FleetApi):
 
     def get(self, request: Request) -> Response:
         """Names and roles; how a robot is, its own address tells."""
-        return Response([entry(robot, self.person()) for robot in robots_visible_to(self.person())])
+        robots = list(robots_visible_to(self.person()))
+        roles = roles_of(self.person(), robots)
+        return Response([entry(robot, roles.get(robot.id)) for robot in robots])
 
 
 class RobotDetail(FleetApi):
@@ -118,7 +124,7 @@ class RobotDetail(FleetApi):
         state, refusal = _state(robot)
         return Response(
             {
-                **entry(robot, self.person()),
+                **entry(robot, role_on(self.person(), robot)),
                 "facts": msgspec.to_builtins(robot_facts(robot)),
                 "holder": holding.name if holding and held else None,
                 "state": msgspec.to_builtins(state),
@@ -176,9 +182,8 @@ class NoSuchAddress(FleetApi):
         raise NotFound("There is no such address.")
 
 
-def entry(robot: Robot, user: User) -> dict[str, Any]:
-    """A robot in a list."""
-    role = role_on(user, robot)
+def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
+    """A robot in a list, with one's role on it."""
     return {
         "slug": robot.slug,
         "name": robot.name,

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from contextlib import suppress
 from datetime import datetime, timezone
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 from uuid import UUID
 
 from django.conf import settings
 from django.core.exceptions import BadRequest
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
-from django.shortcuts import get_object_or_404, render
-from django.urls import reverse
+from django.shortcuts import render
 from django.utils.dateparse import parse_datetime
 from django.utils.dates import WEEKDAYS
 from django.utils.timezone import is_aware, now
@@ -24,10 +23,11 @@ from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
 from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
 from fleet.audit import wording
-from fleet.audit.admin import number
+from fleet.audit.addresses import number, session_url_of
 from fleet.audit.listing import Row
-from robots.selectors import robots_visible_to
+from robots.selectors import robot_seen_by
 from teleop import own_data, path_plot, robot_report, session_report
 from teleop.selectors import end_notes
 from teleop.services import supervises_robot
@@ -58,7 +58,7 @@ class Line(Struct, frozen=True):
 @require_safe
 def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     """What happened while somebody had control, for whom it concerns, supervisors of the robot, and staff."""
-    person = _person(request)
+    person = person_of(request)
     session = session_report.session_seen_by(person, session_id)
     if session is None:
         raise Http404("there is no such control session, or it is not yours to see")
@@ -84,7 +84,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
 @require_safe
 def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> HttpResponse:
     """The picture of one of the robot's maps of that time, for whoever may see the session's page."""
-    session = session_report.session_seen_by(_person(request), session_id)
+    session = session_report.session_seen_by(person_of(request), session_id)
     found = maps_of(session).filter(pk=number).first() if session else None
     if found is None:
         raise Http404("there is no such control session or map, or it is not yours to see")
@@ -95,8 +95,8 @@ def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> 
 @require_safe
 def robot(request: HttpRequest, slug: str) -> HttpResponse:
     """How a robot was used, for its supervisors and staff."""
-    person = _person(request)
-    asked = get_object_or_404(robots_visible_to(person), slug=slug)
+    person = person_of(request)
+    asked = robot_seen_by(person, slug)
     if not supervises_robot(user=person, robot=asked):
         raise Http404("this report is for supervisors of the robot")
     days = _period(request)
@@ -122,7 +122,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
 @require_safe
 def your_data(request: HttpRequest) -> HttpResponse:
     """One's own control sessions and records, and nobody else's."""
-    person = _person(request)
+    person = person_of(request)
     page = own_data.own_records(person, before=number(request, "before"), after=number(request, "after"))
     sessions = own_data.own_sessions(person, _moment(request, "began_before"))
     about = own_data.recorded_by_others(person, number(request, "about_before"))
@@ -142,7 +142,7 @@ def your_data(request: HttpRequest) -> HttpResponse:
 @require_POST
 def your_data_export(request: HttpRequest) -> HttpResponseBase:
     """One's own records as JSON Lines; on record."""
-    return own_data.export_of(_person(request))
+    return own_data.export_of(person_of(request))
 
 
 def _line(row: Row) -> Line:
@@ -154,7 +154,7 @@ def _line(row: Row) -> Line:
         subject=wording.subject(record),
         outcome=wording.outcome(row.outcome),
         expired=wording.expired(record),
-        session_url=reverse("control-session", args=[record.session_id]) if record.session_id else "",
+        session_url=session_url_of(record.session_id),
     )
 
 
@@ -217,7 +217,3 @@ def _moment(request: HttpRequest, name: str) -> datetime | None:
         if moment is not None and is_aware(moment):
             return moment.astimezone(timezone.utc)
     raise BadRequest(f"{name} is not a moment with its time zone")
-
-
-def _person(request: HttpRequest) -> User:
-    return cast(User, request.user)  # every page needs a signed-in person

@@ -43,8 +43,7 @@ class Fault(Struct, frozen=True):
     """Something that went wrong."""
 
     at: datetime
-    subject: str
-    outcome: str
+    what: str
 
 
 class Day(Struct, frozen=True):
@@ -182,7 +181,10 @@ def _reasons(rows: list[Any]) -> list[Reason]:
 
 def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
     page = Selection(Wanted(robot=robot.pk, since=since, until=until), ["fault"]).page(size=FAULTS)
-    return [Fault(row.record.at, wording.subject(row.record), row.outcome) for row in page.rows]
+    records = [row.record for row in page.rows]
+    return [
+        Fault(record.at, wording.subject(record) or wording.outcome(record.outcome)) for record in records
+    ]
 
 
 def begins(day: date) -> int:

@@ -55,7 +55,6 @@ class Figures(Struct, frozen=True):
 class SessionReport(Struct, frozen=True):
     """All that the page shows."""
 
-    session: ControlSession
     lasted_s: float
     entries: list[Entry]
     cut_off: bool  # there were more of them
@@ -81,7 +80,6 @@ def report_of(session: ControlSession) -> SessionReport:
     drives = [row for row in rows if row.record.kind == "drive.start"]
     lasted_s = _since(session, session.ended_at or timezone.now())
     return SessionReport(
-        session=session,
         lasted_s=lasted_s,
         entries=[_entry(row, session) for row in rows],
         cut_off=len(found) > MOST_ENTRIES,

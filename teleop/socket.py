@@ -23,7 +23,7 @@ from teleop.refusals import Denied
 
 log = logging.getLogger(__name__)
 
-FLOOD_PER_S = 200.0  # messages; a stick sends 50
+FLOOD_PER_S = 200.0  # messages; a stick sends 30
 FLOOD_BURST = 400.0  # what a stall of some seconds may leave behind
 FLOOD_CLOSES_AFTER = 400  # refused messages
 REPLIES_PER_S = 10.0  # refusals that are answered; the others are only counted

@@ -9,9 +9,10 @@ import asyncio
 import atexit
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import Future
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from uuid import UUID, uuid4
 
+import msgspec
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
@@ -30,6 +31,7 @@ from teleop.socket import beside
 GAP_S = 3.0  # between two records of one person's presses of one robot by one door
 
 Key = tuple[UUID, UUID, str, UUID | None]
+Outcomes = dict[Robot, Stopped | Refusal]
 
 
 class Press(NamedTuple):
@@ -164,11 +166,18 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
     await in_database(record_outcome, cleared, actor=user, result=result)
 
 
-def press_once(robots: Sequence[Robot], *, user: User, through: str) -> list[Stopped | Refusal]:
+def press_once(robots: Sequence[Robot], *, user: User, through: str) -> Outcomes:
     """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
     results = press_all(robots, user.display_name)
     for robot, result in zip(robots, results, strict=True):
         answer: Future[Stopped | Refusal] = Future()
         answer.set_result(result)
         log.note(Press(user, through, robot.id, None, answer))
-    return results
+    return dict(zip(robots, results, strict=True))
+
+
+def told(outcomes: Outcomes) -> tuple[dict[str, Any], int]:
+    """As HTTP tells it: by slug, and the status, 502 if a robot was not reached."""
+    unreached = any(isinstance(result, Refusal) for result in outcomes.values())
+    by_slug = {robot.slug: msgspec.to_builtins(result) for robot, result in outcomes.items()}
+    return by_slug, 502 if unreached else 200

@@ -18,8 +18,9 @@ from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
+from fleet.accounts.requests import person_of
 from fleet.audit.admin import ReadOnly
-from fleet.recorded_admin import RecordedAdmin
+from fleet.audit.recorded_admin import RecordedAdmin
 
 # Roles are given robot by robot, and staff may do everything: groups would be a second truth.
 admin.site.unregister(Group)
@@ -66,12 +67,12 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         """An account to look at or to change, and who would change it."""
         person = super().get_object(request, object_id, from_field)
         if person is not None:
-            person.changed_by = _actor(request)
+            person.changed_by = person_of(request)
         return person
 
     def save_model(self, request: HttpRequest, obj: User, form: ModelForm[User], change: bool) -> None:
         """Save, as the person who is signed in; also a new account."""
-        obj.changed_by = _actor(request)
+        obj.changed_by = person_of(request)
         super().save_model(request, obj, form, change)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
@@ -102,9 +103,3 @@ class SignInAdmin(ListedLookups, ReadOnly):
     def device(self, sign_in: SignIn) -> str:
         """What it says it is, in plain words."""
         return sign_in.device
-
-
-def _actor(request: HttpRequest) -> User:
-    if not isinstance(request.user, User):
-        raise TypeError("the admin let somebody in who is not signed in")
-    return request.user

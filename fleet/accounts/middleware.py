@@ -12,6 +12,7 @@ from django.http import HttpRequest, HttpResponseBase, JsonResponse
 
 from fleet.accounts import services
 from fleet.accounts.models import User
+from fleet.accounts.requests import wants_json
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +24,7 @@ class SignInRequired(LoginRequiredMiddleware):
         self, request: HttpRequest, view_func: Callable[..., Any]
     ) -> HttpResponseBase:
         """Lead browsers, which name HTML, to the sign-in page; tell a script so, lest it takes that for success."""
-        if request.get_preferred_type(["application/json", "text/html"]) == "application/json":
+        if wants_json(request):
             text = "Not done: you are signed out. Sign in again."
             return JsonResponse({"code": "signed_out", "text": text, "rule": "account"}, status=401)
         return super().handle_no_permission(request, view_func)

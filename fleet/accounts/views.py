@@ -8,7 +8,7 @@ from uuid import UUID
 from django.contrib import messages
 from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
 from django.contrib.auth.views import LoginView, PasswordChangeView
-from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied
+from django.core.exceptions import NON_FIELD_ERRORS
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
@@ -20,7 +20,7 @@ from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts import services
 from fleet.accounts.forms import THROTTLED, SignInForm
-from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
 from fleet.accounts.selectors import sign_ins_of
 
 
@@ -52,10 +52,10 @@ class PasswordView(PasswordChangeView):
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
         """Change it; what cannot be recorded is not done."""
-        form.user.changed_by = _person(self.request)
+        form.user.changed_by = person_of(self.request)
         with transaction.atomic():
             response = super().form_valid(form)
-            services.own_password_changed(self.request, _person(self.request))
+            services.own_password_changed(self.request, person_of(self.request))
         told = _("Your password is changed. Every other browser has to sign in again.")
         messages.success(self.request, told)
         return response
@@ -65,14 +65,14 @@ class PasswordView(PasswordChangeView):
 @require_safe
 def sessions(request: HttpRequest) -> HttpResponse:
     """Where the person is signed in: `sign_ins`, of which `current` is the session key of this one."""
-    context = {"sign_ins": sign_ins_of(_person(request).pk), "current": request.session.session_key}
+    context = {"sign_ins": sign_ins_of(person_of(request).pk), "current": request.session.session_key}
     return render(request, "accounts/sessions.html", context)
 
 
 @require_POST
 def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
     """End one sign-in; what it holds open ends within a second."""
-    ended = services.sign_in_end(user=_person(request), sign_in_id=sign_in_id)
+    ended = services.sign_in_end(user=person_of(request), sign_in_id=sign_in_id)
     told = _("That session has ended.") if ended else _("That session had ended already.")
     messages.success(request, told)
     return redirect("sessions")
@@ -81,14 +81,10 @@ def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
 @require_POST
 def sessions_end_others(request: HttpRequest) -> HttpResponse:
     """End every sign-in but this one."""
-    count = services.sign_ins_end_others(user=_person(request), session_key=request.session.session_key or "")
+    count = services.sign_ins_end_others(
+        user=person_of(request), session_key=request.session.session_key or ""
+    )
     ended = ngettext("%(count)d other session ended.", "%(count)d other sessions ended.", count)
     told = ended % {"count": count} if count else _("There was no other session.")
     messages.success(request, told)
     return redirect("sessions")
-
-
-def _person(request: HttpRequest) -> User:
-    if not isinstance(request.user, User):
-        raise PermissionDenied("Sign in first.")
-    return request.user

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from itertools import groupby
 from typing import Any
 from urllib.parse import urlencode
-from uuid import UUID
 
 from django.contrib import admin
 from django.core.exceptions import BadRequest, PermissionDenied
@@ -24,12 +22,13 @@ from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
 from fleet.audit import exports, wording
+from fleet.audit.addresses import Link, address, beside, by_day, number, session_url_of
 from fleet.audit.forms import FilterForm
 from fleet.audit.kinds import Listing, kinds_listed
 from fleet.audit.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
+from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.audit.retention import is_doubt_on_record
-from fleet.recorded_admin import RecordedAdmin
 
 LISTS = {
     "audit_speechrecord": gettext_lazy("Speech"),
@@ -69,14 +68,6 @@ class Line(Struct, frozen=True):
     outcome: str
     facts: list[str]
     session_url: str
-
-
-class Link(Struct, frozen=True):
-    """Somewhere to go."""
-
-    text: str | Promise
-    url: str
-    current: bool = False
 
 
 class ListAdmin(ReadOnly):
@@ -284,45 +275,7 @@ def _url(record: Record) -> str:
     return reverse("admin:audit_record_change", args=[record.pk])
 
 
-# --- addresses: also for other apps' lists --------------------------------------------------------
-
-
-def session_url_of(session_id: UUID | None) -> str:
-    """The page of a control session; blank if it was in none."""
-    return reverse("control-session", args=[session_id]) if session_id else ""
-
-
-def by_day(
-    request: HttpRequest, lines: list[tuple[datetime.date, Line]]
-) -> list[tuple[datetime.date, str, list[Line]]]:
-    """Each day with the address of its own list, and its lines."""
-    return [
-        (day, f"?{address(request, since=day, until=day)}", [line for _day, line in of_day])
-        for day, of_day in groupby(lines, key=lambda pair: pair[0])
-    ]
-
-
-def beside(
-    request: HttpRequest,
-    numbers: list[int],
-    *,
-    newer: bool,
-    older: bool,
-    day_before: datetime.date | None,
-    day_after: datetime.date | None,
-) -> dict[str, Any]:
-    """The addresses of the pages and days beside a page with rows of these numbers."""
-    links: dict[str, Any] = {}
-    if newer:
-        links["newest"] = f"?{address(request)}"
-    if newer and numbers:
-        links["newer"] = f"?{address(request, after=numbers[0])}"
-    if older and numbers:
-        links["older"] = f"?{address(request, before=numbers[-1])}"
-    for name, day in (("day_before", day_before), ("day_after", day_after)):
-        if day:
-            links[name] = Link(day.isoformat(), f"?{address(request, since=day, until=day)}")
-    return links
+# --- also for other apps' lists ------------------------------------------------------------------
 
 
 def count_of(count: int | None) -> str:
@@ -330,23 +283,3 @@ def count_of(count: int | None) -> str:
     if count is None:
         return ""
     return _("more than %s") % f"{COUNTED:,}" if count > COUNTED else f"{count:,}"
-
-
-def address(request: HttpRequest, **changed: Any) -> str:
-    """The filters of this page, changed so, without its place among the pages."""
-    asked = request.GET.copy()
-    for name in ("before", "after"):
-        asked.pop(name, None)
-    for name, value in changed.items():
-        asked[name] = str(value)
-    return urlencode([(name, value) for name, value in asked.items() if value])
-
-
-def number(request: HttpRequest, name: str) -> int | None:
-    """Where a page begins, as its address says."""
-    asked = request.GET.get(name)
-    if asked is None:
-        return None
-    if not (asked.isascii() and asked.isdecimal() and len(asked) <= 18):
-        raise BadRequest(f"{name} is not a number of a record")
-    return int(asked)

@@ -1,10 +1,11 @@
 """The audit log as a Django app."""
 
 from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
 
 
 class AuditConfig(AppConfig):
-    """Knows nothing of the apps above."""
+    """Imports nothing of the apps above."""
 
     name = "fleet.audit"
-    verbose_name = "Audit log"
+    verbose_name = _("Audit log")

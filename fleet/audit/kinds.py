@@ -19,13 +19,12 @@ class Kept(TextChoices):
 
 
 class Listing(Enum):
-    """The lists of the admin. "Everything" shows them all."""
+    """The lists of the admin beside "Everything", which shows all kinds."""
 
     SPEECH = "speech"
     MOTION = "motion"
-    CONTROL = "control"
     REFUSALS = "refusals"
-    OTHER = ""  # only in "Everything"
+    OTHER = ""  # none
 
 
 class Kind(Struct, frozen=True):
@@ -45,10 +44,6 @@ def _motion(label: str | Promise) -> Kind:
     return Kind(label, Kept.DRIVING, Listing.MOTION)
 
 
-def _control(label: str | Promise, *, former: bool = False) -> Kind:
-    return Kind(label, Kept.OTHER, Listing.CONTROL, former)
-
-
 def _refusal(label: str | Promise) -> Kind:
     return Kind(label, Kept.DRIVING, Listing.REFUSALS)
 
@@ -66,19 +61,19 @@ KINDS: dict[str, Kind] = {
     "gate.begin": _refusal(_("gate held back")),
     "gate.end": _refusal(_("gate let go")),
     "refusal": _refusal(_("refused")),
-    "control.take": _control(_("control taken")),
-    "control.take_over": _control(_("control taken over")),
-    "control.hand_over": _control(_("control handed over")),
-    "control.ask": _control(_("control asked for")),
-    "control.renew": _control(_("control renewed")),
-    "control.resume": _control(_("control resumed")),
-    "control.release": _control(_("control given back"), former=True),
-    "control.expire": _control(_("control ran out"), former=True),
-    "control.end": _control(_("control ended")),
-    "stop.press": _control(_("stop pressed")),
-    "stop.latch": _control(_("robot stopped")),
-    "stop.clear": _control(_("stop cleared")),
-    "fault": _control(_("fault")),
+    "control.take": Kind(_("control taken")),
+    "control.take_over": Kind(_("control taken over")),
+    "control.hand_over": Kind(_("control handed over")),
+    "control.ask": Kind(_("control asked for")),
+    "control.renew": Kind(_("control renewed")),
+    "control.resume": Kind(_("control resumed")),
+    "control.release": Kind(_("control given back"), former=True),
+    "control.expire": Kind(_("control ran out"), former=True),
+    "control.end": Kind(_("control ended")),
+    "stop.press": Kind(_("stop pressed")),
+    "stop.latch": Kind(_("robot stopped")),
+    "stop.clear": Kind(_("stop cleared")),
+    "fault": Kind(_("fault")),
     "publish.start": Kind(_("message asked for"), Kept.DRIVING),
     "publish.end": Kind(_("end of message"), Kept.DRIVING),
     "topic.choose": Kind(_("topic chosen"), Kept.DRIVING),

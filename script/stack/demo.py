@@ -6,41 +6,18 @@ import argparse
 import asyncio
 import fcntl
 import io
-import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import NoReturn, TextIO
+from typing import TextIO
 
 from script.stack.places import REPOSITORY
-from script.stack.processes import ChildDied, wait_for_any_end
+from script.stack.processes import ChildDied, Ended, ended_by_signals, say, wait_for_any_end
 from script.stack.stack import Stack, StartError, temporary_stack
 
 FIRST_PORT = 8000
 PORTS_TRIED = 100
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-class Ended(BaseException):
-    """Somebody asked us to end."""
-
-
-@contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """Raise `Ended` in here on the first Ctrl-C, SIGTERM or closed terminal; clean up undisturbed by a second."""
-
-    def end(_number: int, _frame: FrameType | None) -> NoReturn:
-        for number in ENDING_SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
-        raise Ended
-
-    for number in ENDING_SIGNALS:
-        signal.signal(number, end)
-    yield
 
 
 def main() -> int:
@@ -66,14 +43,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--lan", action="store_true", help="serve phones on this network too, over TLS")
     parser.add_argument("--smoke", action="store_true", help="start, drive a robot, stop it, say so and end")
     return parser.parse_args()
-
-
-def say(text: str) -> None:
-    """To whoever sits there; a closed terminal is no reason to fail."""
-    try:
-        print(text, flush=True)
-    except OSError:
-        return
 
 
 # --- demo -----------------------------------------------------------------------------------------

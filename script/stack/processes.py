@@ -1,4 +1,4 @@
-"""Child processes that never outlive us.
+"""Child processes that never outlive us, and our own end when somebody asks for it.
 
 A child leads its own process group, so a terminal's Ctrl-C reaches only the parent, which then ends its
 children in order. Should the parent be killed without a chance to do so, the kernel sends every child
@@ -16,15 +16,44 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
 from script.stack.places import REPOSITORY
 
 LAST_LINES = 15
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Asked for by a process whose parent was killed just before, the signal never comes: hence the look at the parent.
 TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
+
+
+class Ended(BaseException):
+    """Somebody asked us to end."""
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Raise `Ended` in here on the first Ctrl-C, SIGTERM or closed terminal; clean up undisturbed by a second."""
+
+    def end(_number: int, _frame: FrameType | None) -> NoReturn:
+        for number in ENDING_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+        raise Ended
+
+    for number in ENDING_SIGNALS:
+        signal.signal(number, end)
+    yield
+
+
+def say(text: str) -> None:
+    """To whoever sits there; a closed terminal is no reason to fail."""
+    try:
+        print(text, flush=True)
+    except OSError:
+        return
 
 
 class ChildDied(RuntimeError):

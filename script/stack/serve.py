@@ -15,9 +15,8 @@ from pathlib import Path
 from django.core.exceptions import ImproperlyConfigured
 
 from fleet.environment import Environment
-from script.stack.demo import Ended, ended_by_signals, say
 from script.stack.places import REPOSITORY
-from script.stack.processes import Child, ChildDied, end_all, wait_for_any_end
+from script.stack.processes import Child, ChildDied, Ended, end_all, ended_by_signals, say, wait_for_any_end
 from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 
 # collectstatic first: the check asks whether it was done.

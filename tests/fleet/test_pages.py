@@ -1,10 +1,12 @@
 """What every page has in common: its headers, its door; and the page for monitors."""
 
 import pytest
+from django.conf import settings
 from django.db import DatabaseError, connection
 from django.test import Client
 
 from fleet import views
+from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
 
@@ -15,9 +17,7 @@ POLICY = {
     "script-src 'self'",
     "style-src 'self'",
     "img-src 'self'",
-    "font-src 'self'",
     "connect-src 'self'",
-    "manifest-src 'self'",
     "form-action 'self'",
     "base-uri 'none'",
     "frame-ancestors 'none'",
@@ -42,6 +42,34 @@ def test_every_page_carries_the_strict_policy(page, who, staff, signed_in):
 def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
     response = Client().get(page, follow=True, headers={"accept": BROWSER})
     assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
+
+
+def test_no_cookie_is_kept_but_the_two_that_the_page_of_cookies_names(staff, robot):
+    client = Client()
+    sign_in = {"username": "staff", "password": PASSWORD}
+    told = client.post("/accounts/sign-in/", {**sign_in, "password": "wrong"}).text
+    told += client.post("/accounts/sign-in/", sign_in, follow=True).text
+    for page in (
+        "/",
+        f"/robots/{robot.slug}/",
+        "/cookies/",
+        "/your-data/",
+        "/nowhere/",
+        "/admin/audit/record/",
+    ):
+        told += client.get(page).text
+    words = {"old_password": PASSWORD, "new_password1": "another walk", "new_password2": "another walk"}
+    role = {"user": staff.pk, "robot": robot.pk, "role": "observer"}
+    for page, form in (
+        ("/accounts/password/", words),
+        ("/accounts/sessions/end-others/", {}),
+        ("/admin/robots/robotrole/add/", role),
+        (f"/robots/{robot.slug}/stop/", {}),
+    ):
+        told += client.post(page, form, follow=True, headers={"accept": BROWSER}).text
+    for sentence in ("Your password is changed", "There was no other session", "was added", "Not reached"):
+        assert sentence in told
+    assert set(client.cookies) == {settings.SESSION_COOKIE_NAME, settings.CSRF_COOKIE_NAME}
 
 
 # curl, requests; and nobody says anything

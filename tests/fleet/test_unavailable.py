@@ -10,6 +10,8 @@ from django.test import Client, RequestFactory
 from fleet.accounts import views
 from fleet.accounts.models import SignIn, User
 from fleet.unavailable import error_page
+from robots.wire import Stopped, StopState
+from teleop import stopping
 from tests.conftest import PASSWORD
 
 SIGN_IN = "/accounts/sign-in/"
@@ -76,6 +78,15 @@ def test_a_script_is_told_in_json(lock, operator, signed_in):
     lock()
     response = desk.post(f"{SESSIONS}end-others/", headers={"accept": "application/json"})
     assert (response.status_code, response.json()["code"]) == (503, "database_locked")
+
+
+def test_a_stop_without_scripts_is_answered_while_it_is_locked(lock, robot, operator, signed_in, monkeypatch):
+    monkeypatch.setattr(stopping.log, "note", lambda _press: None)
+    monkeypatch.setattr(stopping, "press_all", lambda _robots, _by: [Stopped(StopState("stopped"))])
+    desk = signed_in(operator)
+    lock()
+    answer = desk.post(f"/robots/{robot.slug}/stop/", headers={"accept": "text/html"})
+    assert (answer.status_code, "Stopped." in answer.text) == (200, True)
 
 
 @pytest.mark.django_db

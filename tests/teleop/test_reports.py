@@ -362,7 +362,15 @@ def test_the_last_faults_are_listed(robot, at):
     at(TUESDAY)
     record("fault", robot_id=robot.pk, outcome="bridge_lost", private={"words": "The link broke."})
     [fault] = robot_report.report_of(robot, 7, TUESDAY).faults
-    assert (fault.subject, fault.outcome) == ("The link broke.", "bridge_lost")
+    assert fault.what == "The link broke."
+
+
+def test_a_fault_that_is_over_and_of_which_the_words_have_expired_is_named_by_its_outcome(robot, at):
+    at(TUESDAY)
+    begun = record("fault", robot_id=robot.pk, outcome="bridge_lost")
+    record("fault", of=begun, outcome="over")
+    [fault] = robot_report.report_of(robot, 7, TUESDAY).faults
+    assert fault.what == "bridge lost"
 
 
 def test_a_report_asks_as_few_questions_of_a_long_log_as_of_a_short_one(

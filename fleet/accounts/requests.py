@@ -1,0 +1,20 @@
+"""Who asks, and what for."""
+
+from __future__ import annotations
+
+from django.core.exceptions import PermissionDenied
+from django.http import HttpRequest
+
+from fleet.accounts.models import User
+
+
+def person_of(request: HttpRequest) -> User:
+    """Who is signed in; every page but those that say otherwise lets in nobody else."""
+    if not isinstance(request.user, User):
+        raise PermissionDenied("Sign in first.")
+    return request.user
+
+
+def wants_json(request: HttpRequest) -> bool:
+    """Whether a script asks: browsers name HTML, scripts anything else or nothing."""
+    return request.get_preferred_type(["application/json", "text/html"]) == "application/json"
