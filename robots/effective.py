@@ -194,7 +194,7 @@ def gate_profile(robot: Robot) -> GateProfile:
 
 
 def _depth_view(source: DepthSource | None) -> DepthView | None:
-    return DepthView(source.fov, source.height_m, source.own_m) if source else None
+    return DepthView(source.height_m, source.own_m) if source else None
 
 
 def stick(robot: Robot) -> tuple[StickStep, ...]:

@@ -428,7 +428,7 @@ class Sensor(Struct, frozen=True):
     """How a sensor is. `age_s` None: never seen."""
 
     name: str
-    kind: str  # scan, sonar, odometry, depth, battery, joints
+    kind: str  # scan, sonar, odometry, depth
     ok: bool
     age_s: float | None
     text: str = ""
@@ -480,7 +480,7 @@ class MotionEnd(Struct, frozen=True):
 
 
 class Speech(Struct, frozen=True):
-    """What this console has the robot say, from the moment it was asked for.
+    """What this console has the robot say, from the moment it was sent.
 
     `status`: sent, accepted, speaking, as the robot's action tells; a robot that takes plain messages tells nothing.
     """
@@ -499,7 +499,7 @@ class SpeechEnd(Struct, frozen=True):
     """How that ended.
 
     `outcome`: done, failed or rejected (by the robot); sent (a plain message: nobody tells); cancelled, stopped,
-    unheard.
+    unheard; a refusal's code where it was on record and could not begin any more.
     """
 
     number: int
@@ -762,7 +762,7 @@ Answer = Graph | Described | Parameters | Parameter | Called | Refused
 
 
 class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
-    """A message of a topic, big arrays shortened. `figures`: of the topic, over the last seconds."""
+    """A message of a topic, big arrays shortened, and how the topic was over the last seconds."""
 
     topic: str
     type: str
@@ -898,7 +898,7 @@ class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
 
 
 class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
-    """Control under `fence` ended at the bridge: expired, revoked, superseded, disabled."""
+    """Control under `fence` ended at the bridge; `reason` is a sentence."""
 
     fence: int
     reason: str
@@ -941,7 +941,6 @@ _fleet = msgspec.json.Decoder(FleetMessage)
 _topics = msgspec.json.Decoder(TopicsMessage)
 _request = msgspec.json.Decoder(LinkRequest)
 _report = msgspec.json.Decoder(LinkReport)
-_view = msgspec.json.Decoder(View)
 _encoder = msgspec.json.Encoder()
 
 
@@ -1008,11 +1007,6 @@ def link_report(raw: str | bytes) -> LinkReport:
     """Decode what a bridge said to a web process (text frames), or raise `msgspec.DecodeError`."""
     message: LinkReport = _report.decode(raw)
     return message
-
-
-def view(raw: bytes) -> View:
-    """Decode a view. Only for the rare reader that is not a browser."""
-    return _view.decode(raw)
 
 
 def kind_of(message: Struct) -> str:

@@ -377,7 +377,7 @@ async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, mo
 async def test_the_stop_command_gives_up_on_a_bridge_that_talks_and_does_not_answer(
     bridge, address, monkeypatch
 ):
-    monkeypatch.setattr(robots.link, "_ONCE_S", 0.3)
+    monkeypatch.setattr(robots.link, "_ONCE_S", 1.0)
     bridge.silent = True
 
     async def chatter():

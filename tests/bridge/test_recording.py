@@ -84,7 +84,7 @@ def pictured() -> Frame:
     to_base = np.eye(4)
     to_base[:3, :3] = [[0.0, -0.6, 0.8], [-1.0, 0.0, 0.0], [0.0, -0.8, -0.6]]
     to_base[:3, 3] = 0.1, 0.0, 1.1
-    frame = frame_of(picture_of_image(image, Lens.seeing(1.1, 160, 120)), to_base, DepthView(1.1, 1.15))
+    frame = frame_of(picture_of_image(image, Lens.seeing(1.1, 160, 120)), to_base, DepthView(1.15))
     assert len(frame.columns.points)
     return frame
 

@@ -30,7 +30,7 @@ from tests.gate.conftest import Feeder, tiago_profile
 FOV = math.radians(63.0)
 WIDTH, HEIGHT = 640, 480
 LENS = Lens.seeing(FOV, WIDTH, HEIGHT)
-VIEW = DepthView(FOV, height_m=1.10)
+VIEW = DepthView(height_m=1.10)
 HOME_M = 1.217  # the camera with the torso as in TIAGo's home posture
 LOOK_AHEAD = -0.68
 
@@ -320,7 +320,7 @@ class Looker(Feeder):
     """A TIAGo whose laser sees an empty hall and whose camera sees boxes of the odometry frame."""
 
     def __init__(self, boxes, own_m=0.05, **profile) -> None:
-        super().__init__(tiago_profile(has_depth=True, depth=DepthView(FOV, 1.10, own_m), **profile))
+        super().__init__(tiago_profile(has_depth=True, depth=DepthView(1.10, own_m), **profile))
         self.boxes = boxes
         self.pose = Pose(0.0, 0.0, 0.0)
         self.to_base = camera()

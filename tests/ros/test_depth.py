@@ -43,7 +43,7 @@ EDGE_Y = 1.0
 @contextmanager
 def bridge(master, folder, source, **topics):
     config = tiago_config(master, folder)
-    view = DepthView(source.fov, source.height_m, source.own_m)
+    view = DepthView(source.height_m, source.own_m)
     process = BridgeProcess(
         msgspec.structs.replace(
             config,

@@ -86,9 +86,9 @@ PERIOD_S = 0.05  # what is sent holds at most this long before the gate decides 
 
 
 class Gate:
-    """The safety gate of one robot. `more` are sources beside the profile's lasers and sonars."""
+    """The safety gate of one robot."""
 
-    def __init__(self, profile: GateProfile, more: tuple[Source, ...] = ()) -> None:
+    def __init__(self, profile: GateProfile) -> None:
         """ValueError if the profile describes no footprint."""
         self.profile = profile
         self.footprint = self._base = footprint_of(profile)
@@ -117,12 +117,7 @@ class Gate:
         self._movers = {name: Movers() for name in self._lasers}
         self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
         depth, depth_memory = ((self._depth,), (self._depth.remembered,)) if self._depth else ((), ())
-        self._sensors: tuple[Source, ...] = (
-            *self._lasers.values(),
-            *self._sonars.values(),
-            *depth,
-            *more,
-        )
+        self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *depth)
         self._sources = (*self._sensors, *self._memories.values(), *depth_memory)
         self._names = tuple(source.name for source in self._sources)
         self._kinds = tuple(source.kind for source in self._sources)

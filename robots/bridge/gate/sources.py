@@ -1,6 +1,6 @@
 """Sources give points, the gate takes points.
 
-Whatever else will know of obstacles (a memory, a depth camera, movers) is one more `Source`.
+Whatever knows of obstacles (a laser, a sonar, a memory, a depth camera) is one `Source`.
 """
 
 from __future__ import annotations

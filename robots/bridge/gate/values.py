@@ -57,7 +57,6 @@ class Limits(Struct, frozen=True):
 class DepthView(Struct, frozen=True):
     """What the gate knows of a depth camera on the robot's head, and of the robot below it."""
 
-    fov: float  # horizontal, radians
     height_m: float  # of the robot, with everything that lifts at its lowest
     own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
 
