@@ -18,7 +18,7 @@ import { Pulse } from "./pulse.js";
 import { question } from "./question.js";
 import { DriveSender } from "./sender.js";
 import { LiveSocket, socketUrl } from "./socket.js";
-import { isHeld, isStale } from "./standing.js";
+import { isHeld, isSilent, isStale } from "./standing.js";
 import { isNeutral, Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
@@ -67,6 +67,7 @@ class ControlPage {
   #echoTrips = new RoundTrips();
   #control = null;
   #mine = false; // control, as the server last said; also while the connection is lost
+  #left = false; // the connection was lost with control, and how that stands now is not known yet
   #facts = null;
   #state = null;
   #gone = null;
@@ -189,10 +190,13 @@ class ControlPage {
       stop: () => this.#stopButton.press(),
     };
     const menu = document.querySelector(".menu");
+    // Before the dialog opens: when it is closed, the focus returns to the menu.
+    const shut = () => {
+      menu.querySelector("summary").focus();
+      menu.open = false;
+    };
     for (const opener of [this.#parts["log-open"], this.#parts["keys-open"]])
-      on(opener, "click", () => {
-        menu.open = false;
-      });
+      opener.addEventListener("click", shut, { signal, capture: true });
     this.#endings.push(
       listenToKeys(host),
       listenToGamepad(host),
@@ -240,6 +244,7 @@ class ControlPage {
   }
 
   #lost(code) {
+    this.#left ||= this.#control?.state === "yours";
     this.#control = null;
     this.#panel.control = null;
     this.#desk.lost();
@@ -298,6 +303,10 @@ class ControlPage {
       const handed = gettext("Control was handed to you.");
       this.#tell("success", "control", asking ? handed : gettext("You have control."));
     }
+    // "away" and "elsewhere" may be this tab itself, before it has its control again.
+    if (this.#left && ["free", "other"].includes(control.state))
+      this.#tell("warning", "left", gettext("Control ended while the connection was lost."));
+    this.#left &&= ["away", "elsewhere"].includes(control.state);
     this.#follow();
     this.#look();
   }
@@ -371,7 +380,8 @@ class ControlPage {
     if (!asksNeutral || !this.#drives) this.#freeMs = now;
     const cut = this.#isCut();
     this.#picture.stale = cut;
-    mark(this.#root, "cut", !this.#socket.open || this.#gone !== null);
+    const silent = this.#state !== null && isSilent(now - this.#viewMs);
+    mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);
     this.#face.show({
       connected: this.#socket.open,
       gone: this.#gone,

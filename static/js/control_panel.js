@@ -57,8 +57,15 @@ export class ControlPanel extends EventTarget {
     show(lease, left !== null);
     if (left !== null) say(lease, interpolate(gettext("%s left"), [clockText(left)]));
     mark(lease, "last", yours && isLastCall(left));
-    for (const button of this.#parts.actions.children)
-      show(button, actions.includes(button.dataset.action));
+    this.#offer(actions);
+  }
+
+  /** The focus goes from a button that has done its work to the one that came in its place. */
+  #offer(actions) {
+    const buttons = [...this.#parts.actions.children];
+    const focused = buttons.find((button) => button === document.activeElement);
+    for (const button of buttons) show(button, actions.includes(button.dataset.action));
+    if (focused?.hidden) buttons.find(({ hidden }) => !hidden)?.focus();
   }
 
   /** One's own is told above already. */

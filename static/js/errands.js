@@ -58,7 +58,7 @@ function isDone(t, { state, asking = null }) {
 export class Errands {
   #send;
   #tell;
-  #waiting = new Map(); // timers, by what was asked for
+  #waiting = new Map(); // by what was asked for: timers, and whether it was said to be late
 
   /**
    * @param {(message: object) => boolean} send whether there was a connection
@@ -79,7 +79,7 @@ export class Errands {
     }
     const late = setTimeout(() => this.#late(t), PATIENCE_MS);
     const forgotten = setTimeout(() => this.#forget(t), FORGOTTEN_MS);
-    this.#waiting.set(t, [late, forgotten]);
+    this.#waiting.set(t, { timers: [late, forgotten], isLate: false });
   }
 
   /** @param {object} control as the server says it stands @returns {boolean} whether something was done by it */
@@ -103,11 +103,11 @@ export class Errands {
 
   /** The connection is gone, and with it the answers. */
   lost() {
-    for (const t of [...this.#waiting.keys()])
-      this.refused(t, {
-        code: "no_answer",
-        text: gettext("The connection was lost before an answer came."),
-      });
+    const text = gettext("The connection was lost before an answer came.");
+    for (const [t, { isLate }] of [...this.#waiting]) {
+      this.#forget(t);
+      if (!isLate) this.#failed(t, "no_answer", text);
+    }
   }
 
   close() {
@@ -115,6 +115,7 @@ export class Errands {
   }
 
   #late(t) {
+    this.#waiting.get(t).isLate = true;
     this.#failed(t, "no_answer", gettext("no answer within 0.75 s. It may still come."));
   }
 
@@ -123,7 +124,7 @@ export class Errands {
   }
 
   #forget(t) {
-    for (const timer of this.#waiting.get(t) ?? []) clearTimeout(timer);
+    for (const timer of this.#waiting.get(t)?.timers ?? []) clearTimeout(timer);
     return this.#waiting.delete(t);
   }
 }

@@ -109,7 +109,7 @@ export class Orders {
       return Promise.resolve(this.#refused(order, { code: "not_connected", text }));
     }
     return new Promise((resolve) => {
-      const late = setTimeout(() => resolve(this.#unanswered(order)), PATIENCE_MS);
+      const late = setTimeout(() => this.#late(message.seq), PATIENCE_MS);
       const forgotten = setTimeout(() => this.#waiting.delete(message.seq), FORGOTTEN_MS);
       this.#waiting.set(message.seq, { order, resolve, timers: [late, forgotten] });
     });
@@ -129,9 +129,9 @@ export class Orders {
   /** The connection is gone, and with it the answers. */
   lost() {
     const text = gettext("The connection was lost before an answer came.");
-    for (const [seq, { order, resolve }] of this.#waiting) {
+    for (const [seq, { order, resolve, isLate }] of this.#waiting) {
       this.#forget(seq);
-      resolve(this.#refused(order, { code: "no_answer", text }));
+      if (!isLate) resolve(this.#refused(order, { code: "no_answer", text }));
     }
   }
 
@@ -157,8 +157,10 @@ export class Orders {
     return refusal;
   }
 
-  #unanswered(order) {
+  #late(seq) {
+    const waiting = this.#waiting.get(seq);
+    waiting.isLate = true; // and said to be: it is told once more only if its answer comes
     const text = gettext("no answer within 0.75 s. Look what the robot does before you try again.");
-    return this.#refused(order, { code: "no_answer", text });
+    waiting.resolve(this.#refused(waiting.order, { code: "no_answer", text }));
   }
 }

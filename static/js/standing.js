@@ -1,9 +1,15 @@
 /** What stands between a person and a moving robot, worst first: one banner, in words. Pure. */
 
 const STALE_MS = 1000;
+const SILENT_MS = 3000;
 
 export function isStale(sinceViewMs) {
   return sinceViewMs > STALE_MS;
+}
+
+/** Whether the silence is as good as a loss of the connection: nobody should ask for anything now. */
+export function isSilent(sinceViewMs) {
+  return sinceViewMs > SILENT_MS;
 }
 
 /**
@@ -72,14 +78,20 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
       ),
     };
   }
-  if (gone) return { level: "fault", title: gettext("No link to the robot"), text: gone.text };
+  if (gone) {
+    return {
+      level: "fault",
+      title: gettext("No link to the robot"),
+      text: `${gone.text} ${waits()}`,
+    };
+  }
   if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
   if (isStale(sinceViewMs)) {
     const seconds = (sinceViewMs / 1000).toFixed(0);
     return {
       level: "warning",
       title: interpolate(gettext("No news for %s s"), [seconds]),
-      text: gettext("The picture is old."),
+      text: `${gettext("The picture is old, and the robot may not hear you.")} ${waits()}`,
     };
   }
   if (state.stop.state !== "clear") return stopBanner(state.stop);
@@ -99,6 +111,11 @@ export function batteryText({ battery_percent: percent, charging }) {
   if (percent === null) return "–";
   const text = `${Math.round(percent)} %`;
   return charging ? interpolate(gettext("%s, charging"), [text]) : text;
+}
+
+/** What to do about a robot that is out of reach. */
+function waits() {
+  return gettext("This page goes on by itself. If this lasts, tell staff.");
 }
 
 export function phaseTitle(phase) {

@@ -81,6 +81,13 @@ describe("errands", () => {
     expect(texts()).toHaveLength(3);
   });
 
+  it("that were said to get no answer are not told once more when the connection is lost", () => {
+    errands.send({ t: "take" });
+    vi.advanceTimersByTime(4000);
+    errands.lost();
+    expect(texts()).toHaveLength(1);
+  });
+
   it("are told of without a connection, and when it is lost", () => {
     errands.send({ t: "release" });
     errands.lost();

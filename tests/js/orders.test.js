@@ -98,6 +98,13 @@ describe("orders", () => {
     expect(told[1].level).toBe("success");
   });
 
+  it("that were said to get no answer are not told once more when the connection is lost", () => {
+    orders.send({ t: "look_ahead" });
+    vi.advanceTimersByTime(4000);
+    orders.lost();
+    expect(told).toHaveLength(1);
+  });
+
   it("are refused at once without a connection, and when it is lost", async () => {
     const answer = orders.send({ t: "play", motion: "wave" });
     orders.lost();
