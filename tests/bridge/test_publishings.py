@@ -1,5 +1,6 @@
 """Messages are published for the holder only, on record, as the allow-list has it; velocities only through the gate."""
 
+import json
 import threading
 
 import msgspec
@@ -107,6 +108,33 @@ def test_a_rate_is_one_at_which_somebody_would_wait_for_the_next(rate_hz):
         assert caught.value.refusal.code == "invalid"
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "notes",
+        "~notes",
+        "//notes",
+        "/notes/",
+        "/a//notes",
+        "/./notes",
+        "/notes\n",
+        "/n\u043etes",
+        "/notes\u200b",
+        "",
+    ],
+)
+@pytest.mark.parametrize("kind", ["publish", "publish_stop", "call", "set_parameter"])
+def test_no_door_takes_a_name_that_ros_would_resolve_to_another(kind, name):
+    field = {"call": "service", "set_parameter": "name"}.get(kind, "topic")
+    doors = (wire.topics_message,) if field != "topic" else (wire.browser_message, wire.link_request)
+    message = {"t": kind, "fence": 1, "type": "std_msgs/String", "value": 1, "seq": 1}
+    for door in doors:
+        door(json.dumps(message | {field: "/notes"}))
+        with pytest.raises(wire.WireError) as caught:
+            door(json.dumps(message | {field: name}))
+        assert caught.value.refusal.code == "invalid"
+
+
 def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
     bench.order(note(5.0))
     settled(bench)
@@ -156,6 +184,8 @@ def test_nobody_left_to_answer_for_it_ends_it(bench, happens, outcome):
     [
         (note(topic="/other"), "not_allowed"),
         (note(topic="/diary"), "not_allowed"),
+        (note(topic="/Notes"), "not_allowed"),
+        (note(topic="/robot/notes"), "not_allowed"),
         (note(type_name="std_msgs/Bool"), "not_allowed"),
         (note(fence=2), "unknown_fence"),
     ],

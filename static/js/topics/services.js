@@ -1,6 +1,6 @@
 /** The robot's services and parameters: everybody may read, staff may call and set what the allow-list admits. */
 
-import { make, say, show } from "../dom.js";
+import { make, mark, say, show } from "../dom.js";
 import { MessageForm } from "./form.js";
 
 /** Calls one service. Its form is made when it is opened. */
@@ -44,7 +44,7 @@ export class ServiceCall {
         .append(" ", make("span", { className: "quiet", text: type }));
       this.#form = new MessageForm(this.#fields, fields);
     } catch (error) {
-      this.#tell(error.message);
+      this.#tell(error.message, true);
     }
   }
 
@@ -57,13 +57,15 @@ export class ServiceCall {
       this.#tell(JSON.stringify(answer.fields, null, 2));
     } catch (error) {
       const path = error.refusal?.figures?.path;
-      if (!path || !this.#form.fault(path, error.message)) this.#tell(error.message);
+      if (path && this.#form.fault(path, error.message)) show(this.#answer, false);
+      else this.#tell(error.message, true);
     } finally {
       this.#call.disabled = false;
     }
   }
 
-  #tell(text) {
+  #tell(text, isFault = false) {
+    mark(this.#answer, "fault", isFault);
     say(this.#answer, text);
     show(this.#answer, true);
   }
@@ -75,7 +77,8 @@ export class ParameterView {
   #channel;
   #name;
   #value;
-  #fault;
+  #set;
+  #outcome;
 
   /** @param {object} channel to ask @param {string} name @param {boolean} maySet */
   constructor(channel, name, maySet) {
@@ -86,44 +89,49 @@ export class ParameterView {
     this.#value.readOnly = !maySet;
     this.#value.spellcheck = false;
     this.#value.setAttribute("aria-label", interpolate(gettext("Value of %s"), [name]));
-    this.#fault = make("p", { className: "why" });
-    this.#fault.hidden = true;
-    this.#fault.setAttribute("role", "alert");
-    const set = make("button", { className: "button", text: gettext("Set") });
-    show(set, maySet);
-    const form = make("form", { children: [this.#value, set] });
+    this.#outcome = make("p", { className: "answer" });
+    this.#outcome.hidden = true;
+    this.#outcome.setAttribute("role", "alert");
+    this.#set = make("button", { className: "button", text: gettext("Set") });
+    show(this.#set, maySet);
+    const form = make("form", { children: [this.#value, this.#set] });
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      this.#set();
+      this.#setIt();
     });
     const title = make("h3", { children: [make("code", { text: name })] });
-    this.element = make("article", { className: "watch", children: [title, form, this.#fault] });
-    this.#ask({ t: "parameter", name });
+    this.element = make("article", { className: "watch", children: [title, form, this.#outcome] });
+    this.#ask({ t: "parameter", name }, "");
   }
 
-  #set() {
+  #setIt() {
     let value;
     try {
       value = JSON.parse(this.#value.value);
     } catch {
-      this.#say(gettext('Write a value as JSON: 0.5, true, "text", [1, 2].'));
+      this.#say(gettext('Write a value as JSON: 0.5, true, "text", [1, 2].'), true);
       return;
     }
-    this.#ask({ t: "set_parameter", name: this.#name, value });
+    this.#ask({ t: "set_parameter", name: this.#name, value }, gettext("Set."));
   }
 
-  async #ask(question) {
+  /** @param {string} done what to say when it was answered */
+  async #ask(question, done) {
+    this.#set.disabled = true;
     try {
       const { value } = await this.#channel.ask(question);
       this.#value.value = JSON.stringify(value, null, 2);
-      this.#say("");
+      this.#say(done);
     } catch (error) {
-      this.#say(error.message);
+      this.#say(error.message, true);
+    } finally {
+      this.#set.disabled = false;
     }
   }
 
-  #say(text) {
-    say(this.#fault, text);
-    show(this.#fault, text !== "");
+  #say(text, isFault = false) {
+    mark(this.#outcome, "fault", isFault);
+    say(this.#outcome, text);
+    show(this.#outcome, text !== "");
   }
 }

@@ -1,0 +1,89 @@
+import { describe, expect, it, vi } from "vitest";
+import { ParameterView, ServiceCall } from "../../../static/js/topics/services.js";
+
+const refused = (text, path) => Object.assign(new Error(text), { refusal: { figures: { path } } });
+
+async function pressed(element, name) {
+  const button = [...element.querySelectorAll("button")].find((b) => b.textContent === name);
+  button.form.dispatchEvent(new Event("submit"));
+  await vi.waitFor(() => expect(button.disabled).toBe(false));
+}
+
+describe("a parameter", () => {
+  async function shown(ask, maySet = true) {
+    const view = new ParameterView({ ask }, "/volume", maySet).element;
+    await vi.waitFor(() => expect(view.querySelector("textarea").value).toBe("50"));
+    return {
+      view,
+      value: view.querySelector("textarea"),
+      said: view.querySelector("[role=alert]"),
+    };
+  }
+
+  it("is set, and that is said, with what the robot has then", async () => {
+    const ask = vi.fn().mockResolvedValueOnce({ value: 50 }).mockResolvedValueOnce({ value: 60 });
+    const { view, value, said } = await shown(ask);
+    expect(said.hidden).toBe(true);
+    value.value = "60";
+    await pressed(view, "Set");
+    expect(ask.mock.lastCall).toEqual([{ t: "set_parameter", name: "/volume", value: 60 }]);
+    expect([said.textContent, said.dataset.fault, said.hidden]).toEqual(["Set.", undefined, false]);
+  });
+
+  it.each([
+    ["loud", "Write a value as JSON"],
+    ["70", "the allow-list does not have it"],
+  ])("that is not set, for %s, says why", async (written, words) => {
+    const ask = vi.fn().mockResolvedValueOnce({ value: 50 });
+    ask.mockRejectedValue(refused("the allow-list does not have it"));
+    const { view, value, said } = await shown(ask);
+    value.value = written;
+    await pressed(view, "Set");
+    expect(said.textContent).toContain(words);
+    expect(said.dataset.fault).toBe("true");
+    expect(value.value).toBe(written);
+  });
+
+  it("is only read by who may not set it", async () => {
+    const { view, value } = await shown(vi.fn().mockResolvedValue({ value: 50 }), false);
+    expect(value.readOnly).toBe(true);
+    expect(view.querySelector("button").hidden).toBe(true);
+  });
+});
+
+describe("a service", () => {
+  const DESCRIBED = { type: "std_srvs/SetBool", fields: [{ name: "data", type: "bool" }] };
+
+  async function opened(ask) {
+    const view = new ServiceCall({ ask }, "/lamp", true).element;
+    await vi.waitFor(() => expect(view.querySelector("input")).not.toBe(null));
+    return view;
+  }
+
+  it("is called with its form, and its answer shown", async () => {
+    const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
+    ask.mockResolvedValueOnce({ fields: { success: true } });
+    const view = await opened(ask);
+    view.querySelector("input").checked = true;
+    await pressed(view, "Call");
+    expect(ask.mock.lastCall[0]).toMatchObject({
+      t: "call",
+      service: "/lamp",
+      fields: { data: true },
+    });
+    expect(view.querySelector(".answer").textContent).toContain('"success": true');
+  });
+
+  it("that says no is told apart from one that answers, and a wrong field is named in its place", async () => {
+    const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
+    ask.mockRejectedValueOnce(refused("/lamp said no"));
+    ask.mockRejectedValueOnce(refused("data: true or false", "data"));
+    const view = await opened(ask);
+    const answer = view.querySelector(".answer");
+    await pressed(view, "Call");
+    expect([answer.textContent, answer.dataset.fault]).toEqual(["/lamp said no", "true"]);
+    await pressed(view, "Call");
+    expect(answer.hidden).toBe(true);
+    expect(view.querySelector(".field-note").textContent).toBe("data: true or false");
+  });
+});
