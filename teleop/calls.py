@@ -21,7 +21,7 @@ from teleop.database import in_database
 from teleop.orders import role_for, why_role
 from teleop.rooms import Room
 from teleop.selectors import holding_of
-from teleop.services import DATABASE_UNAVAILABLE, ControlRefused
+from teleop.services import ControlRefused, change
 from teleop.socket import beside
 from teleop.standing import Rights
 
@@ -56,11 +56,11 @@ def _why_not(call: Call, room: Room, rights: Rights) -> Refusal | None:
 
 
 def _record(call: Call, room: Room, user: User) -> Record:
-    try:
-        if isinstance(call, CallService):
-            kind, facts, given = "service.call", {"service": call.service}, {"fields": _recorded(call.fields)}
-        else:
-            kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
+    if isinstance(call, CallService):
+        kind, facts, given = "service.call", {"service": call.service}, {"fields": _recorded(call.fields)}
+    else:
+        kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
+    with change():
         held = holding_of(room.robot_id)  # staff may call while somebody else has control
         own = held if held and held.user == user.pk else None
         return audit.record(
@@ -73,10 +73,6 @@ def _record(call: Call, room: Room, user: User) -> Record:
             parameters=facts,
             private=given,
         )
-    except audit.AuditUnavailable as error:
-        raise ControlRefused(Refusal(error.code, error.text, error.rule)) from error
-    except DatabaseError as error:
-        raise ControlRefused(DATABASE_UNAVAILABLE) from error
 
 
 def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:

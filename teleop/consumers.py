@@ -64,7 +64,7 @@ class RobotConsumer(RobotSocket):
         """Let this person in, if they may look at the robot."""
         entry = await self.find_robot()
         if entry is not None:
-            self.stop_button = stopping.StopButton(self.user, "robot page", partial(self.refuse, "stop"))
+            self.stop_button = stopping.StopButton(self.user, self.through, partial(self.refuse, "stop"))
             self.errands = Errands()
             self.orders = Orders(self)
             self.room = rooms.enter(self.robot_id, entry, self)
@@ -141,7 +141,7 @@ class RobotConsumer(RobotSocket):
             await self.refuse(kind_of(message), refused.refusal)
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
-            await self._not_now(message, services.DATABASE_UNAVAILABLE)
+            await self._not_now(message, services.let_down(error))
 
     async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
         await self.refuse(kind_of(message), refusal)
@@ -302,7 +302,8 @@ class RobotConsumer(RobotSocket):
                 ours,
                 permit=self.rights.permit,
                 settled=self._tell_control,
-                refused=self._refused_by_bridge,
+                # The bridge knows better: a higher fencing number, another session under this one.
+                refused=partial(self._control_ended, EndReason.BRIDGE),
                 delay_s=lambda: self.viewer.delay_s if self.viewer else None,
             )
 
@@ -338,17 +339,10 @@ class RobotConsumer(RobotSocket):
         if self.grip is None:
             return
         if isinstance(permit, Refusal):
-            await self._right_ended(permit)
+            await self._control_ended(EndReason.RIGHT, permit)
         elif permit.max_share != self.grip.permit.max_share:
             self.grip.permit = permit
             self.grip.renew_soon()
-
-    async def _right_ended(self, refusal: Refusal) -> None:
-        await self._control_ended(EndReason.RIGHT, refusal)
-
-    async def _refused_by_bridge(self, refusal: Refusal) -> None:
-        """The bridge knows better: a higher fencing number, another session under this one."""
-        await self._control_ended(EndReason.BRIDGE, refusal)
 
     async def _control_ended(self, reason: EndReason, refusal: Refusal) -> None:
         if self._give_up(reason, refusal.text, refusal=refusal):

@@ -22,7 +22,7 @@ from robots.wire import Ended, FleetCard, Offers, Refusal, Refused, State, fleet
 from teleop.database import in_database
 from teleop.policy import out_of_service
 from teleop.refusals import Denied
-from teleop.selectors import SignIn
+from teleop.selectors import SIGNED_OUT, SignIn
 from teleop.socket import CloseCode, MessageSocket, beside
 from teleop.stopping import StopButton
 
@@ -165,7 +165,7 @@ class FleetConsumer(MessageSocket):
         """Follow the robots that this person may see now."""
         visible = await in_database(_visible_to, self.person)
         if visible is None:
-            await self.close(CloseCode.SIGNED_OUT, "You are signed out: sign in again.")
+            await self.close(CloseCode.SIGNED_OUT, SIGNED_OUT.text)
             return
         self._robots = {robot.slug: robot for robot in visible}
         wanted = {robot.slug: links.get(robot.id, robot.link) for robot in visible}

@@ -145,7 +145,7 @@ def why_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
     if needed is None:
         text = f"{name} is not on the allow-list for this; ask the staff."
         return Refusal("not_allowed", text, "robot", {"name": name})
-    if rights.role is None or Role(rights.role) < needed:
+    if rights.role is None or rights.role < needed:
         text = f"For {name} one needs the role {needed.value}; ask the staff."
         return Refusal("role_too_low", text, "account", {"name": name, "role": needed.value})
     return None

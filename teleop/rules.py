@@ -160,11 +160,7 @@ def may_take_over(holding: Holding | None, *, user: UUID, supervises: bool, now:
             "Only a supervisor of this robot, or staff, may take over. Ask for control instead.",
             "account",
         )
-    if holding is None or lapse(holding, now) is not None:
-        return Refusal("free", "Nobody has control: take it.", "lease")
-    if holding.user == user:
-        return _ALREADY_YOURS
-    return None
+    return may_ask(holding, user=user, now=now)
 
 
 def may_clear(holding: Holding | None, *, tab: Tab | None, supervises: bool, now: datetime) -> Refusal | None:

@@ -21,6 +21,8 @@ from teleop.standing import Ending, Registered, Rights, Standing
 
 SignIn = tuple[UUID, str]  # user, session key
 
+SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "account")
+
 
 def holding_of(robot_id: UUID) -> Holding | None:
     """Who has the robot, by the table; it may have lapsed by the clock (`rules.phase`)."""
@@ -97,11 +99,11 @@ def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | No
     if user is None or not user.is_active:
         return _nothing(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
     if not alive:
-        return _nothing(Refusal("signed_out", "You are signed out: sign in again.", "account"))
+        return _nothing(SIGNED_OUT)
     if robot is None or role is None:
-        return Rights(True, None, False, Refusal("no_role", "You have no role on this robot.", "account"))
+        return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
     permit = permitted_as(role, user=user, robot=robot, now=now)
-    return Rights(True, role.value, role >= Role.SUPERVISOR, permit)
+    return Rights(True, role, permit)
 
 
 def registered(robot_id: UUID) -> Registered | None:
@@ -114,7 +116,7 @@ def registered(robot_id: UUID) -> Registered | None:
 
 
 def _nothing(refusal: Refusal) -> Rights:
-    return Rights(alive=False, role=None, supervises=False, permit=refusal)
+    return Rights(alive=False, role=None, permit=refusal)
 
 
 def _endings(sessions: Collection[UUID]) -> dict[UUID, Ending]:

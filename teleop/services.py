@@ -20,6 +20,7 @@ from django.db.models import QuerySet
 
 from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit.errors import cause_of
 from fleet.audit.models import Record
 from robots.models import Robot, Role
 from robots.selectors import role_on
@@ -30,10 +31,6 @@ from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 from teleop.policy import Permit, control_permitted
 from teleop.rules import Ask, Holding, Tab
 from teleop.selectors import asks_of, holding_of
-
-DATABASE_UNAVAILABLE = Refusal(
-    "database_unavailable", "Not done, because the database does not answer. Try again.", "lease"
-)
 
 T = TypeVar("T")
 
@@ -50,12 +47,30 @@ class NotStored(ControlRefused):
     """A step that may be done, and cannot be, for the database lets us down."""
 
 
+def let_down(error: DatabaseError) -> Refusal:
+    """What to say of a step that the database did not let us do."""
+    code, cause = cause_of(error)
+    return Refusal(f"database_{code}", f"Not done: {cause}. Try again.", "database")
+
+
+@contextmanager
+def change() -> Iterator[None]:
+    """One transaction. What cannot be recorded, or stored, is not done."""
+    try:
+        with transaction.atomic():
+            yield
+    except audit.AuditUnavailable as error:
+        raise NotStored(Refusal(error.code, error.text, error.rule)) from error
+    except DatabaseError as error:
+        raise NotStored(let_down(error)) from error
+
+
 # --- taking and giving --------------------------------------------------------------------------
 
 
 def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> Holding:
     """Give control of a robot that nobody else has. From the same person's other tab it moves here."""
-    with _change():
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         permit = _permit(user=user, robot=robot, now=now)
         before = holding_of(robot_id)
@@ -73,7 +88,7 @@ def lease_take_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
 ) -> Holding:
     """Take control from its holder, as a supervisor or staff, for a reason that is kept."""
-    with _change():
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         permit = _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
@@ -98,7 +113,7 @@ def lease_hand_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, request_id: int, highest_fence: int, now: datetime
 ) -> Holding:
     """Give control to the person behind an open request."""
-    with _change():
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         held = holding_of(robot_id)
         before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
@@ -122,9 +137,9 @@ def lease_hand_over(
 # --- keeping ------------------------------------------------------------------------------------
 
 
-def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> datetime:
-    """Start a fresh term. Returns its end."""
-    with _change():
+def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
+    """Start a fresh term."""
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         permit = _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
@@ -132,46 +147,41 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> da
         ends = _term_end(permit, now)
         _change_lease(robot_id, before, {"term_ends_at": ends})
         _record("control.renew", before, robot, user, parameters={"term_s": (ends - now).total_seconds()})
-    return ends
 
 
-def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> Holding:
+def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
     """Go on with a lease on a new connection of its tab: after a reload, a network blip, in a duplicate of the tab."""
-    with _change():
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
         before = _allowed(held, rules.may_resume(held, user=user_id, tab=tab, now=now))
         _change_lease(robot_id, before, {"connection": tab.connection, "seen_at": now})
         _record("control.resume", before, robot, user)
-    return before
 
 
-def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> bool:
-    """Note when the holder's page was last there. False if this connection does not hold the lease any more."""
+def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
+    """Note when the holder's page was last there, if this connection still holds the lease."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
-    return mine.update(seen_at=seen_at) == 1
+    mine.update(seen_at=seen_at)
 
 
-def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> bool:
+def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> None:
     """Note that the holder's page is gone; from now on it may come back for `rules.GRACE_S`."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
-    return mine.update(connection="", seen_at=now) == 1
+    mine.update(connection="", seen_at=now)
 
 
 # --- ending -------------------------------------------------------------------------------------
 
 
-def lease_expire(*, robot_id: UUID, now: datetime) -> Holding | None:
-    """End a lease whose term or grace is over. None if that was not so; refused if it has just been changed or seen."""
-    with _change():
+def lease_expire(*, robot_id: UUID, now: datetime) -> None:
+    """End a lease, if its term or grace is over; refused if it has just been changed or seen."""
+    with change():
         held = holding_of(robot_id)
-        why = None if held is None else rules.lapse(held, now)
-        if held is None or why is None:
-            return None
-        _free(robot_id, held, now, seen_at=held.seen_at)
-        _end_session(held, EndReason(why), _robot(robot_id), None, now)
-    return held
+        if held is not None and (why := rules.lapse(held, now)) is not None:
+            _free(robot_id, held, now, seen_at=held.seen_at)
+            _end_session(held, EndReason(why), _robot(robot_id), None, now)
 
 
 def lease_end(
@@ -182,20 +192,19 @@ def lease_end(
     refusal: Refusal | None = None,
     user_id: UUID | None = None,
     now: datetime,
-) -> Holding | None:
-    """End this control session, whichever connection has it by now. None if it was over already.
+) -> None:
+    """End this control session, whichever connection has it by now, unless it is over.
 
     Its holder `user_id` gives it back; or the right to it ended, or the bridge does not take it: `refusal`.
     """
     note, why = (refusal.text, refusal.code) if refusal else ("", "")
-    with _change():
+    with change():
         held = holding_of(robot_id)
         if held is None or held.session != session:
-            return None
+            return
         _free(robot_id, held, now)
         by = _user(user_id) if user_id else None
         _end_session(held, reason, _robot(robot_id), by, now, note=note, why=why)
-    return held
 
 
 # --- asking -------------------------------------------------------------------------------------
@@ -203,7 +212,7 @@ def lease_end(
 
 def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
     """Ask the holder for control. Asking again moves the question to this tab. Returns the request's number."""
-    with _change():
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
@@ -221,18 +230,18 @@ def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> in
     return int(request.pk)
 
 
-def control_ask_cancel(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> bool:
-    """Withdraw the question that this connection asked, or that it left behind. False if there was none."""
+def control_ask_cancel(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
+    """Withdraw the question that this connection asked, or that it left behind, if there is one."""
     outcome = ControlRequest.Outcome.GONE if gone else ControlRequest.Outcome.CANCELLED
-    with _change():
-        return _answer(now, outcome, robot_id=robot_id, connection=connection) > 0
+    with change():
+        _answer(now, outcome, robot_id=robot_id, connection=connection)
 
 
-def asks_lapse(*, now: datetime) -> int:
-    """Close the questions that nobody answered in time. Returns how many."""
+def asks_lapse(*, now: datetime) -> None:
+    """Close the questions that nobody answered in time."""
     asked_until = now - timedelta(seconds=rules.ASK_S)
     with transaction.atomic():
-        return _answer(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
+        _answer(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
 
 
 # --- stop ---------------------------------------------------------------------------------------
@@ -240,7 +249,7 @@ def asks_lapse(*, now: datetime) -> int:
 
 def clear_begin(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: datetime) -> Record:
     """Check that this person may clear the stop latch, and record it. After this the clear may be sent."""
-    with _change():
+    with change():
         robot, user = _robot(robot_id), _user(user_id)
         held = holding_of(robot_id)
         supervises = supervises_robot(user=user, robot=robot)
@@ -255,18 +264,6 @@ def supervises_robot(*, user: User, robot: Robot) -> bool:
     """Whether this person is a supervisor of the robot, or staff."""
     role = role_on(user, robot)
     return role is not None and role >= Role.SUPERVISOR
-
-
-@contextmanager
-def _change() -> Iterator[None]:
-    """One transaction. What cannot be recorded, or stored, is not done."""
-    try:
-        with transaction.atomic():
-            yield
-    except audit.AuditUnavailable as error:
-        raise NotStored(Refusal(error.code, error.text, error.rule)) from error
-    except DatabaseError as error:
-        raise NotStored(DATABASE_UNAVAILABLE) from error
 
 
 def _require(refusal: Refusal | None) -> None:
@@ -357,17 +354,14 @@ def _free(robot_id: UUID, held: Holding, now: datetime, **still: Any) -> None:
     _answer(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
 
 
-def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> int:
-    """Close the open questions for control that these filters find, each on record. Returns how many."""
-    closed = 0
+def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> None:
+    """Close the open questions for control that these filters find, each on record."""
     for request in ControlRequest.objects.filter(answered_at=None, **which).select_related("user", "robot"):
         still_open = ControlRequest.objects.filter(pk=request.pk, answered_at=None)
         if still_open.update(answered_at=now, outcome=outcome):
-            closed += 1
             asks = Record.objects.filter(robot_id=request.robot.pk, kind="control.ask", of=None)
             asked = asks.filter(parameters__request=request.pk).order_by("id").last()
             _record("control.ask", None, request.robot, None, of=asked, outcome=outcome.value)
-    return closed
 
 
 def _change_lease(robot_id: UUID, before: Holding | None, to: dict[str, Any], **still: Any) -> None:

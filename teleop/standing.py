@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.config import Allowed, LinkAddress
+from robots.models import Role
 from teleop import rules
 from teleop.policy import Permit
 from teleop.rules import Ask, Holding, Phase, Tab
@@ -25,9 +26,13 @@ class Rights(Struct, frozen=True):
     """What one sign-in may do with one robot now."""
 
     alive: bool  # signed in, account active
-    role: str | None
-    supervises: bool
+    role: Role | None
     permit: Permit | wire.Refusal  # to control
+
+    @property
+    def supervises(self) -> bool:
+        """Whether this is a supervisor of the robot, or staff."""
+        return self.role is not None and self.role >= Role.SUPERVISOR
 
 
 class Standing(Struct, frozen=True):

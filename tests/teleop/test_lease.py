@@ -5,7 +5,7 @@ from datetime import datetime, timedelta, timezone
 from uuid import uuid4
 
 import pytest
-from django.db import connection
+from django.db import OperationalError, connection
 
 from fleet import audit
 from fleet.audit.models import Record
@@ -280,10 +280,12 @@ def test_a_page_that_is_seen_while_its_lease_is_being_ended_keeps_it(robot, oper
 def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
     settings.FLEET_CONTROL_TERM_S = 60
     held = take(robot, operator)
-    assert services.lease_expire(robot_id=robot.id, now=NOW + timedelta(seconds=9)) is None
+    services.lease_expire(robot_id=robot.id, now=NOW + timedelta(seconds=9))
+    assert holding_of(robot.id) == held
     over = NOW + timedelta(seconds=60)
-    assert services.lease_expire(robot_id=robot.id, now=over).session == held.session
-    assert services.lease_expire(robot_id=robot.id, now=over) is None
+    for _ in range(2):
+        services.lease_expire(robot_id=robot.id, now=over)
+        assert holding_of(robot.id) is None
     assert kinds() == ["control.take", "control.end"]
 
 
@@ -369,21 +371,32 @@ def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_o
     old = take(robot, operator)
     give_back(robot, old)
     new = take(robot, second_operator)
-    ended = services.lease_end(
+    services.lease_end(
         robot_id=robot.id,
         session=old.session,
         reason=EndReason.RIGHT,
         refusal=Refusal("signed_out", "Signed out.", "account"),
         now=NOW,
     )
-    assert ended is None
     assert holding_of(robot.id).session == new.session
+
+
+def test_what_the_database_does_not_take_is_said_as_on_pages(robot, operator, monkeypatch):
+    def locked(_robot_id):
+        raise OperationalError("database is locked")
+
+    monkeypatch.setattr(services, "holding_of", locked)
+    refusal = refused(take, robot, operator)
+    assert (refusal.code, refusal.rule) == ("database_locked", "database")
+    assert "another process keeps the database locked" in refusal.text
 
 
 def test_being_seen_counts_for_the_connection_that_holds_only(robot, operator):
     held = take(robot, operator)
     later = NOW + timedelta(seconds=5)
     seen = {"robot_id": robot.id, "seen_at": later}
-    assert services.lease_seen(session=held.session, connection="operator-connection", **seen)
-    assert not services.lease_seen(session=held.session, connection="another", **seen)
-    assert not services.lease_seen(session=uuid4(), connection="operator-connection", **seen)
+    services.lease_seen(session=held.session, connection="another", **seen)
+    services.lease_seen(session=uuid4(), connection="operator-connection", **seen)
+    assert holding_of(robot.id).seen_at == NOW
+    services.lease_seen(session=held.session, connection="operator-connection", **seen)
+    assert holding_of(robot.id).seen_at == later
