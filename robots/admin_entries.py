@@ -9,7 +9,7 @@ from django.contrib import admin, messages
 from django.contrib.admin.helpers import AdminForm
 from django.contrib.admin.widgets import AdminIntegerFieldWidget
 from django.db import models
-from django.db.models import QuerySet
+from django.db.models import F, QuerySet
 from django.forms import BaseInlineFormSet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
@@ -92,6 +92,10 @@ class AllowanceAdmin(EntryAdmin):
     search_fields = ["name", "type"]
 
 
+# As a robot's page has them: those of its kind, then its own, each in their order.
+WHOSE_FIRST = (F("profile__name").asc(nulls_last=True), "robot__name", "order", "id")
+
+
 @admin.register(Phrase)
 class PhraseAdmin(EntryAdmin):
     """Every phrase, and the way in and out for files of them."""
@@ -100,6 +104,7 @@ class PhraseAdmin(EntryAdmin):
     list_editable = ["order"]
     list_filter = ["language", "profile", "robot"]
     search_fields = ["text", "tags"]
+    ordering = WHOSE_FIRST
     actions = ["export"]
     formfield_overrides = {
         models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})},
@@ -132,7 +137,7 @@ class PhraseAdmin(EntryAdmin):
     @admin.action(description=_("Export to a text file"))
     def export(self, request: HttpRequest, queryset: QuerySet[Phrase]) -> HttpResponse:
         """The chosen ones, in their order."""
-        content = phrases.written(phrase.line for phrase in queryset.order_by("order", "id"))
+        content = phrases.written(phrase.line for phrase in queryset.order_by(*WHOSE_FIRST))
         headers = {"Content-Disposition": 'attachment; filename="phrases.txt"'}
         return HttpResponse(content, content_type="text/plain; charset=utf-8", headers=headers)
 

@@ -485,7 +485,7 @@ class Phrase(OfProfileOrRobot):
         verbose_name_plural = _("phrases")
 
     def __str__(self) -> str:
-        return f"{self.language}: {self.text}"
+        return f"{self.language}: \u2068{self.text}\u2069"  # it runs its own way, its full stop too
 
     def clean(self) -> None:
         """Languages and tags in their usual form."""

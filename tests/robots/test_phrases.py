@@ -132,6 +132,7 @@ def test_what_is_made_changed_and_deleted_is_on_record(robot: Robot, staff: User
     phrase = make(robot=robot, language="EN-gb", tags="b,a\tb , b")
     entry_save(entry=phrase, actor=staff)
     assert (phrase.language, phrase.tags) == ("en-GB", "b, a b")
+    assert str(phrase) == "en-GB: \u2068Hello.\u2069"
     assert read(written([phrase.line]).encode()) == [phrase.line]
     phrase.text = "Hello!"
     entry_save(entry=phrase, actor=staff)
@@ -280,6 +281,19 @@ def test_chosen_phrases_are_exported(admin: Client, tiago: RobotProfile) -> None
     answer = admin.post(reverse("admin:robots_phrase_changelist"), sent)
     assert answer["Content-Type"] == "text/plain; charset=utf-8"
     assert read(answer.content) == [phrase.line for phrase in chosen]
+
+
+def test_phrases_are_listed_and_exported_by_whose_they_are(
+    admin: Client, tiago: RobotProfile, robot: Robot
+) -> None:
+    make(robot=robot, text="Mine.", order=0).save()
+    last = tiago.phrases.last()
+    assert last is not None
+    page = admin.get(reverse("admin:robots_phrase_changelist")).content.decode()
+    assert page.index(last.text) < page.index("Mine.")
+    sent = {"action": "export", "_selected_action": list(Phrase.objects.values_list("pk", flat=True))}
+    answer = admin.post(reverse("admin:robots_phrase_changelist"), sent)
+    assert read(answer.content)[-1].text == "Mine."
 
 
 def test_a_phrase_is_entered_reordered_and_deleted_in_the_admin(admin: Client, robot: Robot) -> None:
