@@ -17,6 +17,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
 from robots.link import LinkRefused, hello_once
 from robots.models import Robot, Role
 from robots.selectors import (
@@ -83,7 +84,7 @@ class FleetApi(APIView):
 
     def person(self) -> User:
         """Who asks."""
-        return cast(User, self.request.user)
+        return person_of(self.request)
 
     def visible(self, slug: str) -> Robot:
         """The robot, if the person may see it; else 404."""

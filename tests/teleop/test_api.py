@@ -1,11 +1,13 @@
 """REST: the robots, how they are, the stop; refusals explain themselves."""
 
 import pytest
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
 
 from fleet.audit import record
 from fleet.audit.models import Content
 from robots import wire
-from robots.models import Phrase
+from robots.models import Phrase, RobotRole
 from teleop.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -23,6 +25,15 @@ async def test_the_list_names_the_robots_that_one_may_see(browsers, robot, other
     answer = await get(browsers["operator"], "/api/robots/")
     assert [(entry["slug"], entry["role"]) for entry in answer.json()] == [("tiago-1", "operator")]
     assert len((await get(browsers["staff"], "/api/robots/")).json()) == 2
+
+
+def test_the_list_asks_for_the_roles_on_all_robots_at_once(operator, robot, other_robot, signed_in):
+    RobotRole.objects.create(user=operator, robot=other_robot, role="observer")
+    with CaptureQueriesContext(connection) as asked:
+        told = signed_in(operator).get("/api/robots/").json()
+    assert [entry["role"] for entry in told] == ["operator", "observer"]
+    roles = [query for query in asked if query["sql"].startswith('SELECT "robots_robotrole"')]
+    assert len(roles) == 1
 
 
 async def test_a_robots_own_address_tells_how_it_is(browsers, robot, bridge):
