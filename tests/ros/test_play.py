@@ -12,6 +12,7 @@ from contextlib import contextmanager
 import msgspec
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Pose2D
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
@@ -35,9 +36,8 @@ def robot(ros, simulator):
     return simulator(pose="3.8,2.2,0", seed=1)
 
 
-@contextmanager
-def bridge(master, folder):
-    """A bridge of a TIAGo with an arm, and its records so far."""
+def started(master, folder):
+    """The process of a TIAGo's bridge, with an arm."""
     config = tiago_config(master, folder)
     topics = msgspec.structs.replace(
         config.topics,
@@ -46,16 +46,31 @@ def bridge(master, folder):
         motions=Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
     )
     gate = msgspec.structs.replace(config.gate, has_arm=True, has_depth=False)
-    process = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
+    return BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
+
+
+@contextmanager
+def bridge(master, folder):
+    """A bridge of a TIAGo, in whose control somebody is, and its records so far."""
+    process = started(master, folder)
+    try:
+        with holder(process) as hand:
+            yield hand, lambda: process.records.read_text().splitlines()
+    finally:
+        process.stop()
+
+
+@contextmanager
+def holder(process):
+    """Somebody in control."""
     hand = process.link()
     try:
         hand.until(lambda report: isinstance(report, wire.Offers) and report.motions, "a robot with motions")
         hand.state_until(drivable, "a robot that sees")
         hand.take_control(1)
-        yield hand, lambda: process.records.read_text().splitlines()
+        yield hand
     finally:
         hand.close()
-        process.stop()
 
 
 @contextmanager
@@ -174,6 +189,22 @@ def test_who_may_cancels_it_by_its_goal(ros, rosmaster, tmp_path):
         ended = end_of(hand, begun)
         assert (ended.outcome, ended.text) == ("cancelled", "Cancelled by Sue.")
         until(lambda: records()[-1] == "motion.end cancelled", "its end on record")
+
+
+def test_a_motion_that_a_killed_bridge_left_is_cancelled_by_the_next(ros, rosmaster, tmp_path):
+    result = message_class("play_motion_msgs/PlayMotionActionResult")
+    with at(ros, IN_THE_OPEN), ros.listen("/play_motion/result", result) as results:
+        ros.connected(results)
+        first = started(rosmaster, tmp_path)
+        try:
+            with holder(first) as hand:
+                play(hand, "inspect_surroundings")
+                first.kill()
+        finally:
+            first.stop()
+        with bridge(rosmaster, tmp_path) as (hand, _):
+            assert results.next().status.status == GoalStatus.PREEMPTED
+            assert perform(hand, "close").outcome == "succeeded"
 
 
 def test_a_motion_that_was_recorded_anew_is_judged_by_its_new_points_and_the_list_is_read_again(
