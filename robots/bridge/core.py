@@ -387,9 +387,13 @@ class Core:
         return refusal or self.why_closed(now_s)
 
     def why_not_still(self, now_s: float) -> Refusal | None:
-        """The base moves, or is told to."""
-        if self._passed != STILL or not self._gate.standstill(now_s):
+        """The base moves, or is told to, or nobody knows."""
+        still = self._gate.standstill(now_s)
+        if self._passed != STILL or still is False:
             return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
+        if still is None:
+            text = "Whether the robot stands still is not known: its odometry is late."
+            return Refusal("base_moving", text, "robot")
         return None
 
     def halt(self, reason: str, now_s: float) -> None:

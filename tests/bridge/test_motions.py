@@ -166,6 +166,13 @@ def test_a_base_that_still_rolls_is_moving(bench):
     assert ask(bench).code == "base_moving"
 
 
+def test_a_base_of_which_nothing_was_heard_lately_is_not_said_to_drive(bench):
+    bench.now_s += 0.8
+    refusal = ask(bench)
+    assert refusal.code == "base_moving"
+    assert refusal.text == "Whether the robot stands still is not known: its odometry is late."
+
+
 def test_only_the_holder_is_obeyed(bench):
     assert ask(bench, fence=2).code == "unknown_fence"
     assert ask(bench, link=5).code == "other_link"
