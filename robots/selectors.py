@@ -53,6 +53,12 @@ def roles_on(robot: Robot, users: Iterable[User]) -> dict[UUID, Role]:
     return {user_id: Role(role) for user_id, role in held} | staff
 
 
+def supervises(user: User, robot: Robot) -> bool:
+    """Whether `user` is a supervisor of the robot, or staff."""
+    role = role_on(user, robot)
+    return role is not None and role >= Role.SUPERVISOR
+
+
 def robots_visible_to(user: User) -> QuerySet[Robot]:
     """The robots that `user` may look at, disabled ones too, by name."""
     robots = Robot.objects.select_related("profile", "bridge")

@@ -9,8 +9,8 @@ from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.models import Robot, Role
-from robots.selectors import role_on
+from robots.models import Robot
+from robots.selectors import supervises
 
 
 class Said(Struct, frozen=True):
@@ -46,9 +46,7 @@ def speech_history(robot: Robot, user: User, *, before: int, limit: int) -> Hist
 
 def _starts(robot: Robot, user: User) -> QuerySet[Record]:
     starts = Record.objects.filter(kind="speech.start", robot_id=robot.id).select_related("actor", "content")
-    role = role_on(user, robot)
-    supervises = role is not None and role >= Role.SUPERVISOR
-    return starts if supervises else starts.filter(actor_id=str(user.pk))
+    return starts if supervises(user, robot) else starts.filter(actor_id=str(user.pk))
 
 
 def _said(start: Record, end: Record | None) -> Said:

@@ -27,10 +27,9 @@ from fleet.accounts.requests import person_of
 from fleet.audit import wording
 from fleet.audit.addresses import number, session_url_of
 from fleet.audit.listing import Row
-from robots.selectors import robot_seen_by
+from robots.selectors import robot_seen_by, supervises
 from teleop import own_data, path_plot, robot_report, session_report
 from teleop.selectors import end_notes
-from teleop.services import supervises_robot
 from teleop.session_maps import maps_of
 
 _BY = {
@@ -67,7 +66,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
         "report": report,
         "session": session,
         "note": end_notes([session.pk]).get(session.pk, ""),
-        "supervises": supervises_robot(user=person, robot=session.robot),
+        "supervises": supervises(person, session.robot),
         "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
         "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT, "grid": 3 * path_plot.WIDTH},
         "paces": _paces(),
@@ -97,7 +96,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
     """How a robot was used, for its supervisors and staff."""
     person = person_of(request)
     asked = robot_seen_by(person, slug)
-    if not supervises_robot(user=person, robot=asked):
+    if not supervises(person, asked):
         raise Http404("this report is for supervisors of the robot")
     days = _period(request)
     report = robot_report.report_of(asked, days, now())

@@ -22,8 +22,8 @@ from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.errors import cause_of
 from fleet.audit.models import Record
-from robots.models import Robot, Role
-from robots.selectors import role_on
+from robots.models import Robot
+from robots.selectors import supervises
 from robots.services import fence_next
 from robots.wire import Refusal
 from teleop import rules
@@ -92,8 +92,8 @@ def lease_take_over(
         robot, user = _robot(robot_id), _user(user_id)
         permit = _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
-        supervises = supervises_robot(user=user, robot=robot)
-        before = _allowed(held, rules.may_take_over(held, user=user_id, supervises=supervises, now=now))
+        refusal = rules.may_take_over(held, user=user_id, supervises=supervises(user, robot), now=now)
+        before = _allowed(held, refusal)
         note = f"{user.display_name} took over: {reason}"
         _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
         taken = _give(robot, user, tab, permit, before, highest_fence, now)
@@ -252,18 +252,11 @@ def clear_begin(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: datetime
     with change():
         robot, user = _robot(robot_id), _user(user_id)
         held = holding_of(robot_id)
-        supervises = supervises_robot(user=user, robot=robot)
-        _require(rules.may_clear(held, tab=tab, supervises=supervises, now=now))
+        _require(rules.may_clear(held, tab=tab, supervises=supervises(user, robot), now=now))
         return _record("stop.clear", held, robot, user)
 
 
 # --- inside -------------------------------------------------------------------------------------
-
-
-def supervises_robot(*, user: User, robot: Robot) -> bool:
-    """Whether this person is a supervisor of the robot, or staff."""
-    role = role_on(user, robot)
-    return role is not None and role >= Role.SUPERVISOR
 
 
 def _require(refusal: Refusal | None) -> None:

@@ -15,10 +15,10 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
+from robots.selectors import supervises
 from teleop.durations import clock
 from teleop.models import ControlSession
 from teleop.path_plot import Ground, Leg, Plot, plotted
-from teleop.services import supervises_robot
 from teleop.session_maps import maps_of
 
 MOST_ENTRIES = 1000  # of a timeline: the newest
@@ -68,7 +68,7 @@ def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
     session = ControlSession.objects.select_related("robot", "user").filter(pk=session_id).first()
     if session is None:
         return None
-    concerned = session.user_id == user.pk or supervises_robot(user=user, robot=session.robot)
+    concerned = session.user_id == user.pk or supervises(user, session.robot)
     return session if concerned else None
 
 

@@ -11,10 +11,9 @@ from django.views.decorators.http import require_POST, require_safe
 
 from fleet.accounts.requests import person_of, wants_json
 from robots.models import Robot
-from robots.selectors import robot_seen_by, robots_visible_to
+from robots.selectors import robot_seen_by, robots_visible_to, supervises
 from robots.wire import Refusal
 from teleop import stopping
-from teleop.services import supervises_robot
 
 
 @require_safe
@@ -28,8 +27,8 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
     """One robot: drive it, or watch who does."""
     person = person_of(request)
     robot = robot_seen_by(person, slug)
-    supervises = supervises_robot(user=person, robot=robot)
-    return render(request, "teleop/control.html", {"robot": robot, "supervises": supervises})
+    told = {"robot": robot, "supervises": supervises(person, robot)}
+    return render(request, "teleop/control.html", told)
 
 
 @require_POST
