@@ -185,7 +185,7 @@ class ControlPage {
     const host = {
       stick: this.#stick,
       holonomic: () => this.#facts?.holonomic ?? false,
-      holds: () => this.#drives,
+      drives: () => this.#drives && this.#joystick.isShown,
       mayStop: () => this.#mine,
       stop: () => this.#stopButton.press(),
     };

@@ -4,6 +4,22 @@ import { make, mark, say, show } from "./dom.js";
 import { firstShare, sharesUpTo } from "./offers.js";
 import { recall, remember } from "./prefs.js";
 
+/** A speed as people walk; up to so many m/s. */
+function paces() {
+  return [
+    [0.25, gettext("very slow")],
+    [0.55, gettext("slow")],
+    [0.9, gettext("a stroll")],
+    [1.6, gettext("walking pace")],
+    [Infinity, gettext("faster than walking")],
+  ];
+}
+
+/** How fast that is, in words. Pure. @param {number} speed m/s */
+export function paceText(speed) {
+  return paces().find(([upTo]) => speed <= upTo)[1];
+}
+
 function pressed(button, on) {
   button.setAttribute("aria-pressed", String(on));
 }
@@ -68,7 +84,9 @@ export class DrivingOptions extends EventTarget {
     for (const button of this.#parts.shares.children) {
       pressed(button, Number(button.dataset.share) === this.#share);
     }
-    say(this.#parts.speed, `${(this.#share * this.#limits.forward_mps).toFixed(2)} m/s`);
+    const speed = this.#share * this.#limits.forward_mps;
+    say(this.#parts.speed, `${speed.toFixed(2)} m/s`);
+    say(this.#parts.pace, paceText(speed));
     this.#tell("share", this.#share);
   }
 

@@ -1,9 +1,17 @@
 /** The fleet page: a card per robot, live. */
 
 import { mark, parts, say, show } from "./dom.js";
+import { matches, searches } from "./list.js";
+import { recallInTab, rememberInTab } from "./prefs.js";
 import { Pulse } from "./pulse.js";
 import { LiveSocket, socketUrl } from "./socket.js";
-import { connectionFact, phaseTitle, standstillText, verdictText } from "./standing.js";
+import {
+  batteryText,
+  connectionFact,
+  phaseTitle,
+  standstillText,
+  verdictText,
+} from "./standing.js";
 import { StopButton } from "./stop.js";
 import { StopWords } from "./stop_words.js";
 
@@ -18,9 +26,12 @@ export function cardOf({ state, refusal }) {
       level: "fail",
       status: gettext("No link"),
       why: refusal?.text ?? "",
-      driver: "",
-      gate: "",
-      stop: "",
+      driver: "–",
+      battery: "–",
+      gate: "–",
+      stop: "–",
+      stopped: false,
+      stopWhy: "",
     };
   const online = state.phase === "online";
   const { stop } = state;
@@ -29,10 +40,7 @@ export function cardOf({ state, refusal }) {
     status: phaseTitle(state.phase),
     why: online ? "" : state.text,
     driver: state.holder ?? gettext("Nobody"),
-    battery:
-      state.battery_percent === null
-        ? "–"
-        : `${Math.round(state.battery_percent)} %${state.charging ? gettext(", charging") : ""}`,
+    battery: batteryText(state),
     gate: verdictText(state.verdict) || gettext("Free"),
     stop: stopWord(stop.state),
     stopped: stop.state !== "clear",
@@ -56,7 +64,6 @@ export class FleetPage {
   #cards = new Map();
   #connection;
   #words;
-  #pressed; // whose stop this page sent last: a robot's slug; undefined: all of them
   #heardMs = -Infinity; // when this connection last said how the robots are
   #robots = {};
   #timer;
@@ -69,15 +76,16 @@ export class FleetPage {
     this.#connection = page.connection;
     this.#words = new StopWords(page["stop-all-state"]);
     for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
+    if (page.search) this.#search(page.search, page["search-none"]);
     this.#stops.push(
       new StopButton(page["stop-all"], {
         send: () => this.#send({ t: "stop_all" }),
-        // Of robots without link the server says itself whether it reached them.
+        // Of robots without link the server says itself which it did not reach.
         answered: (sinceMs) =>
           this.#heardMs > sinceMs &&
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
         say: (text) => this.#words.say(text),
-        fail: (text) => this.#words.fail(text),
+        fail: (text, robots) => this.#failed(text, robots),
       }),
     );
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
@@ -101,7 +109,6 @@ export class FleetPage {
 
   /** Over the socket; true only if an answer can be expected there. */
   #send(message) {
-    this.#pressed = message.slug;
     return this.#socket.send(message) && this.#live;
   }
 
@@ -118,12 +125,26 @@ export class FleetPage {
           this.#stopSays(own, text);
           this.#words.forget(slug);
         },
-        fail: (text) => {
+        fail: (text, robots) => {
           this.#stopSays(own, gettext("Not confirmed"));
-          this.#words.fail(text, slug);
+          this.#failed(text, robots, slug);
         },
       }),
     );
+  }
+
+  /** @param {HTMLInputElement} field @param {HTMLElement} none says that nothing fits */
+  #search(field, none) {
+    const cards = [...this.#cards.values()].map(({ card }) => card);
+    const hits = () => cards.filter((card) => !card.hidden);
+    const filter = () => {
+      for (const card of cards)
+        show(card, matches(card.querySelector("h2").textContent, field.value));
+      show(none, hits().length === 0);
+    };
+    searches(field, filter, hits);
+    filter(); // a browser may remember what was typed
+    show(field, true);
   }
 
   /** What becomes of a card's stop, until the robot itself reports. */
@@ -131,6 +152,26 @@ export class FleetPage {
     say(own["stop-state"], text);
     mark(own["stop-state"], "fresh", true);
     show(own["stop-why"], false);
+  }
+
+  /** What came of a stop that did not arrive everywhere: by robot as far as that is told, else in the server's words. */
+  #failed(text, robots = {}, of = "") {
+    const slugs = Object.keys(robots).filter((slug) => robots[slug].code && this.#cards.has(slug));
+    if (slugs.length === 0) return this.#words.fail(text, of);
+    this.#words.forget(of);
+    for (const slug of slugs) this.#notReached(slug);
+  }
+
+  #notReached(slug) {
+    const { card, own } = this.#cards.get(slug);
+    this.#stopSays(own, gettext("Not confirmed"));
+    this.#words.unreached(card.querySelector("h2").textContent, slug);
+  }
+
+  /** Whichever button was pressed: the server says which robot it was. */
+  #refused({ text, figures }) {
+    if (this.#cards.has(figures?.slug)) this.#notReached(figures.slug);
+    else this.#words.fail(text);
   }
 
   #opened() {
@@ -141,7 +182,7 @@ export class FleetPage {
 
   #heard(message) {
     this.#pulse.heard(message);
-    if (message.t === "refused") this.#words.fail(message.refusal.text, this.#pressed);
+    if (message.t === "refused") this.#refused(message.refusal);
     if (message.t !== "fleet") return;
     this.#heardMs = performance.now();
     this.#followRegistry(Object.keys(message.robots));
@@ -155,9 +196,9 @@ export class FleetPage {
   #followRegistry(slugs) {
     const told = slugs.sort().join();
     if (told === [...this.#cards.keys()].sort().join()) {
-      sessionStorage.removeItem(RELOADED_FOR);
-    } else if (sessionStorage.getItem(RELOADED_FOR) !== told) {
-      sessionStorage.setItem(RELOADED_FOR, told);
+      rememberInTab(RELOADED_FOR, null);
+    } else if (recallInTab(RELOADED_FOR) !== told) {
+      rememberInTab(RELOADED_FOR, told);
       location.reload();
     }
   }
@@ -173,13 +214,14 @@ export class FleetPage {
     say(own.status, shown.status);
     say(own.why, shown.why);
     show(own.why, shown.why !== "");
-    say(own.battery, shown.battery ?? "–");
-    say(own.driver, shown.driver || "–");
-    say(own.gate, shown.gate || "–");
-    say(own["stop-state"], shown.stop || "–");
+    say(own.battery, shown.battery);
+    say(own.driver, shown.driver);
+    say(own.gate, shown.gate);
+    if (!robot.state && own["stop-state"].dataset.fresh) return; // it has not reported since the press
+    say(own["stop-state"], shown.stop);
     mark(own["stop-state"], "fresh", false);
-    say(own["stop-why"], shown.stopWhy ?? "");
-    show(own["stop-why"], Boolean(shown.stopWhy));
+    say(own["stop-why"], shown.stopWhy);
+    show(own["stop-why"], shown.stopWhy !== "");
   }
 
   #lost(code) {

@@ -43,12 +43,12 @@ export function isEditing(target) {
  * @param {object} host
  * @param {import("./stick.js").Stick} host.stick
  * @param {() => boolean} host.holonomic
- * @param {() => boolean} host.holds this person has control and may drive now
+ * @param {() => boolean} host.drives this person has control, and is where one drives
  * @param {() => boolean} host.mayStop control is this person's, as far as is known: also while the connection is lost
  * @param {() => void} host.stop
  * @returns {() => void} ends it
  */
-export function listenToKeys({ stick, holonomic, holds, mayStop, stop }) {
+export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
   const held = new Set();
   const listening = new AbortController();
   const { signal } = listening;
@@ -60,7 +60,7 @@ export function listenToKeys({ stick, holonomic, holds, mayStop, stop }) {
     if (event.code === "Space" && mayStop()) {
       event.preventDefault();
       if (!event.repeat) stop();
-    } else if (event.code in AXES && holds()) {
+    } else if (event.code in AXES && drives()) {
       event.preventDefault();
       held.add(event.code);
       feed();

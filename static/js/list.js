@@ -1,13 +1,13 @@
 /**
- * The one searchable list: filters as one types, whatever the case and the accents.
+ * The one search: filters as one types, whatever the case and the accents.
  * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
  */
 
 import { make, show } from "./dom.js";
 
-/** Text as it is compared: without accents, in small letters. */
+/** Text as it is compared: without accents, in small letters, the same in every browser's language. */
 function folded(text) {
-  return text.normalize("NFD").replace(/\p{M}/gu, "").toLocaleLowerCase();
+  return text.normalize("NFD").replace(/\p{M}/gu, "").toLowerCase();
 }
 
 /** Whether every word of a search is somewhere in a text. */
@@ -16,6 +16,29 @@ export function matches(text, search) {
   return folded(search)
     .split(/\s+/)
     .every((word) => searched.includes(word));
+}
+
+/**
+ * What a field with a search does.
+ * @param {HTMLInputElement} field
+ * @param {() => void} filter shows what fits the field's value
+ * @param {() => HTMLElement[]} hits what is shown; the first button or link of each is what Enter acts on
+ */
+export function searches(field, filter, hits) {
+  field.addEventListener("input", filter);
+  field.addEventListener("keydown", (event) => {
+    if (event.isComposing) return; // the key is the writing aid's
+    if (event.key === "Escape" && field.value) {
+      event.preventDefault();
+      event.stopPropagation();
+      field.value = "";
+      filter();
+    } else if (event.key === "Enter") {
+      event.preventDefault();
+      const [only, ...more] = hits();
+      if (only && more.length === 0) only.querySelector("a, button:not(:disabled)")?.click();
+    }
+  });
 }
 
 let lists = 0;
@@ -59,8 +82,12 @@ export class SearchList {
     this.#none.hidden = true;
     this.#none.setAttribute("role", "status");
     this.#field.hidden = true; // until there is something to search
-    this.#field.addEventListener("input", () => this.#filter());
-    this.#field.addEventListener("keydown", (event) => this.#key(event));
+    searches(
+      this.#field,
+      () => this.#filter(),
+      () => this.#rows.filter((row) => !row.hidden),
+    );
+    root.classList.add("searchable");
     root.replaceChildren(this.#field, this.#hits, this.#none);
   }
 
@@ -141,17 +168,5 @@ export class SearchList {
     }
     for (const [name, heading] of this.#groups) show(heading, groups.has(name));
     show(this.#none, shown === 0 && this.#items.length > 0);
-  }
-
-  #key(event) {
-    if (event.key === "Escape" && this.#field.value) {
-      event.preventDefault();
-      event.stopPropagation();
-      this.clear();
-    } else if (event.key === "Enter" && !event.isComposing) {
-      event.preventDefault();
-      const hits = this.#rows.filter((row) => !row.hidden);
-      if (hits.length === 1) hits[0].querySelector("button:not(:disabled)")?.click();
-    }
   }
 }

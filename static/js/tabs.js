@@ -8,14 +8,16 @@ export function tabIn(hash, tabs) {
   return tabs.includes(name) ? name : null;
 }
 
-/** Which tab a key leads to from another one; null: the key is none of the tablist's. */
-export function tabByKey(key, from, tabs) {
+/**
+ * Which tab a key leads to from another one; null: the key is none of the tablist's.
+ * @param {string} [onwards] the arrow that points to where one reads on
+ */
+export function tabByKey(key, from, tabs, onwards = "ArrowRight") {
   const at = tabs.indexOf(from);
   switch (key) {
     case "ArrowRight":
-      return tabs[(at + 1) % tabs.length];
     case "ArrowLeft":
-      return tabs.at(at - 1);
+      return key === onwards ? tabs[(at + 1) % tabs.length] : tabs.at(at - 1);
     case "Home":
       return tabs[0];
     case "End":
@@ -84,6 +86,7 @@ export class Tabs extends EventTarget {
       link.setAttribute("aria-selected", String(name === tab));
       link.tabIndex = name === tab ? 0 : -1;
     }
+    this.#links.get(tab).scrollIntoView({ block: "nearest", inline: "nearest" });
     this.#panel.setAttribute("aria-labelledby", this.#links.get(tab).id);
     mark(this.#root, "tab", tab);
     this.dispatchEvent(new CustomEvent("change", { detail: { tab, before } }));
@@ -93,7 +96,8 @@ export class Tabs extends EventTarget {
   #key(event) {
     const link = event.target.closest("[role=tab]");
     if (!link || event.ctrlKey || event.altKey || event.metaKey) return;
-    const tab = tabByKey(event.key, link.hash.slice(1), this.#names);
+    const onwards = document.dir === "rtl" ? "ArrowLeft" : "ArrowRight";
+    const tab = tabByKey(event.key, link.hash.slice(1), this.#names, onwards);
     if (tab === null) return;
     event.preventDefault();
     event.stopPropagation();

@@ -26,7 +26,9 @@ describe("a card", () => {
 
   it("says why a robot is not there", () => {
     const refusal = { text: "Its bridge does not answer." };
-    expect(cardOf({ state: null, refusal })).toMatchObject({ level: "fail", why: refusal.text });
+    const away = cardOf({ state: null, refusal });
+    expect(away).toMatchObject({ level: "fail", why: refusal.text, battery: "–", stop: "–" });
+    expect(Object.keys(away).sort()).toEqual(Object.keys(cardOf({ state, refusal: null })).sort());
     const waiting = { ...state, phase: "waiting", text: "No master." };
     expect(cardOf({ state: waiting, refusal: null })).toMatchObject({
       level: "warn",
@@ -49,26 +51,43 @@ describe("the fleet page", () => {
   let reload;
 
   const clear = { state, refusal: null };
+  const away = { state: null, refusal: { text: "Its bridge is not running." } };
   const stopped = { state: { ...state, stop: { ...state.stop, state: "stopped" } }, refusal: null };
   const part = (name) => document.querySelector(`[data-part=${name}]`);
   const hears = (robots) => made.at(-1).says(JSON.stringify({ t: "fleet", robots }));
   const said = (kind) => made.flatMap(({ sent }) => sent).filter(({ t }) => t === kind);
-  const press = (form) =>
-    part(form).querySelector("button").dispatchEvent(new Event("pointerdown"));
+  const press = (form, slug) =>
+    (slug ? document.querySelector(`[data-robot=${slug}]`) : document)
+      .querySelector(`[data-part=${form}] button`)
+      .dispatchEvent(new Event("pointerdown"));
+  const refuses = (refusal) =>
+    made.at(-1).says(JSON.stringify({ t: "refused", of: "stop", refusal }));
+  const ofCards = (name) =>
+    [...document.querySelectorAll(`[data-part=${name}]`)].map(({ textContent }) => textContent);
 
-  function open() {
+  const card = (slug, name) => `
+    <article data-robot="${slug}">
+      <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p>
+      <b data-part="battery"></b><b data-part="driver"></b><b data-part="gate"></b>
+      <b data-part="stop-state"></b><b data-part="stop-why"></b>
+      <form data-part="stop" action="/robots/${slug}/stop/"><button></button></form>
+    </article>`;
+
+  function open(numbers = [1]) {
     document.body.innerHTML = `
       <main data-socket="/ws/fleet/">
+        <input data-part="search" hidden><p data-part="search-none"></p>
         <span data-part="connection"></span>
-        <article data-robot="tiago-1">
-          <span data-part="status"></span><p data-part="why"></p><b data-part="battery"></b><b data-part="driver"></b>
-          <b data-part="gate"></b><b data-part="stop-state"></b><b data-part="stop-why"></b>
-          <form data-part="stop" action="/robots/tiago-1/stop/"><button></button></form>
-        </article>
+        ${numbers.map((n) => card(`tiago-${n}`, `TIAGo ${n}`)).join("")}
       </main>
       <form data-part="stop-all" action="/stop-all/"><b data-part="stop-all-state"></b><button></button></form>`;
     page = new FleetPage(document.querySelector("main"));
     made.at(-1).opens();
+  }
+
+  function openThree() {
+    page.close();
+    open([1, 2, 3]);
   }
 
   beforeEach(() => {
@@ -91,6 +110,35 @@ describe("the fleet page", () => {
     vi.restoreAllMocks();
     vi.unstubAllGlobals();
     vi.useRealTimers();
+  });
+
+  it("has a search for robots, whose Enter opens the only hit", () => {
+    openThree();
+    const opened = vi.fn();
+    for (const link of document.querySelectorAll("a"))
+      link.addEventListener("click", (event) => {
+        event.preventDefault();
+        opened(link.id);
+      });
+    const field = part("search");
+    const shown = () =>
+      [...document.querySelectorAll("article")].filter(({ hidden }) => !hidden).length;
+    const press = (key) => field.dispatchEvent(new KeyboardEvent("keydown", { key }));
+    const type = (text) => {
+      field.value = text;
+      field.dispatchEvent(new Event("input"));
+    };
+    expect(field.hidden).toBe(false);
+    type("tiágo");
+    press("Enter");
+    expect([shown(), opened.mock.calls.length]).toEqual([3, 0]);
+    type("2 TIA");
+    press("Enter");
+    expect([shown(), opened.mock.calls]).toEqual([1, [["open-tiago-2"]]]);
+    type("x");
+    expect([shown(), part("search-none").hidden]).toEqual([0, false]);
+    press("Escape");
+    expect([shown(), field.value]).toEqual([3, ""]);
   });
 
   it("is content with the socket when the robots report the stop", () => {
@@ -177,15 +225,66 @@ describe("the fleet page", () => {
     expect(part("stop-all-state").textContent).toBe("");
   });
 
-  it("keeps what the server says of a stop over the socket until it is pressed again", () => {
-    hears({ "tiago-1": clear });
-    press("stop");
-    made.at(-1).says('{"t":"refused","of":"stop","refusal":{"text":"No answer."}}');
+  it("names each robot that Stop all did not reach, at its card too, until that is pressed again", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": away });
+    press("stop-all");
+    for (const slug of ["tiago-2", "tiago-3"]) refuses({ figures: { slug } });
+    hears({ "tiago-1": stopped, "tiago-2": away, "tiago-3": away });
+    expect(part("stop-all-state").textContent).toBe(
+      "Not reached: TIAGo 2, TIAGo 3. Use the red button on the robot.",
+    );
+    expect(ofCards("stop-state")).toEqual(["Stopped", "Not confirmed", "Not confirmed"]);
     vi.advanceTimersByTime(300);
-    expect(part("stop-all-state").textContent).toBe("No answer.");
-    hears({ "tiago-1": stopped });
-    press("stop");
+    press("stop", "tiago-3");
+    expect(part("stop-all-state").textContent).toBe(
+      "Not reached: TIAGo 2. Use the red button on the robot.",
+    );
+    press("stop-all");
+    expect(part("stop-all-state").textContent).toBe("Stop sent");
+  });
+
+  it("names a robot once, by whichever ways it was not reached", async () => {
+    openThree();
+    const refused = { code: "bridge_down" };
+    const robots = { "tiago-1": { stop: {} }, "tiago-2": refused, "tiago-3": refused };
+    const text = "Not reached: TIAGo 2, TIAGo 3. Use the red button on the robot.";
+    fetch.mockResolvedValue({ ok: false, json: async () => ({ text, robots }) });
+    press("stop-all"); // nothing was heard yet: both ways at once
+    refuses({ figures: { slug: "tiago-3" } });
+    await vi.advanceTimersByTimeAsync(0);
+    refuses({ figures: { slug: "tiago-2" } });
+    expect(part("stop-all-state").textContent).toBe(
+      "Not reached: TIAGo 3, TIAGo 2. Use the red button on the robot.",
+    );
+    expect(ofCards("stop-state")).toEqual(["", "Not confirmed", "Not confirmed"]);
+  });
+
+  it("says of which robot a stop failed, whichever was pressed since", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
+    press("stop", "tiago-2");
+    press("stop", "tiago-3");
+    refuses({ figures: { slug: "tiago-2" } });
+    expect(part("stop-all-state").textContent).toContain("TIAGo 2");
+    press("stop", "tiago-3");
+    expect(part("stop-all-state").textContent).toContain("TIAGo 2");
+    press("stop", "tiago-2");
     expect(part("stop-all-state").textContent).toBe("");
+  });
+
+  it("lets the robot itself have the word again when it is back", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
+    refuses({ figures: { slug: "tiago-2" } });
+    hears({ "tiago-1": clear, "tiago-2": clear, "tiago-3": clear });
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
+    expect(ofCards("stop-state")).toEqual(["Clear", "–", "Clear"]);
+  });
+
+  it("says what the server says when a stop was refused that is of none of its robots", () => {
+    refuses({ text: "There is no such robot." });
+    expect(part("stop-all-state").textContent).toBe("There is no such robot.");
   });
 
   it("gives a connection up that answers nothing, and comes back", () => {

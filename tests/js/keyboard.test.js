@@ -23,7 +23,7 @@ describe("held keys", () => {
 describe("the keyboard", () => {
   let stick;
   let stop;
-  let holds;
+  let drives;
   let mayStop;
   let end;
 
@@ -36,9 +36,9 @@ describe("the keyboard", () => {
   beforeEach(() => {
     stick = new Stick();
     stop = vi.fn();
-    holds = true;
+    drives = true;
     mayStop = true;
-    const host = { holonomic: () => false, holds: () => holds, mayStop: () => mayStop };
+    const host = { holonomic: () => false, drives: () => drives, mayStop: () => mayStop };
     end = listenToKeys({ stick, stop, ...host });
   });
 
@@ -55,7 +55,7 @@ describe("the keyboard", () => {
   });
 
   it("is inert without control: nothing drives, space is a space", () => {
-    holds = false;
+    drives = false;
     mayStop = false;
     press("keydown", "KeyW");
     const space = press("keydown", "Space");
@@ -65,7 +65,7 @@ describe("the keyboard", () => {
   });
 
   it("stops, and drives not, while the connection of who had control is lost", () => {
-    holds = false;
+    drives = false;
     press("keydown", "KeyW");
     expect(press("keydown", "Space").defaultPrevented).toBe(true);
     expect(stop).toHaveBeenCalledTimes(1);

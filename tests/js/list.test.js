@@ -5,6 +5,10 @@ describe("a search", () => {
   it("minds neither case nor accents, and takes words in any order", () => {
     expect(matches("Buenos días", "DIAS buenos")).toBe(true);
     expect(matches("İyi günler", "gunler")).toBe(true);
+    // As a browser set to Turkish would write it.
+    vi.spyOn(String.prototype, "toLocaleLowerCase").mockImplementation(() => "ınspect");
+    expect(matches("Inspect surroundings", "inspect")).toBe(true);
+    vi.restoreAllMocks();
     expect(matches("/scan sensor_msgs/LaserScan", "laser scan")).toBe(true);
     expect(matches("wave", "bow")).toBe(false);
     expect(matches("wave", "")).toBe(true);
@@ -55,10 +59,12 @@ describe("a searchable list", () => {
     expect(act).toHaveBeenCalledWith({ name: "wave" });
   });
 
-  it("leaves Enter to a writing aid while one composes with it", () => {
+  it("leaves Enter and Escape to a writing aid while one composes with it", () => {
     type("wav");
-    field.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", isComposing: true }));
+    for (const key of ["Enter", "Escape"])
+      field.dispatchEvent(new KeyboardEvent("keydown", { key, isComposing: true }));
     expect(act).not.toHaveBeenCalled();
+    expect(field.value).toBe("wav");
   });
 
   it("acts on nothing that is off", () => {

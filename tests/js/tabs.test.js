@@ -67,6 +67,7 @@ describe("the tabs", () => {
     expect(tabByKey("ArrowLeft", "centre", NAMES)).toBe("speech");
     expect(tabByKey("End", "centre", NAMES)).toBe("speech");
     expect(tabByKey("w", "centre", NAMES)).toBeNull();
+    expect(tabByKey("ArrowLeft", "centre", NAMES, "ArrowLeft")).toBe("drive");
     tabs.begin();
     let reached = false;
     const hear = () => {

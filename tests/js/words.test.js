@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { paceText } from "../../static/js/driving_options.js";
 import { firstShare, offers, sharesUpTo } from "../../static/js/offers.js";
 import { banner, connectionFact, isHeld, verdictText } from "../../static/js/standing.js";
 
@@ -119,6 +120,16 @@ describe("the speeds offered", () => {
     expect(firstShare([0.2, 0.4, 0.6], 0.5)).toBe(0.4);
     expect(firstShare([0.2, 0.4, 0.6], 0.4)).toBe(0.4);
     expect(firstShare([0.2, 0.4], 0.1)).toBe(0.2);
+  });
+
+  it("are called as people walk", () => {
+    expect([0.2, 0.4, 0.8, 1, 3].map(paceText)).toEqual([
+      "very slow",
+      "slow",
+      "a stroll",
+      "walking pace",
+      "faster than walking",
+    ]);
   });
 });
 
