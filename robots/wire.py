@@ -769,12 +769,15 @@ class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
     number: int  # of this message among all that came
     rate_hz: float | None
     bytes: int
-    age_s: float | None  # from its header's stamp to arrival, by the console's clock; None: no stamp
+    age_s: (
+        float | None
+    )  # of this message now: since its header's stamp, by the console's clock; None: no stamp
     publishers: int
     fields: dict[str, Any]
     shortened: list[str] = []  # paths of arrays that are shown in part, with their whole length
     refusal: Refusal | None = None  # why it cannot be shown
     publisher_names: list[str] = []  # nodes, as many as are named
+    since_s: float | None = None  # this message came so long ago; None: none came
 
 
 # --- web -> bridge (the link) -----------------------------------------------------------------

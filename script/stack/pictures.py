@@ -118,7 +118,7 @@ def watch_the_odometry(page: Page) -> None:
     page.get_by_role("searchbox", name="Search topics").fill("controller/odom")
     page.locator("[data-part=topic-list] .hit:visible").click()
     page.locator("[data-part=watches]").get_by_role("button", name="Plot").first.click()
-    page.locator("[data-part=topic-plot] canvas").wait_for()
+    page.locator("[data-part=watches] canvas").wait_for()
 
 
 async def tour(stack: Stack, cookie: str) -> None:

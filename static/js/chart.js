@@ -2,8 +2,7 @@
 
 import { RollingPlot } from "./rolling.js";
 
-const WINDOW_S = 20;
-const AGES_S = [15, 10, 5, 0];
+const TIME = { windowS: 20, stepS: 5 };
 const LINES = [
   { name: "asked", label: () => gettext("asked"), colour: "--view-hold", dash: [4, 4] },
   { name: "allowed", label: () => gettext("allowed"), colour: "--view-path" },
@@ -24,21 +23,13 @@ export class SpeedChart {
 
   /** @param {HTMLElement} element */
   constructor(element) {
-    this.#plot = new RollingPlot(element, WINDOW_S, ({ axis }) => ({
+    this.#plot = new RollingPlot(element, TIME, () => ({
       lines: LINES.map(({ label, ...line }) => ({ ...line, label: label() })),
       legendRows: 1,
       scales: {
         y: { range: (_, low, high) => [Math.min(low ?? 0, -0.1), Math.max(high ?? 0, 0.5)] },
       },
-      axes: [
-        {
-          ...axis,
-          splits: (plot) => AGES_S.map((age) => plot.scales.x.max - age),
-          values: () => AGES_S.map((age) => (age ? `−${age} s` : gettext("now"))),
-          size: 24,
-        },
-        { ...axis, values: (_, ticks) => ticks.map((v) => v.toFixed(1)), size: 36 },
-      ],
+      y: { values: (_, ticks) => ticks.map((v) => v.toFixed(1)), size: 36 },
     }));
     this.#plot.names = LINES.map(({ name }) => name);
   }

@@ -40,7 +40,8 @@ export class Desk {
    * @param {() => number} page.clock milliseconds, growing over reloads of the tab
    */
   constructor(parts, { slug, send, notices, clock }) {
-    this.#orders = new Orders(send, (notice) => notices.add(notice), Math.floor(clock()));
+    const tell = (notice) => notices.add(notice);
+    this.#orders = new Orders(send, tell, Math.floor(clock()));
     const order = (message) => this.#send(message);
     this.#motions = new Motions(parts, order);
     this.#say = new Say(parts, order);
@@ -49,7 +50,7 @@ export class Desk {
     this.#running = new Running(parts, order, (name) => this.#motions.titleOf(name));
     this.#lookAhead = new LookAhead(parts["look-ahead"], order);
     const topics = socketUrl(`/ws/robots/${slug}/topics/`);
-    this.#topics = new TopicsTab(parts, topics, { send: order }, clock);
+    this.#topics = new TopicsTab(parts, topics, { send: order, tell }, clock);
     this.#motionEnds = new Endings((ended, name) =>
       notices.add(endNotice(ended, this.#motions.titleOf(name))),
     );

@@ -45,21 +45,27 @@ export class RollingPlot {
 
   /**
    * @param {HTMLElement} element
-   * @param {number} windowS
-   * @param {(given: object) => object} look as for `Plot`, with `lines` in place of series: their label, colour, dash
+   * @param {{windowS: number, stepS: number}} time that is shown, and between two of its marks
+   * @param {(given: object) => object} look as for `Plot`, with `lines` in place of series: their label, colour, dash;
+   *   and `y` in place of axes
    */
-  constructor(element, windowS, look) {
+  constructor(element, { windowS, stepS }, look) {
     this.#trace = new Trace(windowS);
     this.#windowS = windowS;
     this.#plot = new Plot(
       element,
       () => this.#trace.columns,
       (given) => {
-        const { lines, scales, ...options } = look(given);
+        const { lines, y, scales, legend, ...options } = look(given);
         const strokes = given.colours(lines.map(({ colour }) => colour));
+        const markers = { dash: (plot, i) => (plot.series[i].dash ? "dashed" : "solid") };
         return {
-          legend: { live: false },
+          legend: { live: false, markers, ...legend },
           scales: { x: { time: false }, ...scales },
+          axes: [
+            { ...given.axis, ...ages(windowS, stepS) },
+            { ...given.axis, ...y },
+          ],
           series: [
             {},
             ...lines.map(({ label, dash }, i) => ({
@@ -85,14 +91,24 @@ export class RollingPlot {
     this.#plot.redraw();
   }
 
-  /** @param {Map<string, ?number>} values of now, by name */
+  /** @param {?Map<string, ?number>} values of now, by name; null: there are none, time goes on */
   add(values) {
     const now = performance.now() / 1000;
-    this.#trace.add(now, values);
+    if (values) this.#trace.add(now, values);
     this.#plot.slide(now - this.#windowS, now);
   }
 
   close() {
     this.#plot.close();
   }
+}
+
+/** Of the axis below: how long ago, up to now. */
+function ages(windowS, stepS) {
+  const agesS = Array.from({ length: windowS / stepS }, (_, i) => windowS - stepS * (i + 1));
+  return {
+    splits: (plot) => agesS.map((age) => plot.scales.x.max - age),
+    values: () => agesS.map((age) => (age ? `−${age} s` : gettext("now"))),
+    size: 24,
+  };
 }

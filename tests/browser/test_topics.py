@@ -35,6 +35,10 @@ def test_driving_goes_elsewhere_and_back_with_one_press(person: Arrive) -> None:
     dialog.get_by_label("Search topics").fill("vel")
     assert dialog.get_by_role("button", name="/joy_vel").is_disabled()
     assert "not on the allow-list" in dialog.get_by_role("button", name="/joy_vel").inner_text()
+    dialog.get_by_label("Search topics").fill("/key_vel")
+    assert "Twist · default" in dialog.get_by_role("button", name="/key_vel").inner_text()
+    dialog.get_by_label("Search topics").fill("odom")
+    assert dialog.get_by_role("button", name="wrong type").first.is_disabled()
     dialog.get_by_label("Search topics").fill("phone")
     operator.page.keyboard.press("Enter")
     operator.until(lambda: operator.state["chosen"] == {"drive": "/phone_vel"}, "the choice")
@@ -73,10 +77,40 @@ def test_a_type_that_is_installed_nowhere_is_watched_and_plotted(
         watched.get_by_text(re.compile(r"10(\.\d)? Hz")).wait_for()
         assert "7.5" in watched.inner_text()
         watched.get_by_role("button", name="Plot celsius").click()
-        observer.part("topic-plot").locator("canvas").wait_for()
+        watched.locator("canvas").wait_for()
+        observer.page.get_by_role("tab", name="Drive").click()
+        observer.page.get_by_role("tab", name="Topics").click()  # what was watched is watched again
+        watched.locator("canvas").wait_for()
+        observer.until(lambda: not stale(observer), "the newest messages")
         assert found_by_axe(observer) == []
         watched.get_by_role("button", name="Close").click()
-        assert not observer.part("topic-plot").is_visible()
+        expect(watched).to_have_count(0)
+    assert observer.complaints == []
+
+
+def stale(person: Person) -> bool:
+    """Whether what is watched is shown as of before."""
+    return person.part("watches").get_attribute("data-stale") is not None
+
+
+def test_elements_of_a_list_are_plotted_and_rows_of_many_lines_leave_each_other_room(person: Arrive) -> None:
+    observer = person("observer", width=360, height=640, touch=True)
+    observer.watch(ROBOT)
+    topics_of(observer)
+    observer.part("topic-list").get_by_role("searchbox").fill("/joint_states")
+    observer.page.keyboard.press("Enter")
+    watched = observer.part("watches").get_by_label("/joint_states")
+    watched.get_by_role("button", name="Elements of position").click()
+    for element in range(6):
+        watched.get_by_role("button", name=f"Plot position[{element}]").click()
+    watched.locator("canvas").wait_for()
+    markers = watched.locator(".u-marker").evaluate_all("all => all.map(one => one.style.border)")
+    assert len(set(markers)) == 6  # each line looks different
+    overlapping = "rows => rows.filter(row => row.scrollHeight > row.clientHeight + 1).length"
+    assert watched.locator(".told > div").evaluate_all(overlapping) == 0
+    watched.get_by_role("button", name="Plot position[6]").click()
+    observer.part("notices").get_by_text("A plot has at most 6 lines.").wait_for()
+    assert observer.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert observer.complaints == []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -27,6 +28,7 @@ from robots.bridge.inspection import COMMAND, Alive, Check, Done, Question, Read
 from robots.bridge.inspection import Report as InspectorReport
 from robots.bridge.ros.inspector import graph
 from robots.bridge.ros.inspector.__main__ import MOST_QUESTIONS, Inspector
+from robots.bridge.ros.inspector.looks import rate_hz
 from robots.bridge.ros.types import message_class
 from tests.ros.bridge_support import tiago_config
 from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
@@ -356,6 +358,77 @@ def test_the_only_message_of_a_topic_is_shown_again_for_who_looks_later(inspecto
         publisher.unregister()
     assert first.fields == again.fields == {"data": "for long"}
     assert (first.number, again.number) == (1, 1)
+
+
+def test_a_message_grows_older_until_the_next_one_comes(inspector):
+    publisher = rospy.Publisher("/look/aging", PoseStamped, queue_size=1, latch=True)
+    publisher.publish(PoseStamped(header=Header(stamp=rospy.Time.from_sec(time.time() - 60.0))))
+    try:
+        inspector.look(**{"look/aging": 10.0})
+        first, again = (inspector.shown("/look/aging", lambda s: s.number) for _ in range(2))
+    finally:
+        publisher.unregister()
+    assert 60.0 <= first.age_s < 60.0 + PATIENCE_S
+    assert again.age_s - first.age_s == pytest.approx(again.since_s - first.since_s, abs=0.05)
+    assert again.since_s > first.since_s
+
+
+@pytest.mark.parametrize(
+    ("arrivals", "now_s", "expected"),
+    [
+        ([], 5.0, None),
+        ([1.0], 5.0, None),
+        ([n / 100 for n in range(2000)], 20.0, 100.0),
+        ([0.0, 10.0, 20.0, 30.0], 39.0, 0.1),  # one in the window
+        ([0.0, 10.0, 20.0, 30.0], 61.0, 0.0),  # three are missing
+        ([0.0, 0.1, 0.2], 9.0, 10.0),
+        ([0.0, 0.1, 0.2], 11.0, 0.0),
+        ([0.0, 1000.0, 1000.1, 1000.2], 1000.2, 10.0),  # after a long silence
+    ],
+)
+def test_the_rate_of_what_comes_often_seldom_and_no_more(arrivals, now_s, expected):
+    assert rate_hz(arrivals, now_s) == expected
+
+
+def test_every_message_is_counted_also_of_many_that_come_at_once(inspector):
+    publisher = rospy.Publisher("/look/burst", Float64, queue_size=1000)
+    try:
+        inspector.look(**{"look/burst": 10.0})
+        until(publisher.get_num_connections, "the inspector")
+        for number in range(500):
+            publisher.publish(number)
+        last = inspector.shown("/look/burst", lambda s: s.fields.get("data") == 499)
+    finally:
+        publisher.unregister()
+    assert last.number == 500
+
+
+def test_a_topic_on_which_nothing_has_come_yet_has_its_publishers_type(inspector):
+    publisher = rospy.Publisher("/look/never", Float64, queue_size=1)
+    try:
+        inspector.look(**{"look/never": 10.0})
+        shown = inspector.shown("/look/never", lambda s: s.publishers)
+    finally:
+        publisher.unregister()
+    assert (shown.type, shown.refusal.code) == ("std_msgs/Float64", "no_message")
+    assert (shown.number, shown.rate_hz, shown.since_s) == (0, None, None)
+
+
+def test_publishers_who_do_not_agree_on_the_type_are_told_and_each_is_shown(inspector, rosmaster):
+    other = (
+        "from robots.bridge.ros import path; import rospy; from std_msgs.msg import Bool;"
+        "rospy.init_node('other', disable_signals=True);"
+        "rospy.Publisher('/look/discord', Bool, queue_size=1, latch=True).publish(True); rospy.spin()"
+    )
+    process = subprocess.Popen([sys.executable, "-c", other], cwd=REPOSITORY, env=rosmaster.environment())
+    try:
+        with talking("/look/discord", String("here")):
+            inspector.look(**{"look/discord": 10.0})
+            shown = inspector.shown("/look/discord", lambda s: s.publishers == 2 and s.fields)
+    finally:
+        end(process)
+    assert shown.refusal.code == "publishers_differ"
+    assert f"std_msgs/Bool ({Bool._md5sum}), std_msgs/String ({String._md5sum})" in shown.refusal.text
 
 
 def test_nothing_is_subscribed_while_nobody_looks(inspector, rosmaster):

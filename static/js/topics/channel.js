@@ -39,6 +39,7 @@ export class TopicsChannel extends EventTarget {
     this.#socket.addEventListener("open", () => this.#opened(), { signal });
     this.#socket.addEventListener("down", () => this.#lost(), { signal });
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail), { signal });
+    document.addEventListener("visibilitychange", () => this.#lookAsSeen(), { signal });
     this.#socket.connect();
   }
 
@@ -78,15 +79,22 @@ export class TopicsChannel extends EventTarget {
     this.#socket?.send({ t: "look", topic, rate_hz: rateHz });
   }
 
+  /** Nobody looks at a page that is hidden. */
+  #lookAsSeen() {
+    for (const [topic, { rateHz }] of this.#looks) {
+      this.#socket.send(
+        document.hidden ? { t: "unlook", topic } : { t: "look", topic, rate_hz: rateHz },
+      );
+    }
+  }
+
   lookAway(topic) {
     if (this.#looks.delete(topic)) this.#socket?.send({ t: "unlook", topic });
   }
 
   #opened() {
     this.#pulse.begin();
-    for (const [topic, { rateHz }] of this.#looks) {
-      this.#socket.send({ t: "look", topic, rate_hz: rateHz });
-    }
+    if (!document.hidden) this.#lookAsSeen();
     this.dispatchEvent(new CustomEvent("open"));
   }
 

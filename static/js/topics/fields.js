@@ -2,22 +2,35 @@
 
 export const PATHS_AT_MOST = 400; // rows of one message; more would be a page nobody reads
 
-/** @returns {{path: string, value: any, depth: number, leaf: boolean}[]} every field below a message, in its order */
-export function rows(fields, prefix = "", depth = 0, found = []) {
+const NO_NUMBERS = new Set(["NaN", "Infinity", "-Infinity"]); // JSON has them as texts
+
+/**
+ * Every field below a message, in its order. `kind` says what its row is like: a "branch" with others below it, a
+ * "number", "numbers" in a list, or "text", which is all that is merely shown.
+ * @param {object} fields
+ * @param {Set<string>} opened paths of lists of numbers that have a row for each element
+ * @returns {{path: string, value: any, depth: number, kind: string, isOpen: boolean}[]}
+ */
+export function rows(fields, opened = new Set(), prefix = "", depth = 0, found = []) {
   const entries = Array.isArray(fields) ? fields.entries() : Object.entries(fields);
   for (const [name, value] of entries) {
     if (found.length >= PATHS_AT_MOST) break;
     const path = Array.isArray(fields) ? `${prefix}[${name}]` : prefix ? `${prefix}.${name}` : name;
-    const leaf = value === null || typeof value !== "object" || isFlat(value);
-    found.push({ path, value, depth, leaf });
-    if (!leaf) rows(value, path, depth + 1, found);
+    const kind = kindOf(value);
+    const isOpen = kind === "branch" || (kind === "numbers" && opened.has(path));
+    found.push({ path, value, depth, kind, isOpen });
+    if (isOpen) rows(value, opened, path, depth + 1, found);
   }
   return found;
 }
 
 /** A list of plain values is one row. */
-function isFlat(value) {
-  return Array.isArray(value) && value.every((item) => item === null || typeof item !== "object");
+function kindOf(value) {
+  if (isNumeric(value)) return "number";
+  if (value === null || typeof value !== "object") return "text";
+  if (!Array.isArray(value)) return "branch";
+  if (value.some((item) => item !== null && typeof item === "object")) return "branch";
+  return value.length > 0 && value.every(isNumeric) ? "numbers" : "text";
 }
 
 /** The number at a path, as `rows` writes it; null where there is none. */
@@ -28,8 +41,8 @@ export function numberAt(fields, path) {
   return typeof value === "number" ? value : null;
 }
 
-export function isNumeric(value) {
-  return typeof value === "number" || typeof value === "boolean";
+function isNumeric(value) {
+  return typeof value === "number" || typeof value === "boolean" || NO_NUMBERS.has(value);
 }
 
 /** A value as a person reads it; a list with what of it is not shown. */
@@ -59,18 +72,42 @@ export function wholeLengths(shortened) {
   );
 }
 
-/** How big, how often: in words. */
+/** How often, how big, from whom, how old: in words. */
 export function figuresText(message) {
-  const { rate_hz: rateHz, bytes, age_s: ageS } = message;
-  const said = [
-    rateHz === null ? gettext("rate not known yet") : `${rateHz.toFixed(rateHz < 10 ? 1 : 0)} Hz`,
-    sizeText(bytes),
-    publishersText(message),
-  ];
-  if (ageS !== null && ageS !== undefined) {
-    said.push(interpolate(gettext("stamped %s s ago"), [ageS.toFixed(ageS < 10 ? 2 : 0)]));
+  if (!message.number) return publishersText(message);
+  const { rate_hz: rateHz, bytes } = message;
+  return [rateText(rateHz), sizeText(bytes), publishersText(message), ageText(message)]
+    .filter(Boolean)
+    .join(" · ");
+}
+
+/** A type as a person reads it: the robot's master does not know all of them. */
+export function typeText(type) {
+  return type === "*" ? gettext("type not known") : type;
+}
+
+function rateText(rateHz) {
+  if (rateHz === null) return gettext("one message so far");
+  return `${rateHz.toFixed(rateHz >= 10 ? 0 : rateHz >= 1 ? 1 : 2)} Hz`;
+}
+
+function ageText({ age_s: ageS, since_s: sinceS }) {
+  if (typeof ageS === "number") {
+    const text = ageS < 0 ? gettext("stamped %s ahead") : gettext("stamped %s ago");
+    return interpolate(text, [durationText(Math.abs(ageS))]);
   }
-  return said.join(" · ");
+  if (typeof sinceS !== "number") return "";
+  return sinceS < 1 ? gettext("just now") : interpolate(gettext("%s ago"), [durationText(sinceS)]);
+}
+
+function durationText(seconds) {
+  if (seconds < 10) return interpolate(gettext("%s s"), [seconds.toFixed(seconds < 1 ? 2 : 1)]);
+  if (seconds < 120) return interpolate(gettext("%s s"), [Math.round(seconds)]);
+  const minutes = seconds / 60;
+  if (minutes < 120) return interpolate(gettext("%s min"), [Math.round(minutes)]);
+  const hours = minutes / 60;
+  if (hours < 48) return interpolate(gettext("%s h"), [Math.round(hours)]);
+  return interpolate(gettext("%s days"), [Math.round(hours / 24)]);
 }
 
 function publishersText({ publishers, publisher_names: names = [] }) {

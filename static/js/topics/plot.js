@@ -1,44 +1,51 @@
-/** Numbers of messages over time: one plot, a line for each field that was chosen. */
+/** Numbers of a topic's messages over time: a line for each field that was chosen. */
 
+import { make } from "../dom.js";
 import { RollingPlot } from "../rolling.js";
+import { numberAt } from "./fields.js";
 
-const WINDOW_S = 30;
-const COLOURS = ["--view-path", "--view-hold", "--view-laser", "--accent", "--warn", "--ink"];
-const LABELS_IN_A_ROW = 2; // of the legend
-export const LINES_AT_MOST = COLOURS.length;
+const TIME = { windowS: 30, stepS: 10 };
+const COLOURS = ["--view-path", "--view-hold", "--view-laser"];
+const LOOKS = [undefined, [6, 4]].flatMap((dash) => COLOURS.map((colour) => ({ colour, dash })));
+const LINES_AT_MOST = LOOKS.length;
 
 export class FieldPlot {
   #element;
   #plot;
 
-  /** @param {HTMLElement} element */
+  /** @param {HTMLElement} element is filled with plot and legend, and hidden while there is no line */
   constructor(element) {
     this.#element = element;
-    this.#plot = new RollingPlot(element, WINDOW_S, ({ axis }) => ({
-      lines: this.names.map((label, i) => ({ label, colour: COLOURS[i] })),
-      legendRows: Math.ceil(this.names.length / LABELS_IN_A_ROW),
-      axes: [
-        {
-          ...axis,
-          values: (plot, ticks) => ticks.map((t) => `${Math.round(t - plot.scales.x.max)} s`),
-        },
-        { ...axis, size: 56 },
-      ],
+    const [room, below] = [make("div", { className: "plot-room" }), make("div")];
+    element.replaceChildren(room, below);
+    element.hidden = true;
+    this.#plot = new RollingPlot(room, TIME, () => ({
+      lines: this.names.map((label, i) => ({ label, ...LOOKS[i] })),
+      legend: { mount: (_, legend) => below.replaceChildren(legend) },
+      y: { size: 56 },
     }));
   }
 
+  /** Paths of the fields that have a line. */
   get names() {
     return this.#plot.names;
   }
 
-  set names(names) {
+  /** @param {boolean} on this field, or this list's elements, get a line or lose theirs. @returns {string} why not */
+  put(path, on) {
+    const others = this.names.filter((name) => name !== path && !name.startsWith(`${path}[`));
+    if (on && others.length >= LINES_AT_MOST) {
+      return interpolate(gettext("A plot has at most %s lines."), [LINES_AT_MOST]);
+    }
+    const names = on ? [...others, path] : others;
     this.#element.hidden = names.length === 0; // hence without room for a plot
     this.#plot.names = names;
+    return "";
   }
 
-  /** @param {Map<string, ?number>} values of now, by name */
-  add(values) {
-    this.#plot.add(values);
+  /** @param {?object} fields of a new message; null: there is none, time goes on */
+  add(fields) {
+    this.#plot.add(fields && new Map(this.names.map((path) => [path, numberAt(fields, path)])));
   }
 
   close() {

@@ -6,7 +6,7 @@ import { SearchList } from "../list.js";
 import { whyNot } from "../roles.js";
 import { useLabel } from "../uses.js";
 import { TopicsChannel } from "./channel.js";
-import { FieldPlot, LINES_AT_MOST } from "./plot.js";
+import { typeText } from "./fields.js";
 import { PublishPanel } from "./publish.js";
 import { Repeater } from "./repeater.js";
 import { ParameterView, ServiceCall } from "./services.js";
@@ -26,11 +26,10 @@ export class TopicsTab {
   #choices;
   #publish;
   #repeater;
-  #plot;
   #watches = new Map();
   #lists;
   #choosing = null; // the use for which another topic is being chosen
-  #chosenDrive; // undefined: the default
+  #chosen = {}; // by use, where it is not the default
   #role = "observer";
   #listening = new AbortController();
   #mayAct = false;
@@ -38,7 +37,8 @@ export class TopicsTab {
   /**
    * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
    * @param {string} url of the WebSocket for topics
-   * @param {{send: (order: object) => Promise<?object>}} orders sends an order, resolves with the refusal or null
+   * @param {{send: (order: object) => Promise<?object>, tell: (notice: object) => void}} orders sends an order,
+   *   resolves with the refusal or null; tells the person something
    * @param {() => number} clock milliseconds, monotonic in this tab
    */
   constructor(parts, url, orders, clock) {
@@ -50,7 +50,6 @@ export class TopicsTab {
       this.#channel.ask({ t: "describe", topic, type }),
     );
     this.#repeater = new Repeater((order) => this.#send({ ...order, sent_ms: clock() }));
-    this.#plot = new FieldPlot(parts["topic-plot"]);
     this.#lists = this.#makeLists();
     this.#listen();
   }
@@ -64,9 +63,9 @@ export class TopicsTab {
 
   /** @param {object} state of the robot */
   set state({ chosen = {}, publishing = [] }) {
-    this.#choices.chosen = chosen;
-    if (chosen.drive !== this.#chosenDrive) {
-      this.#chosenDrive = chosen.drive;
+    const before = this.#chosen;
+    this.#choices.chosen = this.#chosen = chosen;
+    if (chosen.drive !== before.drive) {
       this.#repeater.end();
       this.#offerPublishing();
     }
@@ -77,8 +76,11 @@ export class TopicsTab {
   set mayAct(may) {
     this.#mayAct = may;
     this.#choices.mayAct = may;
+    show(this.#parts["uses-control"], !may);
     this.#publish.mayAct = may;
-    if (!may) this.#repeater.end();
+    if (may) return;
+    this.#repeater.end();
+    this.#parts["choose-dialog"].close();
   }
 
   /** @param {string} role of this person on the robot */
@@ -98,15 +100,15 @@ export class TopicsTab {
 
   hide() {
     this.#repeater.end();
-    for (const topic of [...this.#watches.keys()]) this.#lookAway(topic);
+    this.#parts["choose-dialog"].close();
     this.#channel.close();
   }
 
   close() {
     this.hide();
+    for (const topic of [...this.#watches.keys()]) this.#lookAway(topic);
     this.#listening.abort();
     this.#publish.close();
-    this.#plot.close();
     for (const list of Object.values(this.#lists)) list.close();
   }
 
@@ -123,7 +125,7 @@ export class TopicsTab {
     this.#choices.addEventListener("choose", ({ detail }) =>
       this.#choose(detail.use, detail.topic),
     );
-    this.#choices.addEventListener("list", ({ detail }) => this.#offerTopics(detail.use));
+    this.#choices.addEventListener("list", ({ detail }) => this.#openChoice(detail.use));
     this.#publish.addEventListener("publish", ({ detail }) => this.#publishThis(detail));
     this.#publish.addEventListener("stop", ({ detail: { topic } }) => {
       if (this.#repeater.end(topic)) return;
@@ -136,7 +138,7 @@ export class TopicsTab {
       topics: new SearchList(this.#parts["topic-list"], {
         label: gettext("Search topics"),
         text: ({ name, type }) => `${name} ${type}`,
-        note: ({ type }) => type,
+        note: ({ type }) => typeText(type),
         act: (row) => this.#look(row),
       }),
       services: new SearchList(this.#parts["service-list"], {
@@ -159,7 +161,7 @@ export class TopicsTab {
       choices: new SearchList(this.#parts["choose-list"], {
         label: gettext("Search topics"),
         text: ({ name, type }) => `${name} ${type}`,
-        note: ({ type, why }) => why || type,
+        note: ({ type, mark, why }) => [typeText(type), mark, why].filter(Boolean).join(" · "),
         isOff: ({ why }) => why !== "",
         act: ({ name }) => {
           this.#parts["choose-dialog"].close();
@@ -170,31 +172,41 @@ export class TopicsTab {
   }
 
   async #refresh() {
-    try {
-      const [graph, { names }] = await Promise.all([
-        this.#channel.ask({ t: "topics" }),
-        this.#channel.ask({ t: "parameters" }),
-      ]);
-      this.#graph = graph;
-      this.#lists.topics.items = graph.topics;
-      this.#lists.services.items = graph.services;
-      this.#lists.parameters.items = names.map((name) => ({ name }));
-      this.#say("");
-    } catch (error) {
-      this.#say(error.message);
-    }
+    const asked = [this.#readGraph(), this.#readParameters()];
+    const failed = (await Promise.allSettled(asked)).find(({ reason }) => reason);
+    this.#say(failed?.reason.message ?? "");
+  }
+
+  async #readGraph() {
+    this.#graph = await this.#channel.ask({ t: "topics" });
+    this.#lists.topics.items = this.#graph.topics;
+    this.#lists.services.items = this.#graph.services;
+    if (this.#choosing) this.#offerTopics();
+  }
+
+  async #readParameters() {
+    const { names } = await this.#channel.ask({ t: "parameters" });
+    this.#lists.parameters.items = names.map((name) => ({ name }));
   }
 
   // --- where input goes ------------------------------------------------------------------------
 
-  #offerTopics(use) {
+  #openChoice(use) {
     this.#choosing = use;
     this.#parts["choose-title"].textContent = interpolate(gettext("Where %s goes"), [
       useLabel(use),
     ]);
-    this.#lists.choices.items = candidates(this.#graph, this.#offers.uses[use], this.#role);
+    this.#lists.choices.clear();
+    this.#offerTopics();
     this.#parts["choose-dialog"].show();
     this.#lists.choices.focus();
+    this.#refresh(); // the robot may have others by now
+  }
+
+  #offerTopics() {
+    const use = this.#choosing;
+    const offer = this.#offers.uses[use];
+    this.#lists.choices.items = candidates(this.#graph, offer, this.#role, this.#chosen[use]);
   }
 
   #choose(use, topic) {
@@ -209,43 +221,25 @@ export class TopicsTab {
       return;
     }
     if (this.#watches.size >= LOOKS_AT_MOST) {
-      this.#say(
+      this.#warn(
         interpolate(gettext("At most %s topics at once: close one first."), [LOOKS_AT_MOST]),
       );
       return;
     }
     const watch = new Watch(name, type);
     watch.addEventListener("end", () => this.#lookAway(name));
-    watch.addEventListener("plot", ({ detail }) => this.#replot(watch, detail));
+    watch.addEventListener("refused", ({ detail }) => this.#warn(detail));
     this.#watches.set(name, watch);
     this.#parts.watches.prepend(watch.element);
-    this.#channel.look(name, LOOK_HZ, (message) => this.#shown(watch, message));
+    show(this.#parts["watch-none"], false);
+    this.#channel.look(name, LOOK_HZ, (message) => watch.show(message));
   }
 
   #lookAway(topic) {
     this.#channel.lookAway(topic);
-    this.#watches.get(topic)?.element.remove();
+    this.#watches.get(topic)?.close();
     this.#watches.delete(topic);
-    this.#plot.names = this.#plot.names.filter((name) => !name.startsWith(`${topic} `));
-  }
-
-  #shown(watch, message) {
-    const isNew = message.number !== watch.number;
-    watch.show(message);
-    if (!isNew) return; // told once more, so that its figures are of now
-    const numbers = watch.numbers(message);
-    if (numbers.size) this.#plot.add(numbers);
-  }
-
-  #replot(watch, { path, on }) {
-    const name = `${watch.topic} ${path}`;
-    if (on && this.#plot.names.length >= LINES_AT_MOST) {
-      watch.unplot(path);
-      this.#say(interpolate(gettext("A plot has at most %s lines."), [LINES_AT_MOST]));
-      return;
-    }
-    const others = this.#plot.names.filter((other) => other !== name);
-    this.#plot.names = on ? [...others, name] : others;
+    show(this.#parts["watch-none"], this.#watches.size === 0);
   }
 
   // --- publishing ------------------------------------------------------------------------------
@@ -266,7 +260,7 @@ export class TopicsTab {
   /** The one topic to which velocities go, with their type. */
   get #velocities() {
     const { drive } = this.#offers.uses;
-    return drive ? { [this.#chosenDrive ?? drive.topic]: drive.type } : {};
+    return drive ? { [this.#chosen.drive ?? drive.topic]: drive.type } : {};
   }
 
   /** A velocity is valid for a third of a second: this page repeats it, and stops with the page. */
@@ -285,6 +279,10 @@ export class TopicsTab {
       this.#repeater.end(order.topic);
       this.#publish.fault(refusal);
     }
+  }
+
+  #warn(text) {
+    this.#orders.tell({ level: "warning", code: "topics", text });
   }
 
   #say(text) {

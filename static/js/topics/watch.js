@@ -1,103 +1,130 @@
-/** A topic that is looked at: its figures, its newest message field by field, numbers to plot. */
+/** A topic that is looked at: its figures, its newest message field by field, numbers over time. */
 
 import { make, say, show } from "../dom.js";
-import { figuresText, isNumeric, numberAt, rows, valueText, wholeLengths } from "./fields.js";
+import { figuresText, PATHS_AT_MOST, rows, typeText, valueText, wholeLengths } from "./fields.js";
+import { FieldPlot } from "./plot.js";
 
-/** Events: "plot" {path, on}, "end". */
+/** Events: "refused" (detail: in words), "end". */
 export class Watch extends EventTarget {
   element;
-  topic;
-  number = null; // of the newest message
   #type;
-  #figures;
-  #problem;
-  #table;
-  #rows = new Map();
-  #plotted = new Set();
+  #figures = make("p", { className: "quiet", text: gettext("Waiting for a message.") });
+  #problem = make("p", { className: "why" });
+  #table = make("dl", { className: "told" });
+  #cut = make("p", { className: "quiet" });
+  #plot;
+  #rows = new Map(); // by what they show: path and kind
+  #opened = new Set(); // paths of lists whose elements have rows of their own
+  #number = null; // of the newest message
+  #fields = {};
+  #lengths = new Map();
 
   /** @param {string} topic @param {string} type as the robot's master knows it */
   constructor(topic, type) {
     super();
-    this.topic = topic;
-    this.#type = make("span", { className: "quiet", text: type });
-    this.#figures = make("p", { className: "quiet", text: gettext("Waiting for a message.") });
-    this.#problem = make("p", { className: "why" });
-    this.#problem.hidden = true;
-    this.#table = make("dl", { className: "told" });
+    this.#type = make("span", { className: "quiet", text: typeText(type) });
+    this.#problem.hidden = this.#cut.hidden = true;
+    this.#cut.textContent = interpolate(gettext("Only the first %s fields are shown."), [
+      PATHS_AT_MOST,
+    ]);
     const end = make("button", { className: "button", text: gettext("Close") });
     end.type = "button";
     end.addEventListener("click", () => this.dispatchEvent(new CustomEvent("end")));
     const title = make("h3", { children: [make("code", { text: topic }), " ", this.#type] });
     const head = make("header", { children: [title, end] });
+    const plot = make("div", { className: "plot" });
+    this.#plot = new FieldPlot(plot);
     this.element = make("article", {
       className: "watch",
-      children: [head, this.#figures, this.#problem, this.#table],
+      children: [head, this.#figures, this.#problem, plot, this.#table, this.#cut],
     });
     this.element.setAttribute("aria-label", topic);
   }
 
-  /** @param {object} message as in `shown` */
+  /** @param {object} message as in `shown`; told once more if nothing came, so that its figures are of now */
   show(message) {
-    this.number = message.number;
-    say(this.#type, message.type);
+    if (message.type !== "*") say(this.#type, message.type);
     say(this.#figures, figuresText(message));
     say(this.#problem, message.refusal?.text ?? "");
     show(this.#problem, Boolean(message.refusal));
-    const lengths = wholeLengths(message.shortened ?? []);
-    const found = rows(message.fields);
-    if (found.length !== this.#rows.size || found.some(({ path }) => !this.#rows.has(path))) {
-      this.#rebuild(found);
-    }
-    for (const { path, value, leaf } of found) {
-      if (leaf) say(this.#rows.get(path), valueText(value, lengths.get(path) ?? null));
-    }
+    const isNew = message.number !== this.#number;
+    this.#number = message.number;
+    this.#fields = message.fields;
+    this.#lengths = wholeLengths(message.shortened ?? []);
+    this.#fill();
+    this.#plot.add(isNew ? message.fields : null);
   }
 
-  /** @param {object} message @returns {Map<string, ?number>} of the fields that are plotted, by "topic path" */
-  numbers({ fields }) {
-    return new Map(
-      [...this.#plotted].map((path) => [`${this.topic} ${path}`, numberAt(fields, path)]),
-    );
+  close() {
+    this.#plot.close();
+    this.element.remove();
   }
 
-  /** Takes the mark off a field that is plotted no more. */
-  unplot(path) {
-    this.#plotted.delete(path);
-    for (const button of this.#table.querySelectorAll("button")) {
-      if (button.dataset.path === path) button.setAttribute("aria-pressed", "false");
+  /** What stays where it is keeps focus, scroll and a press that is under way. */
+  #fill() {
+    const found = rows(this.#fields, this.#opened);
+    const wanted = new Set(found.map(keyOf));
+    for (const [key, { element }] of this.#rows) {
+      if (wanted.has(key)) continue;
+      element.remove();
+      this.#rows.delete(key);
     }
+    let next = this.#table.firstElementChild;
+    for (const field of found) {
+      const key = keyOf(field);
+      if (!this.#rows.has(key)) this.#rows.set(key, this.#row(field));
+      const { element, value } = this.#rows.get(key);
+      if (element === next) next = next.nextElementSibling;
+      else this.#table.insertBefore(element, next);
+      const length = this.#lengths.get(field.path) ?? null;
+      say(value, field.isOpen ? "" : valueText(field.value, length));
+    }
+    show(this.#cut, found.length >= PATHS_AT_MOST);
   }
 
-  #rebuild(found) {
-    this.#rows.clear();
-    this.#table.replaceChildren(
-      ...found.map(({ path, value, depth, leaf }) => {
-        const name = make("dt", { text: path.slice(path.lastIndexOf(".") + 1) });
-        const shown = make("span");
-        const cell = make("dd", { children: [shown] });
-        this.#rows.set(path, shown);
-        if (leaf && isNumeric(value)) cell.append(this.#plotButton(path));
-        return make("div", { data: { depth: Math.min(depth, 6) }, children: [name, cell] });
-      }),
-    );
+  #row({ path, depth, kind }) {
+    const name = make("dt", { text: path.slice(path.lastIndexOf(".") + 1) });
+    const value = make("span");
+    const cell = make("dd", { children: [value] });
+    if (kind === "number") cell.append(this.#plotButton(path));
+    if (kind === "numbers") cell.append(this.#openButton(path));
+    const element = make("div", { data: { depth: Math.min(depth, 6) }, children: [name, cell] });
+    return { element, value };
   }
 
   #plotButton(path) {
-    const button = make("button", {
-      className: "toggle small",
-      text: gettext("Plot"),
-      data: { path },
+    const words = interpolate(gettext("Plot %s"), [path]);
+    const isOn = this.#plot.names.includes(path);
+    return toggle(gettext("Plot"), words, isOn, (button) => {
+      const on = !this.#plot.names.includes(path);
+      const refused = this.#plot.put(path, on);
+      if (refused) this.dispatchEvent(new CustomEvent("refused", { detail: refused }));
+      else button.setAttribute("aria-pressed", String(on));
     });
-    button.type = "button";
-    button.setAttribute("aria-pressed", String(this.#plotted.has(path)));
-    button.setAttribute("aria-label", interpolate(gettext("Plot %s"), [path]));
-    button.addEventListener("click", () => {
-      const on = !this.#plotted.has(path);
-      if (on) this.#plotted.add(path);
-      else this.#plotted.delete(path);
-      button.setAttribute("aria-pressed", String(on));
-      this.dispatchEvent(new CustomEvent("plot", { detail: { path, on } }));
-    });
-    return button;
   }
+
+  #openButton(path) {
+    const words = interpolate(gettext("Elements of %s"), [path]);
+    const isOpen = this.#opened.has(path);
+    return toggle(gettext("Elements"), words, isOpen, (button) => {
+      const open = !this.#opened.delete(path);
+      if (open) this.#opened.add(path);
+      else this.#plot.put(path, false);
+      button.setAttribute("aria-pressed", String(open));
+      this.#fill();
+    });
+  }
+}
+
+function keyOf({ path, kind }) {
+  return `${path} ${kind}`;
+}
+
+function toggle(text, label, isOn, pressed) {
+  const button = make("button", { className: "toggle small", text });
+  button.type = "button";
+  button.setAttribute("aria-pressed", String(isOn));
+  button.setAttribute("aria-label", label);
+  button.addEventListener("click", () => pressed(button));
+  return button;
 }

@@ -8,13 +8,15 @@ import { USES, useLabel } from "../uses.js";
  * Everything that this use could be sent to, what fits and is allowed first. Pure.
  * @param {object} graph of the robot @param {{topic, type, chooseable}} offer
  * @param {string} role of this person on the robot
- * @returns {{name: string, type: string, why: string}[]} `why` it cannot be chosen, empty if it can
+ * @param {string} [chosen] where it goes now, if not to the default
+ * @returns {{name: string, type: string, mark: string, why: string}[]} `why` it cannot be chosen, empty if it can
  */
-export function candidates(graph, offer, role) {
+export function candidates(graph, offer, role, chosen) {
   const isAction = offer.type.endsWith("Action");
   const found = (isAction ? graph.actions : graph.topics).map(({ name, type }) => ({
     name,
     type,
+    mark: name === offer.topic ? gettext("default") : name === chosen ? gettext("chosen") : "",
     why: why(name, type, offer, role),
   }));
   const rank = ({ name, type, why: not }) =>
@@ -23,7 +25,7 @@ export function candidates(graph, offer, role) {
 }
 
 function why(name, type, offer, role) {
-  if (type !== offer.type) return interpolate(gettext("takes %s"), [type]);
+  if (type !== offer.type) return gettext("wrong type");
   if (name === offer.topic) return "";
   const needed = offer.chooseable[name];
   return needed ? whyNot(role, needed) : gettext("not on the allow-list");

@@ -56,6 +56,28 @@ describe("the channel of the topics", () => {
     expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
   });
 
+  it("looks away while its page is hidden", () => {
+    channel.look("/odom", 5, () => {});
+    const hidden = vi.spyOn(document, "hidden", "get").mockReturnValue(true);
+    document.dispatchEvent(new Event("visibilitychange"));
+    expect(made[0].sent.at(-1)).toEqual({ t: "unlook", topic: "/odom" });
+    made[0].ends();
+    vi.advanceTimersByTime(250);
+    made[1].opens();
+    expect(made[1].sent).toEqual([]); // a connection that comes back meanwhile is not looked at either
+    hidden.mockReturnValue(false);
+    document.dispatchEvent(new Event("visibilitychange"));
+    expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
+  });
+
+  it("looks again at the same when it is opened again", () => {
+    channel.look("/odom", 5, () => {});
+    channel.close();
+    channel.open();
+    made[1].opens();
+    expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
+  });
+
   it("lets a question fail with the connection", async () => {
     const asked = expect(channel.ask({ t: "topics" })).rejects.toThrow("connection was lost");
     made[0].ends();

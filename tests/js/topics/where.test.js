@@ -15,11 +15,12 @@ const GRAPH = {
 
 describe("where input could go", () => {
   it("has the default first, then what may be chosen, then the rest with why not", () => {
-    expect(candidates(GRAPH, OFFER, "operator").map(({ name, why }) => [name, why])).toEqual([
-      ["/key_vel", ""],
-      ["/phone_vel", ""],
-      ["/joy_vel", "not on the allow-list"],
-      ["/odom", "takes nav_msgs/Odometry"],
+    const found = candidates(GRAPH, OFFER, "operator", "/phone_vel");
+    expect(found.map(({ name, mark, why }) => [name, mark, why])).toEqual([
+      ["/key_vel", "default", ""],
+      ["/phone_vel", "chosen", ""],
+      ["/joy_vel", "", "not on the allow-list"],
+      ["/odom", "", "wrong type"],
     ]);
   });
 

@@ -12,7 +12,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -35,6 +35,7 @@ AGAIN_S = (
 LONGEST_NAME = 200  # characters of what a publisher says of itself
 MOST_NAMED = 20  # publishers of a topic
 RATE_WINDOW_S = 10.0
+RATE_LEAST = 3  # messages, of a topic on which fewer than that come within the window
 RATE_SAMPLES = 2000
 
 _encode = msgspec.json.Encoder().encode
@@ -51,10 +52,10 @@ class Look:
         self._awake = awake
         self._arrivals: deque[float] = deque(maxlen=RATE_SAMPLES)
         self._newest: rospy.AnyMsg | None = None
-        self._newest_wall_s = 0.0
         self._number = 0
         self._shown_number = 0
-        self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message, queue_size=1)
+        # No queue size: with one, rospy drops what it reads at once, uncounted. Here nothing waits.
+        self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message)
 
     def close(self) -> None:
         """Look no more."""
@@ -63,7 +64,7 @@ class Look:
     def _on_message(self, message: rospy.AnyMsg) -> None:
         self._arrivals.append(time.monotonic())
         with self._awake:
-            self._newest, self._newest_wall_s = message, time.time()
+            self._newest = message
             self._number += 1
             self._awake.notify()
 
@@ -75,44 +76,62 @@ class Look:
     def show(self, definitions: Definitions, now_s: float) -> bytes:
         """The `Shown` of now."""
         with self._awake:
-            message, number, wall_s = self._newest, self._number, self._newest_wall_s
+            message, number = self._newest, self._number
         self.shown_s, self._shown_number = now_s, number
-        publishers, rate_hz = self._subscriber.get_num_connections(), self._rate_hz(now_s)
-        silence = _silence(self.topic, number, publishers)
+        connections, arrivals = self._subscriber.impl.connections, list(self._arrivals.copy())
+        publishers = [connection for connection in connections if connection.type is not None]
         shown = wire.Shown(
             self.topic,
-            "*",
+            publishers[0].type[:LONGEST_NAME] if publishers else "*",
             number,
-            rate_hz,
+            rate_hz(arrivals, now_s),
             0,
             None,
-            publishers,
+            len(connections),
             {},
-            refusal=silence,
-            publisher_names=self._publisher_names(),
+            refusal=_silence(self.topic, number, len(connections)) or _discord(publishers),
+            publisher_names=_names(connections),
+            since_s=round(max(now_s - arrivals[-1], 0.0), 3) if arrivals else None,
         )
         if message is None:
             return _encode(shown)
         header, data = message._connection_header, message._buff
         shown = replace(shown, type=header.get("type", "*")[:LONGEST_NAME], bytes=len(data))
         try:
-            return _filled(shown, definitions.of_connection(header), data, wall_s)
+            return _filled(shown, definitions.of_connection(header), data, time.time())
         except Declined as error:
             return _encode(replace(shown, refusal=error.refusal))
         except Broken as error:
             return _encode(replace(shown, refusal=wire.Refusal("broken", str(error), "robot")))
 
-    def _publisher_names(self) -> list[str]:
-        """As they call themselves to their listeners."""
-        names = {connection.callerid_pub[:LONGEST_NAME] for connection in self._subscriber.impl.connections}
-        return sorted(names)[:MOST_NAMED]
 
-    def _rate_hz(self, now_s: float) -> float | None:
-        """Of the last seconds; None for fewer than two messages."""
-        arrivals = [arrival_s for arrival_s in self._arrivals.copy() if arrival_s > now_s - RATE_WINDOW_S]
-        if len(arrivals) < 2 or arrivals[-1] == arrivals[0]:
-            return None
-        return round((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), 1)
+def rate_hz(arrivals: Sequence[float], now_s: float) -> float | None:
+    """Messages a second: over the last seconds, or over the last few messages where they come more seldom.
+
+    None for fewer than two; 0 if nothing has come for much longer than that rate would have it.
+    """
+    recent = [arrival_s for arrival_s in arrivals if arrival_s > now_s - RATE_WINDOW_S]
+    if len(recent) < RATE_LEAST:
+        recent = list(arrivals[-RATE_LEAST:])
+    if len(recent) < 2 or recent[-1] == recent[0]:
+        return None
+    gap_s = (recent[-1] - recent[0]) / (len(recent) - 1)
+    is_silent = now_s - recent[-1] > max(RATE_WINDOW_S, RATE_LEAST * gap_s)
+    return 0.0 if is_silent else round(1.0 / gap_s, 3)
+
+
+def _names(connections: Sequence[Any]) -> list[str]:
+    """Of publishers, as they call themselves to their listeners."""
+    return sorted({connection.callerid_pub[:LONGEST_NAME] for connection in connections})[:MOST_NAMED]
+
+
+def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
+    """They do not agree on what the topic carries; shown is whatever came last, as its own publisher has it."""
+    kinds = sorted({f"{publisher.type} ({publisher.md5sum})"[:LONGEST_NAME] for publisher in publishers})
+    if len(kinds) < 2:
+        return None
+    text = f"Its publishers do not agree on the type: {', '.join(kinds[:MOST_NAMED])}."
+    return wire.Refusal("publishers_differ", text, "robot", {"kinds": len(kinds)})
 
 
 def _filled(shown: wire.Shown, definition: Definition, data: bytes, wall_s: float) -> bytes:
@@ -130,7 +149,7 @@ def _filled(shown: wire.Shown, definition: Definition, data: bytes, wall_s: floa
 
 
 def _age_s(fields: Mapping[str, Any], wall_s: float) -> float | None:
-    """From its stamp to its arrival, by the console's clock."""
+    """Since its stamp, by the console's clock."""
     header = fields.get("header")
     stamp = header.get("stamp") if isinstance(header, dict) else None
     if not isinstance(stamp, dict) or not stamp.get("secs"):
