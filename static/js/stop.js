@@ -25,7 +25,8 @@ export class StopButton {
    * @param {() => boolean} ways.send over the socket; false if no answer can be expected there
    * @param {(sinceMs: number) => boolean} ways.answered whether the robot's side has reported a stop since
    * @param {(text: string) => void} ways.say that it is on its way, and that it arrived
-   * @param {(text: string) => void} ways.fail that it did not arrive, or not yet, and what to do
+   * @param {(text: string, robots?: object) => void} ways.fail that it did not arrive, or not yet, and what to do;
+   *   what each robot's bridge answered, by slug, if the server said so
    */
   constructor(form, { send, answered, say, fail }) {
     this.#form = form;
@@ -70,7 +71,7 @@ export class StopButton {
     this.#say(gettext("Sending the stop"));
     const late = setTimeout(() => this.#fail(noAnswer()), PATIENCE_MS);
     this.#timer = late;
-    const failed = (text) => this.#timer === late && this.#fail(text); // a newer press has the word
+    const failed = (...told) => this.#timer === late && this.#fail(...told); // a newer press has the word
     try {
       const answer = await fetch(this.#form.action, {
         method: "POST",
@@ -78,9 +79,9 @@ export class StopButton {
         headers: { Accept: "application/json" },
         keepalive: true,
       });
-      const { text } = await answer.json(); // the server names the robots that it did not reach
+      const { text, robots } = await answer.json(); // the server names the robots that it did not reach
       if (answer.ok) this.#say(text);
-      else failed(text ?? noWay());
+      else failed(text ?? noWay(), robots);
     } catch {
       failed(noWay());
     } finally {

@@ -145,12 +145,13 @@ describe("the stop button", () => {
     expect(ways.fail.mock.calls[0][0]).toContain("red button");
   });
 
-  it("names what was not reached", async () => {
+  it("names what was not reached, to people and by slug", async () => {
+    const robots = { "tiago-1": { code: "bridge_down" } };
     ways.send.mockReturnValue(false);
-    vi.stubGlobal("fetch", answer(false, { text: "Not reached: TIAGo 1." }));
+    vi.stubGlobal("fetch", answer(false, { text: "Not reached: TIAGo 1.", robots }));
     press();
     await settle();
-    expect(ways.fail).toHaveBeenCalledWith("Not reached: TIAGo 1.");
+    expect(ways.fail).toHaveBeenCalledWith("Not reached: TIAGo 1.", robots);
   });
 
   it("points to the red button when nothing gets through", async () => {
