@@ -138,7 +138,7 @@ class Choices:
         number = self._log.request(asker.holder, "topic.choose", parameters, now_s)
         self._asked[use] = _Choice(name, asker, number, now_s)
 
-    def tick(self, busy: Mapping[str, str], now_s: float) -> None:
+    def tick(self, busy: Mapping[str, Collection[str]], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
         for use, choice in list(self._asked.items()):
             if now_s - choice.since_s > PATIENCE_S:
@@ -148,7 +148,7 @@ class Choices:
         if self._parted_s is not None:
             self._part(self._parted_s, now_s)
         for use in self._defaults:
-            self._attend(use, busy.get(use))
+            self._attend(use, busy.get(use, ()))
             self._settle(use, now_s)
 
     def attended(self, use: str, topics: Collection[str] | None, now_s: float) -> None:
@@ -248,16 +248,11 @@ class Choices:
             self._rules.halt(why, now_s)
             self._switch.drive_to(name)
 
-    def _attend(self, use: str, busy: str | None) -> None:
+    def _attend(self, use: str, busy: Collection[str]) -> None:
         """Be connected where input goes or is about to go, and nowhere else."""
         asked = self._asked.get(use)
-        names = {
-            self._defaults[use].name,
-            self.topic(use),
-            busy,
-            asked.topic if asked and asked.begun else None,
-        }
-        wanted = frozenset(name for name in names if name is not None)
+        begun = {asked.topic} if asked and asked.begun else set()
+        wanted = frozenset({self._defaults[use].name, self.topic(use), *busy, *begun})
         if wanted != self._wanted[use]:
             self._wanted[use] = wanted
             self._connected[use] = wanted & frozenset(self._connected[use])

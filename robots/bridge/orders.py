@@ -181,8 +181,8 @@ class Orders:
         self.publishings.tick(self._rules.why_not_begin, now_s)
         self._watch_motion(now_s)
         self._watch_speech(now_s)
-        busy = {"speech": self.speaking.topic, "motions": self.motions.topic}
-        self.choices.tick({use: topic for use, topic in busy.items() if topic is not None}, now_s)
+        playing = {self.motions.topic} if self.motions.topic else set()
+        self.choices.tick({"speech": self.speaking.topics(now_s), "motions": playing}, now_s)
         self.catalogue.tell()
         self._move_head(sent, now_s)
 

@@ -21,6 +21,9 @@ from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
+LINGER_S = (
+    1.5  # a topic that tells nothing is left no sooner: its text waits a second for who begins to listen
+)
 _LAYOUT = frozenset("\n\t")
 
 
@@ -102,7 +105,13 @@ class Speaking(Goals[_Saying]):
     def __init__(self, voice: Voice, log: DriveLog) -> None:
         super().__init__(log, voice.hush)
         self._voice = voice
+        self._sent: dict[str, float] = {}  # to topics that tell nothing: when
         self.last: wire.SpeechEnd | None = None  # how the last one ended, for pages
+
+    def topics(self, now_s: float) -> set[str]:
+        """Where a text is under way, or on its way still."""
+        self._sent = {topic: sent_s for topic, sent_s in self._sent.items() if now_s - sent_s <= LINGER_S}
+        return {*self._sent, *([self.topic] if self.topic else [])}
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why nothing else can be said: the robot speaks."""
@@ -128,6 +137,7 @@ class Speaking(Goals[_Saying]):
         if goal is not None and goal.topic in connected:
             tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
             if not tells:
+                self._sent[goal.topic] = now_s
                 self._end("sent", "", now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
@@ -176,6 +186,6 @@ class Speaking(Goals[_Saying]):
 
 
 def _short(text: str) -> str:
-    """As much of it as a sentence about it can carry."""
+    """As much of it as a sentence about it can carry. It runs its own way, as Arabic does in an English sentence."""
     one_line = " ".join(text.split())
-    return one_line if len(one_line) <= 60 else f"{one_line[:59]}…"
+    return f"\u2068{one_line if len(one_line) <= 60 else f'{one_line[:59]}…'}\u2069"

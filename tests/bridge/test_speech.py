@@ -5,7 +5,14 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.bridge.speech import LONGEST_CHARACTERS, Utterance, own_language, why_not_speakable, word_said
+from robots.bridge.speech import (
+    LINGER_S,
+    LONGEST_CHARACTERS,
+    Utterance,
+    own_language,
+    why_not_speakable,
+    word_said,
+)
 from tests.bridge.support import CONFIG, Bench
 
 SECOND = Allowed("choose", "/second_tts", "pal_interaction_msgs/TtsAction", "speech")
@@ -185,6 +192,9 @@ def test_a_second_text_is_refused_with_who_says_what(bench):
     [refusal] = ask(bench, "y otra vez")
     assert refusal.code == "speaking"
     assert refusal.figures == {"who": "Ann", "text": "Hola a todos"}
+    assert (
+        refusal.text == "The robot says “\u2068Hola a todos\u2069”, asked for by Ann: cancel that, or wait."
+    )
 
 
 def test_it_may_be_said_while_the_robot_drives(bench):
@@ -330,6 +340,21 @@ def test_a_text_may_go_to_the_topic_that_an_earlier_one_went_to(bench):
     bench.core.tick(bench.now_s)
     assert bench.base.attended[-1] == ("speech", {"/tts"})
     assert bench.core.state(bench.now_s, []).chosen == {}
+
+
+def test_a_topic_that_tells_nothing_is_left_a_while_after_its_text(bench):
+    bench.base.tells = False
+    ask(bench, topic="/second_tts")
+    settled(bench)
+    bench.core.tick(bench.now_s)
+    bench.core.orders.choices.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
+    bench.core.tick(bench.now_s)
+    assert len(bench.base.said) == 1
+    assert bench.core.state(bench.now_s, []).speech_ended.outcome == "sent"
+    bench.pass_time(LINGER_S - 0.1)  # who listens there may only just have begun to
+    assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
+    bench.pass_time(0.2)
+    assert bench.base.attended[-1] == ("speech", {"/tts"})
 
 
 def test_a_text_whose_topic_cannot_be_connected_is_given_up(bench):

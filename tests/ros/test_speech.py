@@ -14,7 +14,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from std_msgs.msg import String
 
 from robots import wire
-from robots.bridge.config import Topic
+from robots.bridge.config import Allowed, Topic
 from robots.bridge.ros.types import message_class
 from tests.ros.bridge_support import BridgeProcess, tiago_config
 from tests.ros.support import until
@@ -106,11 +106,11 @@ LONG = "una frase muy larga " * 10
 
 
 @contextmanager
-def bridge(master, folder, speech=TTS):
+def bridge(master, folder, speech=TTS, allowed=()):
     """A bridge of a robot that speaks, a hand that has control, and its records so far."""
     config = tiago_config(master, folder)
     topics = msgspec.structs.replace(config.topics, speech=speech, languages=["es-ES", "en-GB"])
-    process = BridgeProcess(msgspec.structs.replace(config, topics=topics), master, folder)
+    process = BridgeProcess(msgspec.structs.replace(config, topics=topics, allowed=allowed), master, folder)
     hand = process.link()
     try:
         hand.state_until(lambda state: state.phase == "online", "a robot online")
@@ -211,6 +211,17 @@ def test_a_robot_that_takes_plain_messages_gets_them(ros, rosmaster, tmp_path):
         ended = hand.state_until(lambda state: state.speech_ended, "its end").speech_ended
         assert ended.outcome == "sent"
         until(lambda: records()[-1] == "speech.end sent", "its end on record")
+
+
+def test_a_text_that_is_repeated_where_it_went_gets_there(ros, rosmaster, tmp_path):
+    other = Allowed("choose", "/announce", "std_msgs/String", "speech")
+    with (
+        ros.listen("/announce", String) as heard,
+        ros.listen("/say", String),
+        bridge(rosmaster, tmp_path, Topic("/say", "std_msgs/String"), (other,)) as (hand, _),
+    ):
+        hand.send(wire.Say(1, "once more", "en-GB", "/announce"))
+        assert heard.next().data == "once more"
 
 
 def test_a_robot_with_sound_play_says_it_and_the_stop_silences_it(ros, rosmaster, tmp_path):
