@@ -1,4 +1,4 @@
-/** What this robot was made to say, newest first, from the audit record; each can be repeated as it was. */
+/** What this robot was made to say, as far as one may read it, newest first; each can be repeated as it was. */
 
 import { dim, make, mark, say, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
@@ -137,7 +137,7 @@ export class History {
       if (!answer.ok) throw new Error(gettext("The history could not be read."));
       take(await answer.json());
       this.#show();
-      this.#say(this.#entries.length ? "" : gettext("Nothing was said yet."));
+      this.#say(this.#entries.length ? "" : gettext("Nothing to show yet."));
     } catch (error) {
       this.#say(error.message);
     }
