@@ -64,12 +64,8 @@ class _Hello(Struct, tag_field="t", tag="bridge_hello"):
     slug: str
 
 
-class LinkRefused(Exception):
-    """The bridge said no, or is not there. `refusal` says why."""
-
-    def __init__(self, refusal: Refusal) -> None:
-        super().__init__(refusal.text)
-        self.refusal = refusal
+class LinkRefused(wire.NotDone):
+    """The bridge said no, or is not there."""
 
 
 class Listener(Protocol):

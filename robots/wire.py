@@ -51,12 +51,16 @@ class Refusal(Struct, frozen=True, omit_defaults=True):
     figures: dict[str, float | int | str | None] = {}
 
 
-class WireError(ValueError):
-    """A message that is not one of ours. `refusal` says what was wrong with it."""
+class NotDone(Exception):
+    """Something is not done; `refusal` says why."""
 
     def __init__(self, refusal: Refusal) -> None:
         super().__init__(refusal.text)
         self.refusal = refusal
+
+
+class WireError(NotDone):
+    """A message that is not one of ours."""
 
 
 def _require_shallow(value: Any, levels: int = DEEPEST) -> None:

@@ -16,7 +16,7 @@ from msgspec import structs
 
 from robots import wire
 from robots.link import LinkRefused
-from robots.wire import Accepted, Ended, Notice, Offers, Refusal, Refused, browser_message, kind_of
+from robots.wire import Accepted, Ended, NotDone, Notice, Offers, Refusal, Refused, browser_message, kind_of
 from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
@@ -137,7 +137,7 @@ class RobotConsumer(RobotSocket):
                 await self._change(message, self.tab)
         except services.NotStored as refused:
             await self._not_now(message, refused.refusal)
-        except (ControlRefused, LinkRefused) as refused:
+        except NotDone as refused:
             await self.refuse(kind_of(message), refused.refusal)
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)

@@ -62,12 +62,6 @@ class FoldingLog(Generic[E]):
                 self._see_to_the_thread()
                 self._changed.notify()
 
-    def end(self) -> None:
-        """Forget what is not written yet; what is being written is waited for."""
-        with self._changed:
-            self._folds.clear()
-        self.flush()
-
     def flush(self) -> None:
         """Write at once what waits, and be done with it: for the end of the process."""
         with self._changed:

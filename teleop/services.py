@@ -25,7 +25,7 @@ from fleet.audit.models import Record
 from robots.models import Robot
 from robots.selectors import supervises
 from robots.services import fence_next
-from robots.wire import Refusal
+from robots.wire import NotDone, Refusal
 from teleop import rules
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 from teleop.policy import Permit, control_permitted
@@ -35,12 +35,8 @@ from teleop.selectors import asks_of, holding_of
 T = TypeVar("T")
 
 
-class ControlRefused(Exception):
-    """A step that may not be done; `refusal` says why."""
-
-    def __init__(self, refusal: Refusal) -> None:
-        super().__init__(refusal.text)
-        self.refusal = refusal
+class ControlRefused(NotDone):
+    """A step that may not be done."""
 
 
 class NotStored(ControlRefused):

@@ -15,6 +15,7 @@ from uuid import UUID, uuid4
 import msgspec
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
+from msgspec import structs
 
 from fleet.accounts.models import User
 from robots.link import BridgeLink, LinkRefused
@@ -103,7 +104,8 @@ class StopButton:
             again, self._again = self._again, False
             self._answer = self._begin(link) if again else None
         if isinstance(result, Refusal) and not again:
-            await self._failed(result)
+            text = f"{result.text} Use the red button on the robot."
+            await self._failed(structs.replace(result, text=text))
 
 
 async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:

@@ -7,14 +7,12 @@ from typing import Any
 
 from robots import wire
 from robots.bridge.flood import Budget
-from robots.link import LinkRefused
-from robots.wire import Question, Refusal, Refused, kind_of, topics_message
+from robots.wire import NotDone, Question, Refusal, Refused, kind_of, topics_message
 from teleop import rooms
 from teleop.calls import Call, carry_out
 from teleop.looks import Looker
 from teleop.orders import BUSY
 from teleop.robot_socket import RobotSocket
-from teleop.services import ControlRefused
 from teleop.socket import beside
 from teleop.watching import Watching
 
@@ -97,7 +95,7 @@ class TopicsConsumer(RobotSocket):
     async def _answer(self, question: Question) -> None:
         try:
             await self.tell_raw(await self._found_out(question))
-        except (LinkRefused, ControlRefused) as refused:
+        except NotDone as refused:
             await self.answer(Refused(kind_of(question), refused.refusal, question.seq))
         finally:
             self._under_way -= 1

@@ -11,6 +11,7 @@ import logging
 import time
 from collections.abc import Iterator
 from datetime import datetime, timedelta
+from functools import lru_cache
 from uuid import UUID
 
 import msgspec
@@ -51,6 +52,13 @@ class _Shown(Struct):
 _shown = msgspec.json.Decoder(_Shown)
 
 
+@lru_cache(maxsize=64)  # all who look are handed the same text: it is looked into once
+def _camera_of(message: str) -> str | None:
+    """The topic, if this is a picture."""
+    shown = _shown.decode(message)
+    return shown.topic if shown.type in PICTURES and shown.refusal is None else None
+
+
 class _Watch(Struct):
     since_s: float
     start: asyncio.Future[Record | None]
@@ -67,16 +75,16 @@ class Watching:
 
     def shown(self, message: str) -> None:
         """A message of a topic, as encoded, goes to the person: if it is a picture, they watch."""
-        shown = _shown.decode(message)
-        if shown.type not in PICTURES or shown.refusal is not None:
+        camera = _camera_of(message)
+        if camera is None:
             return
-        watch = self._open.get(shown.topic)
+        watch = self._open.get(camera)
         if watch is not None and time.monotonic() - watch.since_s > PART_S:
-            self.end(shown.topic, "goes_on")
+            self.end(camera, "goes_on")
             watch = None
         if watch is None:
-            start = asyncio.ensure_future(in_database(self._record_start, shown.topic))
-            self._open[shown.topic] = _Watch(time.monotonic(), start)
+            start = asyncio.ensure_future(in_database(self._record_start, camera))
+            self._open[camera] = _Watch(time.monotonic(), start)
 
     def end(self, camera: str, outcome: str = "closed") -> None:
         """The person is shown this camera no more, if they were."""

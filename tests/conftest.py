@@ -77,7 +77,8 @@ def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[refusals
     own = FoldingLog(refusals.put_on_record)
     monkeypatch.setattr(refusals, "log", own)
     yield own
-    own.end()
+    monkeypatch.setattr(own, "_write", lambda _denied, _times: None)
+    own.flush()
 
 
 # --- robots -----------------------------------------------------------------------------------

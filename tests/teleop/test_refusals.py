@@ -32,7 +32,7 @@ def written(monkeypatch):
     log = folding.FoldingLog(lambda denied, times: told.put((denied.refusal.code, times)))
     log.told = lambda: told.get(timeout=TIMEOUT_S)
     yield log
-    log.end()
+    log.flush()
 
 
 def denied(person=None, code="stopped", robot=None, session=None):
@@ -99,7 +99,7 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
         log.note(denied())
     assert len(log._folds) == folding.MOST
     go_on.set()
-    log.end()
+    log.flush()
 
 
 # --- the record ---------------------------------------------------------------------------------------

@@ -216,7 +216,8 @@ async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, b
     await bridge.close()
     await page.hears("bridge_gone")
     await page.say("stop")
-    await page.refused("bridge_down")
+    refused = await page.refused("bridge_down")
+    assert refused["refusal"]["text"].endswith(" Use the red button on the robot.")
 
 
 async def test_whoever_presses_is_told_so_before_the_database_answers(open_page, bridge, monkeypatch):

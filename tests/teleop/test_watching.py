@@ -1,6 +1,7 @@
 """Who watched a camera is on record, from the first picture to the last."""
 
 from datetime import timedelta
+from uuid import uuid4
 
 import msgspec
 import pytest
@@ -116,3 +117,12 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
     end = Record.objects.get(of=left)
     assert (end.kind, end.outcome, end.actor_id) == ("camera.end", "unknown", None)
     assert Record.objects.filter(of=ended).count() == 1
+
+
+async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, robot):
+    shown = wire.Shown("/odom", "nav_msgs/Odometry", 1, 5.0, 4, None, 1, {"data": [uuid4().hex]})
+    message = wire.encode(shown).decode()
+    before = watching._camera_of.cache_info().misses
+    for _ in range(3):
+        watching.Watching(observer, robot.id, robot.name).shown(message)
+    assert watching._camera_of.cache_info().misses == before + 1
