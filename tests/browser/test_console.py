@@ -100,8 +100,12 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     operator, supervisor = person("operator"), person("supervisor")
     operator.take("tiago-2")
     supervisor.watch("tiago-2")
+    go_to(operator, "Motions")
+    row = operator.part("motion-list").locator(".hit").filter(has_text="Inspect surroundings")
+    place = [box_of(row), box_of(row.get_by_text("Play"))]
     operator.press("Play Inspect surroundings")
     operator.until(lambda: operator.state["motion"] is not None, "the motion")
+    assert [box_of(row), box_of(row.get_by_text("Cancel"))] == place
     for name in TABS:
         go_to(operator, name)
         assert operator.part("motion-cancel").is_visible(), name
@@ -115,10 +119,11 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     assert search.input_value() == ""
     operator.press("Cancel Inspect surroundings")
     notice(operator, re.compile("Inspect surroundings: cancelled"))
+    assert [box_of(row), box_of(row.get_by_text("Play"))] == place
 
-    operator.press("Play Inspect surroundings")
+    operator.press("Play Head tour")
     supervisor.part("motion-cancel").click()  # supervisors need no control for it
-    notice(supervisor, re.compile("Inspect surroundings: cancelled. Cancelled by Supervisor"))
+    notice(supervisor, re.compile("Head tour: cancelled. Cancelled by Supervisor"))
     operator.release()
 
 
