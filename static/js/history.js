@@ -37,6 +37,7 @@ export class History {
   #list;
   #entries = [];
   #topic = null;
+  #saying = null; // number of what is being said
   #ended = null; // of what ended last: its record may come later than the robot's word
   #newest = "";
   #isShown = false;
@@ -90,6 +91,7 @@ export class History {
     const newest = `${speech?.number} ${ended?.number}`;
     if (newest === this.#newest) return;
     this.#newest = newest;
+    this.#saying = speech?.number ?? null;
     this.#ended = ended;
     if (this.#isShown) this.load();
   }
@@ -148,9 +150,17 @@ export class History {
     this.#enable();
   }
 
-  #row({ number, text, language, topic, who, at, ...end }) {
-    const isLast = end.outcome === null && number === this.#ended?.number;
-    const { outcome, why } = isLast ? { ...this.#ended, why: this.#ended.text } : end;
+  /** How it ended, as the record or else the robot tells; null while it is being said. */
+  #endOf({ number, outcome, why }) {
+    if (outcome !== null) return { outcome, why };
+    if (number === this.#ended?.number)
+      return { outcome: this.#ended.outcome, why: this.#ended.text };
+    return { outcome: number === this.#saying ? null : "unknown", why };
+  }
+
+  #row(entry) {
+    const { text, language, topic, who, at } = entry;
+    const { outcome, why } = this.#endOf(entry);
     const isHere = topic === this.#topic;
     const time = make("time", { text: whenText(at) });
     time.dateTime = at;

@@ -265,7 +265,8 @@ describe("the history", () => {
 
     it("is read again when a text begins and when it ends, while somebody looks", async () => {
       const begun = { ...entry(9, "/tts"), outcome: null };
-      open({ entries: [begun], more: false }, { entries: [begun], more: false });
+      const answer = { entries: [begun], more: false };
+      open(answer, answer, answer);
       history.state = saying(9);
       expect(fetch).not.toHaveBeenCalled();
       history.isShown = true;
@@ -276,6 +277,9 @@ describe("the history", () => {
       history.state = said(9);
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("failed"));
       expect(rows()[0].querySelector(".hit-note").title).toBe("No voice.");
+      // Another bridge, which knows of nothing: not all is on record that its predecessor knew.
+      history.state = { speech: null, speech_ended: null };
+      await vi.waitFor(() => expect(rows()[0].textContent).toContain("end not known"));
     });
 
     it("keeps the older ones that were asked for, and the focus in its row", async () => {
