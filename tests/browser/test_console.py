@@ -53,7 +53,9 @@ def test_the_stop_is_in_one_place_on_every_tab_and_the_joystick_where_it_is_used
             "[...document.querySelectorAll('.speech, .topics')].filter((it) => it.scrollWidth > it.clientWidth).length"
         )
         assert wider == 0, name
-        assert found_by_axe(operator) == [], name
+        for theme in ("light", "dark"):
+            operator.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+            assert found_by_axe(operator) == [], (name, theme)
         if name in ("Centre", "Drive"):
             stick = box_of(operator.part("zone"))
             assert min(stick["width"], stick["height"]) >= 180
@@ -183,25 +185,89 @@ def test_keys_write_in_a_field_and_a_map_of_them_opens_on_a_question_mark(person
     operator.release()
 
 
+def logged(person: Person) -> list[str]:
+    """What the log of notices has, newest first, each once, but for answers that a busy machine gives late."""
+    person.part("log-open").evaluate("button => button.click()")
+    told = person.part("log-list").locator("p > span").all_text_contents()
+    person.part("log-dialog").evaluate("dialog => dialog.close()")
+    return list(dict.fromkeys(text for text in told if "no answer within" not in text))
+
+
+def test_what_a_person_does_about_control_is_told_once_each(person: Arrive) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    operator.take("tiago-2")
+    supervisor.watch("tiago-2")
+    operator.press("Keep")
+    operator.until(lambda: "You keep control" in logged(operator)[0], "a fresh term")
+    for name in ("Ask for control", "Withdraw", "Ask for control"):
+        supervisor.press(name)
+    operator.press("Hand over to Supervisor")
+    supervisor.until_in_control()
+    supervisor.release()
+    supervisor.until(lambda: len(logged(supervisor)) == 4, "all of it in the log")
+    assert logged(supervisor) == [
+        "Control is given back.",
+        "Control was handed to you.",
+        "Operator knows that you ask for control.",
+        "You ask for control no more.",
+    ]
+    assert [text.split(":")[0] for text in logged(operator)] == [
+        "You handed over to Supervisor.",
+        "Supervisor asks for control.",
+        "You keep control",
+        "You have control.",
+    ]
+
+
+def test_buttons_that_have_done_their_work_hand_the_focus_on(person: Arrive) -> None:
+    operator = person("operator")
+    operator.watch("tiago-2")
+    focused = operator.page.locator(":focus")
+    operator.page.get_by_role("button", name="Take control").press("Enter")
+    operator.until_in_control()
+    assert focused.get_attribute("data-action") == "renew"
+    operator.page.get_by_role("button", name="Release").press("Enter")
+    operator.page.get_by_role("button", name="Take control").wait_for()
+    assert focused.get_attribute("data-action") == "take"
+
+
+def test_what_is_chosen_and_pressed_is_seen_where_the_system_chooses_the_colours(person: Arrive) -> None:
+    observer = person("observer")
+    observer.page.emulate_media(forced_colors="active")
+    observer.watch("tiago-2")
+    colours = "e => getComputedStyle(e).borderBottomColor + getComputedStyle(e).backgroundColor"
+    for kind, state in (("[role=tab]", "aria-selected"), (".segments button", "aria-pressed")):
+        on, off = (
+            observer.page.locator(f"{kind}[{state}={value}]").first.evaluate(colours)
+            for value in ("true", "false")
+        )
+        assert on != off, kind
+
+
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_notices_are_kept_in_a_log_and_never_lie_over_stop_or_joystick(
     person: Arrive, width: int, height: int
 ) -> None:
     observer = person("observer", width=width, height=height)
     observer.watch("tiago-2")
-    plays = observer.part("motion-list").get_by_role("button")
-    plays.first.wait_for()
-    for i in range(6):
-        plays.nth(i).evaluate("button => button.click()")
+    play = observer.part("motion-list").get_by_role("button").first
+    play.wait_for()
+    for _ in range(6):
+        play.evaluate("button => button.click()")
     notice(observer, re.compile("Take control first"))
     assert observer.page.locator(".notices .notice-times").first.inner_text().endswith("6")
     shown = box_of(observer.page.locator(".notices .notice").first)  # it goes by itself
     for protected in (observer.page.locator("form.stop .stop-button"), observer.part("zone")):
         assert not overlap(shown, box_of(protected))
     assert found_by_axe(observer) == []
-    observer.page.locator(".menu summary").click()
-    observer.press("Notices")
-    assert observer.page.get_by_role("dialog", name="Notices").get_by_text(re.compile(r"^.6$")).is_visible()
+    menu = observer.page.locator(".menu summary")
+    menu.press("Enter")
+    observer.page.get_by_role("button", name="Notices").press("Enter")
+    log = observer.page.get_by_role("dialog", name="Notices")
+    assert log.get_by_text(re.compile(r"^.6$")).is_visible()
+    observer.page.keyboard.press("Escape")
+    assert not log.is_visible()
+    assert menu.evaluate("menu => menu === document.activeElement")
 
 
 def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) -> None:
@@ -219,21 +285,58 @@ def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) 
     assert len(names) == 2
 
 
-def test_while_the_robot_is_out_of_reach_inputs_give_way_to_what_is_wrong(
-    person: Arrive, stack: Stack
-) -> None:
+def bridge_of(stack: Stack, slug: str) -> int:
+    """Its process."""
+    [bridge] = [
+        child
+        for child in proc.children(stack.supervisor.pid)
+        if {"run_bridge", slug} <= set(proc.arguments(child))
+    ]
+    return bridge
+
+
+def test_while_the_robot_is_silent_that_is_said_and_inputs_give_way(person: Arrive, stack: Stack) -> None:
     operator = person("operator")
     operator.take("tiago-2")
     go_to(operator, "Motions")
     motions, banner = operator.part("motion-list"), operator.part("banner")
-    motions.get_by_role("button").first.wait_for()
-    [bridge] = [
-        child
-        for child in proc.children(stack.supervisor.pid)
-        if {"run_bridge", "tiago-2"} <= set(proc.arguments(child))
-    ]
-    os.kill(bridge, signal.SIGKILL)
-    motions.wait_for(state="hidden")
-    assert banner.is_visible()
+    wave = operator.page.get_by_role("button", name="Play Wave")
+    wave.wait_for()
+    bridge = bridge_of(stack, "tiago-2")
+    os.kill(bridge, signal.SIGSTOP)
+    try:
+        wave.evaluate("button => button.click()")  # at once
+        notice(operator, re.compile("Play Wave: no answer within 0.75 s"))
+        motions.wait_for(state="hidden")
+        assert re.search("No news for .* s.*This page goes on by itself", banner.inner_text(), re.DOTALL)
+    finally:
+        os.kill(bridge, signal.SIGCONT)
+    motions.wait_for()
+    operator.until_in_control()
+    operator.release()
+
+
+def test_while_the_robot_is_out_of_reach_inputs_give_way_but_for_what_one_is_writing(
+    person: Arrive, stack: Stack
+) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    motions, banner, text = (operator.part(name) for name in ("motion-list", "banner", "say-text"))
+    operator.press("Play Inspect surroundings")
+    operator.until(lambda: operator.heard.get("accepted", {}).get("of") == "play", "the motion")
+    go_to(operator, "Speech")
+    text.press_sequentially("was")
+    os.kill(bridge_of(stack, "tiago-2"), signal.SIGKILL)
+    operator.page.locator(".control[data-cut]").wait_for()
+    operator.page.keyboard.type(" wo dd")  # elsewhere letters drive, and a space stops
+    assert text.input_value() == "was wo dd"
+    assert "No link to the robot" in banner.inner_text()
+    go_to(operator, "Motions")
+    assert not motions.is_visible()
     motions.wait_for()  # the supervisor started another bridge
     assert not banner.is_visible() or "stick" in banner.inner_text()
+    notice(operator, "Inspect surroundings: nothing more was heard of it.")
+    assert operator.state["stop"]["state"] == "clear"
+    assert operator.complaints == []
+    operator.until_in_control()
+    operator.release()
