@@ -106,7 +106,7 @@ export class Desk {
   /** @param {string} tab that is shown now */
   set tab(tab) {
     if (this.#tab === "topics") this.#topics.hide();
-    this.#tab = tab;
+    this.#tab = this.#running.tab = tab;
     this.#motions.showAll();
     this.#phrases.showAll();
     if (tab === "topics") this.#topics.show();
@@ -162,7 +162,7 @@ export class Desk {
     this.#motions.rights = { mayPlay: mayAct, mayCancel };
     this.#running.mayCancel = mayCancel;
     this.#say.mayAct = this.#phrases.mayAct = this.#history.mayAct = mayAct;
-    this.#topics.mayAct = mayAct;
+    this.#topics.mayAct = this.#running.mayAct = mayAct;
   }
 
   #markTopic() {

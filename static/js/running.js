@@ -1,7 +1,8 @@
-/** What the robot performs and says, on every tab, each with its Cancel. */
+/** What the robot performs and says, on every tab, each with its Cancel; what of a tab's input goes elsewhere. */
 
-import { say, show } from "./dom.js";
+import { make, say, show } from "./dom.js";
 import { inLanguage } from "./languages.js";
+import { useLabel, usesOf } from "./uses.js";
 
 /** A text in three: before the word that is spoken, the word, and the rest. `word` counts characters, not UTF-16 units. */
 export function aroundWord(text, word) {
@@ -24,7 +25,12 @@ function statusText(status) {
 
 export class Running {
   #parts;
+  #send;
   #titleOf;
+  #busy = false;
+  #chosen = {}; // where input goes, by use, if not to the default
+  #tab = null;
+  #mayAct = false;
   #listening = new AbortController();
 
   /**
@@ -34,6 +40,7 @@ export class Running {
    */
   constructor(parts, send, titleOf) {
     this.#parts = parts;
+    this.#send = send;
     this.#titleOf = titleOf;
     const { signal } = this.#listening;
     for (const [button, t] of [
@@ -44,10 +51,12 @@ export class Running {
   }
 
   /** @param {object} state of the robot */
-  set state({ motion = null, speech = null }) {
+  set state({ motion = null, speech = null, chosen = {} }) {
     show(this.#parts["motion-runs"], motion !== null);
     show(this.#parts["speech-runs"], speech !== null);
-    show(this.#parts.running, motion !== null || speech !== null);
+    this.#busy = motion !== null || speech !== null;
+    this.#chosen = chosen;
+    this.#showElsewhere();
     if (motion) {
       say(this.#parts["motion-name"], this.#titleOf(motion.name));
       say(this.#parts["motion-who"], interpolate(gettext("for %s"), [motion.who]));
@@ -61,8 +70,45 @@ export class Running {
     show(this.#parts["speech-cancel"], may);
   }
 
+  /** @param {string} tab that is shown: its own choices go along with it */
+  set tab(tab) {
+    this.#tab = tab;
+    this.#showElsewhere();
+  }
+
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#showElsewhere();
+  }
+
   close() {
     this.#listening.abort();
+  }
+
+  #showElsewhere() {
+    const uses = usesOf(this.#tab).filter((use) => use in this.#chosen);
+    const shown = JSON.stringify([uses.map((use) => [use, this.#chosen[use]]), this.#mayAct]);
+    if (this.#parts.elsewhere.dataset.shown !== shown) {
+      this.#parts.elsewhere.dataset.shown = shown;
+      this.#parts.elsewhere.replaceChildren(...uses.map((use) => this.#elsewhere(use)));
+    }
+    show(this.#parts.running, this.#busy || uses.length > 0);
+  }
+
+  #elsewhere(use) {
+    const goes = interpolate(gettext("%s goes to %s"), [useLabel(use), this.#chosen[use]]);
+    const row = make("div", {
+      className: "runs",
+      children: [make("p", { className: "runs-words", text: goes })],
+    });
+    if (!this.#mayAct) return row;
+    const back = make("button", { className: "button", text: gettext("Default") });
+    back.type = "button";
+    back.setAttribute("aria-label", `${useLabel(use)}: ${gettext("Back to the default")}`);
+    back.addEventListener("click", () => this.#send({ t: "choose", use, topic: null }));
+    row.append(back);
+    return row;
   }
 
   #showSpeech({ text, language, status, word, who }) {

@@ -345,6 +345,7 @@ describe("what is being said", () => {
       "speech-word": "mark",
       "speech-after": "span",
       "speech-cancel": "button",
+      elsewhere: "div",
     });
     const send = vi.fn();
     const running = new Running(parts, send, (name) => name.toUpperCase());
@@ -366,6 +367,31 @@ describe("what is being said", () => {
     expect(send.mock.calls).toEqual([[{ t: "play_cancel" }], [{ t: "say_cancel" }]]);
     running.mayCancel = false;
     expect(parts["speech-cancel"].hidden).toBe(true);
+  });
+
+  it("has beside it what of the tab's own input goes elsewhere, and its way back", () => {
+    const runs = ["motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
+    const parts = made(
+      Object.fromEntries(["running", "elsewhere", ...runs].map((p) => [p, "div"])),
+    );
+    const send = vi.fn();
+    const running = new Running(parts, send, (name) => name);
+    running.mayAct = true;
+    running.state = { chosen: { drive: "/phone_vel", speech: "/tts_2" } };
+    const shownOn = (tab) => {
+      running.tab = tab;
+      return [...parts.elsewhere.querySelectorAll("p")].map((p) => p.textContent);
+    };
+    expect(shownOn("drive")).toEqual(["Drive goes to /phone_vel"]);
+    expect(shownOn("centre")).toEqual(["Drive goes to /phone_vel", "Speech goes to /tts_2"]);
+    expect(shownOn("motions")).toEqual([]);
+    expect(parts.running.hidden).toBe(true);
+    shownOn("speech");
+    expect(parts.running.hidden).toBe(false);
+    parts.elsewhere.querySelector("button").click();
+    expect(send).toHaveBeenCalledWith({ t: "choose", use: "speech", topic: null });
+    running.mayAct = false;
+    expect(parts.elsewhere.querySelector("button")).toBe(null);
   });
 
   it("is told when it ended", () => {
