@@ -9,12 +9,12 @@ function pageLanguage() {
 
 /** A language in words; its code if nobody knows a name. */
 export function languageName(code, locale = pageLanguage()) {
-  if (!known.has(locale))
-    known.set(
-      locale,
-      new Intl.DisplayNames([locale], { type: "language", languageDisplay: "standard" }),
-    );
   try {
+    if (!known.has(locale))
+      known.set(
+        locale,
+        new Intl.DisplayNames([locale], { type: "language", languageDisplay: "standard" }),
+      );
     return known.get(locale).of(code);
   } catch {
     return code;

@@ -20,6 +20,7 @@ describe("languages", () => {
   it("are shown by name, the robot's own first", () => {
     expect(languageName("es", "en")).toBe("Spanish");
     expect(languageName("not a code", "en")).toBe("not a code");
+    expect(languageName("en-abc1", "en-abc1")).toBe("en-abc1"); // which a profile may have
     const choices = languageChoices(["es-ES", "en-GB"], "en");
     expect(choices.slice(0, 2).map(({ code }) => code)).toEqual(["es-ES", "en-GB"]);
     expect(choices.filter(({ code }) => code.startsWith("es"))).toHaveLength(1);
