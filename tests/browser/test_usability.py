@@ -19,6 +19,7 @@ from tests.browser.people import Person, robot_side
 
 STICK_PERIOD_MS = 30
 PATIENCE_S = 60.0
+SLOWER_AT_MOST = 1.15  # by joystick on the page, behind the gate, than by keys at the robot
 DRIVEN, BESIDE = (PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START) for number in (1, 2))
 
 
@@ -100,7 +101,7 @@ def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> 
         person.until(lambda: person.state["motion"] is None and not person.state["arm"], "an arm at home")
         person.until(lambda: person.state["speech"] is None, "silence")
         with tasks.task("drive the course through the door"):
-            follow_course(tasks)
+            seized = follow_course(tasks)
         person.until_still()
         contacts = tmp_path / "contacts"
         with (
@@ -115,9 +116,8 @@ def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> 
     finally:
         person.leave()
     ratio = tasks.seconds["drive the course through the door"] / without_gate_s
-    print(
-        f"the course: {ratio:.2f} times as long as by keys without gate"
-    )  # for docs/figures.md; no test judges time
+    print(f"the course: {ratio:.2f} times as long as by keys without gate, the stick seized {seized} times")
+    assert ratio <= SLOWER_AT_MOST or seized > 1  # a busy machine interrupted the driver, not the page
 
 
 def driven_by_keys(robot: SimulatedRobot) -> float:
@@ -129,33 +129,46 @@ def driven_by_keys(robot: SimulatedRobot) -> float:
     return float(done.stdout.split()[-1])
 
 
-def follow_course(tasks: Tasks) -> None:
-    """With the mouse on the joystick, at the speed that the page offers."""
+def follow_course(tasks: Tasks) -> int:
+    """With the mouse on the joystick, at the speed that the page offers. How often it was seized: once, as a rule."""
     person, follower = tasks.person, Follower()
     assert person.part("speed").inner_text().startswith(f"{SHARE:.2f}")
-    x, y = seize_stick(tasks)
+    seize_stick(tasks)
+    seized = 1
     deadline = time.monotonic() + PATIENCE_S
     while not follower.arrived:
         assert time.monotonic() < deadline, f"stuck: {person.state}"
-        if person.state["neutral_needed"]:  # on a busy machine: what was heard of the robot was too old
-            person.page.mouse.up()
-            person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
-            seize_stick(tasks)
+        seized += seized_again(tasks)
         odometry = person.state["odometry"]
         forward, turn = follower.stick(odometry["x"], odometry["y"], odometry["yaw"])
-        reach = person.stick_reach
-        person.page.mouse.move(x - reach * pushed(turn), y - reach * forward)
-        person.page.wait_for_timeout(STICK_PERIOD_MS)
+        push_stick(person, forward, pushed(turn))
     person.page.mouse.up()
+    return seized
 
 
-def seize_stick(tasks: Tasks) -> tuple[float, float]:
+def seize_stick(tasks: Tasks) -> None:
     """The mouse goes down on the joystick's middle, which is there."""
-    x, y = tasks.person.middle_of("zone")
-    tasks.person.page.mouse.move(x, y)
+    tasks.person.page.mouse.move(*tasks.person.middle_of("zone"))
     tasks.presses += 1
     tasks.person.page.mouse.down()
-    return x, y
+
+
+def seized_again(tasks: Tasks) -> bool:
+    """Whether the stick had to return to the middle: on a busy machine, what was heard of the robot was too old."""
+    person = tasks.person
+    if not person.state["neutral_needed"]:
+        return False
+    person.page.mouse.up()
+    person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
+    seize_stick(tasks)
+    return True
+
+
+def push_stick(person: Person, forward: float, left: float) -> None:
+    """Hold it there for a moment."""
+    (x, y), reach = person.middle_of("zone"), person.stick_reach
+    person.page.mouse.move(x - reach * left, y - reach * forward)
+    person.page.wait_for_timeout(STICK_PERIOD_MS)
 
 
 def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
@@ -164,12 +177,17 @@ def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
     assert world.stdin is not None
     world.stdin.write("person 2.5 5.1\n")  # a metre ahead of the course's end
     world.stdin.flush()
-    x, y = seize_stick(tasks)
-    person.page.mouse.move(x, y - person.stick_reach)
-    person.until(
-        lambda: person.state["verdict"]["allowed"] == [0, 0, 0] and person.state["verdict"]["asked"][0] > 0,
-        "the gate to hold the robot",
-    )
-    person.until(lambda: person.part("words").inner_text(), "words that say why")  # they go with the hold
+
+    def held() -> bool:
+        verdict = person.state["verdict"]
+        stands = verdict["allowed"] == [0, 0, 0] and verdict["asked"][0] > 0
+        return stands and person.part("words").inner_text() != ""
+
+    seize_stick(tasks)
+    deadline = time.monotonic() + PATIENCE_S
+    while not held():  # by the gate, with words that say why
+        assert time.monotonic() < deadline, f"not held: {person.state}"
+        seized_again(tasks)
+        push_stick(person, 1.0, 0.0)
     person.until_still()
     person.page.mouse.up()
