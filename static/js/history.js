@@ -165,9 +165,10 @@ export class History {
     const time = make("time", { text: whenText(at) });
     time.dateTime = at;
     const facts = [languageName(language), topic, who, outcomeText(outcome)].filter(Boolean);
+    const mine = make("span", { className: "badge", text: gettext("this topic") });
     const note = make("span", {
       className: "hit-note",
-      children: [time, ` · ${facts.join(" · ")}`],
+      children: [time, ` · ${facts.join(" · ")} `, isHere && mine].filter(Boolean),
     });
     if (why) note.title = why;
     const said = text
@@ -179,8 +180,7 @@ export class History {
     again.addEventListener("click", () =>
       this.#send({ t: "say", text, language, topic: topic || null }),
     );
-    const mine = make("span", { className: "badge", text: gettext("this topic") });
-    const children = [words, isHere && mine, text && again].filter(Boolean);
+    const children = [words, text && again].filter(Boolean);
     const row = make("div", { className: "hit", children });
     mark(row, "here", isHere);
     return row;

@@ -116,8 +116,10 @@ def test_a_browser_gets_its_language_if_that_is_there_and_english_otherwise(sett
     german = Client(headers={"Accept-Language": "de-AT, fr;q=0.5"})
     with translation.override(None):  # a page leaves its language to the thread
         assert '<html lang="en-gb"' in german.get("/cookies/").content.decode()
-        settings.LANGUAGES = [*settings.LANGUAGES, ("de", "Deutsch")]
-        assert '<html lang="de"' in german.get("/cookies/").content.decode()
+        settings.LANGUAGES = [*settings.LANGUAGES, ("de", "Deutsch"), ("ar", "العربية")]
+        assert '<html lang="de" dir="ltr"' in german.get("/cookies/").content.decode()
+        arabic = Client(headers={"Accept-Language": "ar"})
+        assert '<html lang="ar" dir="rtl"' in arabic.get("/cookies/").content.decode()
 
 
 def test_the_texts_of_scripts_are_a_script_for_everybody() -> None:
