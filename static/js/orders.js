@@ -48,12 +48,17 @@ function doneText(order) {
     case "publish":
       return interpolate(gettext("Published on %s."), [order.topic]);
     case "publish_stop":
-      return interpolate(gettext("Nothing more is published on %s."), [order.topic]);
+      return publishedNoMore(order.topic);
     case "refresh":
       return gettext("The robot is asked for its list again.");
     default:
       return "";
   }
+}
+
+/** What there is to tell when a topic's messages were ended. */
+export function publishedNoMore(topic) {
+  return interpolate(gettext("Nothing more is published on %s."), [topic]);
 }
 
 /** The beginning of a text, on one line. */

@@ -1,5 +1,6 @@
 /** The connection for the robot's topics: questions with one answer each, and live views. */
 
+import { PATIENCE_MS as LATE_MS } from "../orders.js";
 import { Pulse } from "../pulse.js";
 import { LiveSocket } from "../socket.js";
 
@@ -14,7 +15,7 @@ class RefusedError extends Error {
   }
 }
 
-/** Events: "open", "down", "refused" (detail: what nobody asked for). Open only while somebody looks. */
+/** Events: "open", "down", "refused" (detail: what nobody asked for), "late" (an answer). Open only while somebody looks. */
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
@@ -58,15 +59,15 @@ export class TopicsChannel extends EventTarget {
     const seq = this.#seq;
     return new Promise((resolve, reject) => {
       const fail = (code, text) => {
-        clearTimeout(timer);
-        this.#asked.delete(seq);
+        this.#forget(seq);
         reject(new RefusedError({ code, text }));
       };
-      const timer = setTimeout(
+      const late = setTimeout(() => this.dispatchEvent(new CustomEvent("late")), LATE_MS);
+      const over = setTimeout(
         () => fail("no_answer", gettext("No answer came. Try again.")),
         PATIENCE_MS,
       );
-      this.#asked.set(seq, { resolve, reject, timer, fail });
+      this.#asked.set(seq, { resolve, reject, fail, timers: [late, over] });
       if (!this.#socket?.send({ ...question, seq })) {
         fail("not_connected", gettext("There is no connection to the console."));
       }
@@ -104,15 +105,19 @@ export class TopicsChannel extends EventTarget {
     this.dispatchEvent(new CustomEvent("down"));
   }
 
+  #forget(seq) {
+    for (const timer of this.#asked.get(seq)?.timers ?? []) clearTimeout(timer);
+    this.#asked.delete(seq);
+  }
+
   #heard(message) {
     this.#pulse.heard(message);
     if (message.t === "shown") {
       this.#looks.get(message.topic)?.shown(message);
       requestAnimationFrame(() => this.#socket?.send({ t: "ack" }));
     } else if (this.#asked.has(message.seq)) {
-      const { resolve, reject, timer } = this.#asked.get(message.seq);
-      clearTimeout(timer);
-      this.#asked.delete(message.seq);
+      const { resolve, reject } = this.#asked.get(message.seq);
+      this.#forget(message.seq);
       if (message.t === "refused") reject(new RefusedError(message.refusal));
       else resolve(message);
     } else if (message.t === "refused") {

@@ -93,10 +93,9 @@ export class PublishPanel extends EventTarget {
     show(this.#parts["publish-control"], !may);
   }
 
-  /** What the robot's side refused of the last message. */
+  /** What the robot's side refused of the last message, which is told already: this says in which field. */
   fault({ text, figures = {} }) {
-    const inForm = this.#usesForm && this.#form?.fault(figures.path ?? "", text);
-    this.#say(inForm ? "" : text);
+    if (this.#usesForm) this.#form?.fault(figures.path ?? "", text);
   }
 
   close() {

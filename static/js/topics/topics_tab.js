@@ -3,6 +3,7 @@
 import { closable } from "../dialog.js";
 import { mark, show } from "../dom.js";
 import { SearchList } from "../list.js";
+import { publishedNoMore } from "../orders.js";
 import { whyNot } from "../roles.js";
 import { useLabel } from "../uses.js";
 import { TopicsChannel } from "./channel.js";
@@ -32,7 +33,6 @@ export class TopicsTab {
   #chosen = {}; // by use, where it is not the default
   #role = "observer";
   #listening = new AbortController();
-  #mayAct = false;
 
   /**
    * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
@@ -74,7 +74,6 @@ export class TopicsTab {
 
   /** @param {boolean} may this tab has control of the robot */
   set mayAct(may) {
-    this.#mayAct = may;
     this.#choices.mayAct = may;
     show(this.#parts["uses-control"], !may);
     this.#publish.mayAct = may;
@@ -119,6 +118,9 @@ export class TopicsTab {
     this.#channel.addEventListener("down", () => mark(this.#parts.watches, "stale", true));
     this.#channel.addEventListener("open", () => this.#refresh());
     this.#channel.addEventListener("open", () => this.#publish.connected());
+    this.#channel.addEventListener("late", () =>
+      this.#tell("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds.")),
+    );
     this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));
     this.#parts["topics-refresh"].addEventListener("click", () => this.#refresh());
     closable(this.#parts["choose-dialog"], this.#listening.signal);
@@ -128,8 +130,8 @@ export class TopicsTab {
     this.#choices.addEventListener("list", ({ detail }) => this.#openChoice(detail.use));
     this.#publish.addEventListener("publish", ({ detail }) => this.#publishThis(detail));
     this.#publish.addEventListener("stop", ({ detail: { topic } }) => {
-      if (this.#repeater.end(topic)) return;
-      this.#send({ t: "publish_stop", topic });
+      if (!this.#repeater.end(topic)) this.#send({ t: "publish_stop", topic });
+      else this.#tell("success", publishedNoMore(topic));
     });
   }
 
@@ -272,7 +274,6 @@ export class TopicsTab {
   }
 
   async #send(order) {
-    if (!this.#mayAct) return;
     const refusal = await this.#orders.send(order);
     if (!refusal) return;
     if (order.t === "publish") {
@@ -282,7 +283,11 @@ export class TopicsTab {
   }
 
   #warn(text) {
-    this.#orders.tell({ level: "warning", code: "topics", text });
+    this.#tell("warning", text);
+  }
+
+  #tell(level, text) {
+    this.#orders.tell({ level, code: text, text });
   }
 
   #say(text) {

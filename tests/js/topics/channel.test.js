@@ -31,6 +31,21 @@ describe("the channel of the topics", () => {
     vi.useRealTimers();
   });
 
+  it("says of an answer that it is late, and not of one that came", async () => {
+    const late = vi.fn();
+    channel.addEventListener("late", late);
+    const asked = channel.ask({ t: "topics" });
+    made[0].says('{"t": "graph", "seq": 1, "topics": []}');
+    await asked;
+    vi.advanceTimersByTime(2000);
+    expect(late).not.toHaveBeenCalled();
+    const second = channel.ask({ t: "topics" });
+    vi.advanceTimersByTime(750);
+    expect(late).toHaveBeenCalledTimes(1);
+    made[0].says('{"t": "graph", "seq": 2, "topics": []}');
+    expect(await second).toMatchObject({ seq: 2 });
+  });
+
   it("hears nothing more of a socket that it has closed", async () => {
     channel.close();
     channel.open();
