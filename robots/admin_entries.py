@@ -87,9 +87,15 @@ class EntryAdmin(RecordedAdmin):
 class AllowanceAdmin(EntryAdmin):
     """Every allow-list."""
 
-    list_display = ["name", "what", "use", "type", "role", "whose"]
+    list_display = ["name", "what", "use", "type", "role", "whose", "why_nothing"]
+    list_select_related = ["profile", "robot__profile"]
     list_filter = ["what", "profile", "robot"]
     search_fields = ["name", "type"]
+
+    @admin.display(description=_("counts for nothing, for"), empty_value="")
+    def why_nothing(self, entry: Allowance) -> str:
+        """What a later edit, or a newer console, has against it."""
+        return entry.why_nothing
 
 
 # As a robot's page has them: those of its kind, then its own, each in their order.

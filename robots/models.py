@@ -18,6 +18,7 @@ from django.utils.translation import gettext_lazy as _
 
 from robots import described, effective, phrases
 from robots.bridge import stick
+from robots.bridge.config import Topics
 from robots.bridge.never import USE_TYPES, why_never
 
 T = TypeVar("T")
@@ -519,6 +520,8 @@ class Allowance(OfProfileOrRobot):
         SPEECH = "speech", _("speech")
         MOTIONS = "motions", _("motions")
 
+    TYPED = (What.PUBLISH, What.CALL)
+
     what = models.CharField(_("what"), max_length=8, choices=What.choices)
     use = models.CharField(
         _("input"),
@@ -588,7 +591,7 @@ class Allowance(OfProfileOrRobot):
                 if not self.use
                 else gettext("Only for what is chosen: leave it empty.")
             )
-        if self.what in (self.What.PUBLISH, self.What.CALL) and not self.type:
+        if self.what in self.TYPED and not self.type:
             errors["type"] = gettext("What is published or called needs its type.")
         if self.what == self.What.SET and self.type:
             errors["type"] = gettext("A parameter has no type: leave it empty.")
@@ -597,22 +600,30 @@ class Allowance(OfProfileOrRobot):
         self._judge()
 
     def _judge(self) -> None:
-        """By what its owner is; of an owner whose own entry is wrong, nothing can be said."""
-        try:
-            if self.robot is not None:
-                topics = effective.topics(self.robot)
-            elif self.profile is not None:
-                topics = effective.profile_topics(self.profile)
-            else:
-                return
-        except described.Problems:
-            return
-        if self.use and not self.type:
+        topics = self._topics()
+        if self.use and not self.type and topics is not None:
             default = getattr(topics, self.use)
             self.type = default.type if default else ""
-        if why := why_never(self.what, self.name, self.type, topics, self.use):
+        if why := self.why_nothing:
             told = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
             raise ValidationError({"name": told})
+
+    @property
+    def why_nothing(self) -> str:
+        """Why it counts for nothing: its owner was edited since, or no list of today's console admits it."""
+        if self.what in self.TYPED and not self.type:
+            return gettext("it names no type")
+        topics = self._topics()
+        return (topics and why_never(self.what, self.name, self.type, topics, self.use)) or ""
+
+    def _topics(self) -> Topics | None:
+        """Of its owner; of one whose own entry is wrong, nothing can be said."""
+        try:
+            if self.robot is not None:
+                return effective.topics(self.robot)
+            return effective.profile_topics(self.profile) if self.profile is not None else None
+        except described.Problems:
+            return None
 
 
 class BridgeStatus(models.Model):

@@ -335,3 +335,16 @@ def test_one_name_is_there_once(admin: Client, robot: Robot, staff: User) -> Non
     page = admin.post(url, {**NOTES, "robot": robot.pk, "role": "staff"}).content.decode()
     assert "already exists" in page
     assert robot.allowances.count() == 1
+
+
+def test_the_list_of_all_says_which_entries_count_for_nothing_and_why(
+    admin: Client, robot: Robot, tiago: RobotProfile, staff: User
+) -> None:
+    allow(robot, staff)
+    allow(tiago, staff, what="call", name="/demo/lamp", type="std_srvs/Trigger")
+    assert "frames and clocks" not in admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
+    Allowance.objects.filter(what="publish").update(name="/tf")  # as a console of before may have had it
+    Allowance.objects.filter(what="call").update(type="")
+    page = admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
+    assert "frames and clocks tie together what the gate sees" in page
+    assert "it names no type" in page
