@@ -176,7 +176,8 @@ class Orders:
         `sent`: what the base was told last; `page_gone_s`: when the holder's page was lost, None while it is there.
         """
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
-            self.motions.cancel("link_lost", "The console lost its link to the robot.")
+            why = f"The page of who asked for it was out of reach for {LINK_PATIENCE_S:.0f} s."
+            self.motions.cancel("link_lost", why)
             self.publishings.halt("link_lost", now_s)
         self.publishings.tick(self._rules.why_not_begin, now_s)
         self._watch_motion(now_s)

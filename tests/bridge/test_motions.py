@@ -433,7 +433,11 @@ def test_a_link_lost_for_two_seconds_cancels_it_and_a_shorter_loss_does_not(benc
     bench.core.link_lost(1, bench.now_s)
     passes(bench, goal_id, 2.2)
     assert bench.base.cancelled_goals == [goal_id]
-    assert ends(bench, goal_id).outcome == "link_lost"
+    end = ends(bench, goal_id)
+    assert (end.outcome, end.text) == (
+        "link_lost",
+        "The page of who asked for it was out of reach for 2 s.",
+    )
 
 
 def test_a_goal_of_which_the_robot_never_speaks_is_given_up(bench):
