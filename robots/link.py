@@ -26,7 +26,6 @@ from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.connections import DOWN, open_link, open_sync, why_down
 from robots.inquiries import Inquiries
-from robots.looking import Looking
 from robots.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
@@ -41,6 +40,7 @@ _QUESTION_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its i
 _ORDERS, _QUESTIONS = 64, 32  # under way at once, of all pages together
 _ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
 _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
+_LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
 _SILENT = Refusal("bridge_silent", "The robot's bridge did not answer in time.", "robot")
@@ -106,8 +106,12 @@ class BridgeLink:
         self.highest_fence = 0
         self._socket: ClientConnection | None = None  # to a bridge that said that it is this robot's
         self._listeners: set[Listener] = set()
-        self._watchers: dict[Listener, frozenset[str]] = {}
-        self._looking: Looking[Listener] = Looking(self._tell_looks)
+        self._viewer: Listener | None = (
+            None  # of the listeners, the one for whom there are pictures and messages
+        )
+        self._names: frozenset[str] = frozenset()  # of those who look
+        self._topics: dict[str, float] = {}  # whose messages they look at, and how often (Hz)
+        self._telling: asyncio.TimerHandle | None = None  # the bridge of other topics
         self._grants: Inquiries[None] = Inquiries()  # by fencing number
         self._latch: Inquiries[Stopped] = Inquiries()  # by number
         self._orders: Inquiries[Accepted | Refused] = Inquiries()  # by kind, fencing number and number
@@ -132,29 +136,28 @@ class BridgeLink:
     def unsubscribe(self, listener: Listener) -> None:
         """Stop following."""
         self._listeners.discard(listener)
-        self.watch(listener, ())
-        self._looking.want(listener, {})
+        if listener is self._viewer:
+            self.watch(listener, ())
+            self.look_at(listener, {})
+            self._viewer = None
         if not self._listeners:
             self._lingering.cancel()
             self._lingering = self._linger()
 
-    def watch(self, listener: Listener, names: Collection[str]) -> None:
-        """Who looks through `listener`; nobody: no pictures for it. The bridge draws only while somebody looks."""
-        before = self._names
-        if names:
-            self._watchers[listener] = frozenset(names)
-        else:
-            self._watchers.pop(listener, None)
-        if self._names != before:
+    def watch(self, viewer: Listener, names: Collection[str]) -> None:
+        """Who looks through `viewer`, of whom there is one; the bridge draws pictures only while somebody looks."""
+        self._viewer = viewer
+        if self._names != set(names):
+            self._names = frozenset(names)
             self._send_watchers()
 
-    def look_at(self, listener: Listener, topics: Mapping[str, float]) -> None:
-        """Whose messages `listener` wants to see, and how many a second. Nobody: the robot sends none."""
-        self._looking.want(listener, topics)
-
-    @property
-    def _names(self) -> set[str]:
-        return set().union(*self._watchers.values())
+    def look_at(self, viewer: Listener, topics: Mapping[str, float]) -> None:
+        """Whose messages `viewer` wants to see, and how many a second. Nobody's: the robot sends none."""
+        self._viewer = viewer
+        if self._topics != topics:
+            self._topics = dict(topics)
+            if self._telling is None:
+                self._tell_looks_soon()
 
     # --- what is sent --------------------------------------------------------------------------------
 
@@ -228,7 +231,8 @@ class BridgeLink:
 
     def _end(self) -> None:
         self.closed = True
-        self._looking.close()
+        if self._telling is not None:
+            self._telling.cancel()
         self._task.cancel()
 
     @property
@@ -267,9 +271,16 @@ class BridgeLink:
         named = [name[:_NAME_LENGTH] for name in names[:_NAMES]]
         self.send(wire.Watch(named, len(names) - len(named)))
 
-    def _tell_looks(self) -> bool:
-        """False if that must wait. A link that is down is told when it comes up."""
-        return not self._is_behind and (self._socket is None or self.send(wire.LookAt(self._looking.topics)))
+    def _tell_looks_soon(self) -> None:
+        self._telling = asyncio.get_running_loop().call_later(_LOOKS_PACE_S, self._tell_looks)
+
+    def _tell_looks(self) -> None:
+        """A link that is behind is told later, and one that is down when it comes up."""
+        self._telling = None
+        if self._is_behind:
+            self._tell_looks_soon()
+        else:
+            self.send(wire.LookAt(self._topics))
 
     # --- the connection ------------------------------------------------------------------------------
 
@@ -298,10 +309,10 @@ class BridgeLink:
             _require_robot(heard, self.robot_id, self.address)
             self._socket = socket
             self._heard(wire.link_report(heard))
-            if self._watchers:
+            if self._names:
                 self._send_watchers()
-            if topics := self._looking.topics:
-                await self._send(wire.LookAt(topics))
+            if self._topics:
+                await self._send(wire.LookAt(self._topics))
             while True:
                 raw = await socket.recv()
                 if isinstance(raw, bytes):
@@ -314,8 +325,8 @@ class BridgeLink:
             self._socket = None
 
     def _show(self, view: str) -> None:
-        for listener in list(self._watchers):
-            listener.on_view(view)
+        if self._viewer and self._names:
+            self._viewer.on_view(view)
 
     def _heard(self, report: wire.LinkReport) -> None:
         match report:
@@ -363,9 +374,8 @@ class BridgeLink:
                     listener.on_refused(refused)
 
     def _tell_seen(self, seen: wire.Seen) -> None:
-        shown = bytes(seen.shown).decode()
-        for listener in self._looking.who_wants(seen.topic):
-            listener.on_seen(seen.topic, shown)
+        if self._viewer and seen.topic in self._topics:
+            self._viewer.on_seen(seen.topic, bytes(seen.shown).decode())
 
     def _tell_state(self, state: State) -> None:
         self.state = state

@@ -98,6 +98,7 @@ class Room:
     def add(self, member: Member) -> None:
         """Let a page in."""
         self.members[member.id] = member
+        self.watchers_changed()
 
     async def remove(self, member: Member) -> None:
         """See a page out; the last one closes the room."""

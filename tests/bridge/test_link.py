@@ -229,6 +229,18 @@ async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
     assert remote.watchers == []
 
 
+async def test_who_leaves_takes_no_picture_from_who_came_meanwhile(link, bridge):
+    [remote] = bridge.server.links
+    link.watch(link.follower, ["Ann"])
+    link.subscribe(successor := Follower())
+    link.watch(successor, ["Ben"])
+    link.unsubscribe(link.follower)
+    await link.stop(wire.LinkStop("Ann"))
+    assert remote.watchers == ["Ben"]
+    remote.show(b'{"t":"view"}')
+    assert await successor.until("view") == '{"t":"view"}'
+
+
 async def test_nothing_piles_up_before_a_bridge_that_reads_nothing(link, bridge):
     [remote] = bridge.server.links
     remote._socket.transport.pause_reading()
