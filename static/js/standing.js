@@ -95,8 +95,10 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
     };
   }
   if (state.stop.state !== "clear") return stopBanner(state.stop);
-  if (state.phase !== "online")
-    return { level: "warning", title: phaseTitle(state.phase), text: state.text };
+  if (state.phase !== "online") {
+    const text = `${state.text} ${waits()}`.trim();
+    return { level: "warning", title: phaseTitle(state.phase), text };
+  }
   if (asksNeutral) {
     return {
       level: "info",
@@ -121,7 +123,7 @@ function waits() {
 export function phaseTitle(phase) {
   const titles = {
     waiting: gettext("Waiting for the robot"),
-    connecting: gettext("The robot is starting"),
+    connecting: gettext("The robot is not ready"),
     refused: gettext("The robot was refused"),
     online: gettext("Online"),
   };

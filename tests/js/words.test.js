@@ -45,12 +45,16 @@ describe("the banner", () => {
     expect(banner({ ...WELL, state: stopping }).text).toContain("not confirmed yet");
   });
 
-  it("passes on why the robot is not there", () => {
-    const state = { ...ONLINE, phase: "waiting", text: "No ROS master at http://tiago-3:11311." };
+  it("passes on why the robot is not there, and what to do", () => {
+    const text = "No ROS master at http://tiago-3:11311.";
+    const todo = "This page goes on by itself. If this lasts, tell staff.";
+    const state = { ...ONLINE, phase: "waiting", text };
     expect(banner({ ...WELL, state })).toMatchObject({
       title: "Waiting for the robot",
-      text: state.text,
+      text: `${text} ${todo}`,
     });
+    expect(banner({ ...WELL, gone: { text } }).text).toBe(`${text} ${todo}`);
+    expect(banner({ ...WELL, sinceViewMs: 2400 }).text).toContain(todo);
   });
 
   it("asks for a neutral stick, with the bridge's reason if it has one", () => {
