@@ -8,7 +8,7 @@ import signal
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Locator
+from playwright.sync_api import Locator, WebSocketRoute
 
 from benchmarks.parts import proc
 from script.stack.stack import Stack
@@ -293,6 +293,37 @@ def bridge_of(stack: Stack, slug: str) -> int:
         if {"run_bridge", slug} <= set(proc.arguments(child))
     ]
     return bridge
+
+
+def test_control_that_was_taken_over_while_the_connection_was_lost_is_told(person: Arrive) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    sockets: list[WebSocketRoute] = []
+    lost = False
+
+    def connect(socket: WebSocketRoute) -> None:
+        if lost:
+            socket.close()
+        else:
+            sockets.append(socket)
+            socket.connect_to_server()
+
+    operator.page.route_web_socket(re.compile("/ws/robots/tiago-2/$"), connect)
+    operator.open("/robots/tiago-2/")
+    operator.press("Take control")
+    operator.page.get_by_role("button", name="Release").wait_for()
+    supervisor.watch("tiago-2")
+    lost = True
+    sockets[0].close()
+    operator.part("banner").get_by_text("No connection").wait_for()
+    supervisor.press("Take over…")
+    dialog = supervisor.page.get_by_role("dialog", name="Take over control?")
+    dialog.get_by_label("Reason").fill("a test")
+    dialog.get_by_label("Reason").press("Enter")
+    supervisor.until_in_control()
+    lost = False
+    operator.part("who").get_by_text("Supervisor has control").wait_for()
+    assert logged(operator)[0] == "Control ended while the connection was lost."
+    supervisor.release()
 
 
 def test_while_the_robot_is_silent_that_is_said_and_inputs_give_way(person: Arrive, stack: Stack) -> None:
