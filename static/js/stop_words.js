@@ -45,11 +45,13 @@ export class StopWords {
     const names = failures.flatMap(({ name }) => name ?? []).join(", ");
     const unreached = gettext("Not reached: %s. Use the red button on the robot.");
     const texts = failures.map(({ text }) => text ?? interpolate(unreached, [names]));
-    this.#show([...new Set(texts)].join(" "));
+    this.#show([...new Set(texts)].join(" "), "alert");
   }
 
-  #show(text) {
+  /** @param {"status" | "alert"} role by which a screen reader waits with it, or does not */
+  #show(text, role = "status") {
     clearTimeout(this.#timer);
+    this.#element.setAttribute("role", role);
     say(this.#element, text);
   }
 }

@@ -32,6 +32,15 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("No answer. Not reached: B.");
   });
 
+  it("interrupt a screen reader with failures, and with nothing else", () => {
+    words.say("Stop sent");
+    expect(element.getAttribute("role")).toBe("status");
+    words.fail("No answer.");
+    expect(element.getAttribute("role")).toBe("alert");
+    words.say("Stopped.");
+    expect(element.getAttribute("role")).toBe("status");
+  });
+
   it("name the robots that were not reached in one sentence", () => {
     for (const n of [1, 2]) words.unreached(`TIAGo ${n}`, `tiago-${n}`);
     words.fail("No answer.", "tiago-3");
