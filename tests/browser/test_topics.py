@@ -186,3 +186,25 @@ def test_a_velocity_that_is_published_goes_through_the_gate_and_ends_with_window
     operator.page.get_by_role("tab", name="Motions").click()
     operator.until_still()
     operator.release()
+
+
+def test_staff_call_a_service_and_set_a_parameter_of_the_allow_list(person: Arrive) -> None:
+    staff = person("staff", width=360, height=640)
+    staff.watch(ROBOT)
+    topics_of(staff)
+    services = staff.part("service-list")
+    services.get_by_role("searchbox").fill("list_motions")
+    services.get_by_role("button", name="/play_motion/list_motions").click()
+    called = staff.part("service-call")
+    called.get_by_text("play_motion_msgs/ListMotions", exact=True).wait_for()
+    called.get_by_role("button", name="Call").click()
+    called.get_by_text('"name": "wave"').wait_for()
+
+    parameters = staff.part("parameter-list")
+    parameters.get_by_role("searchbox").fill("/robot_description")
+    parameters.get_by_role("button", name="/robot_description").first.click()
+    shown = staff.part("parameter-value")
+    shown.get_by_label("Value of /robot_description").fill('"no arm"')
+    shown.get_by_role("button", name="Set").click()
+    shown.get_by_text("not on the allow-list").wait_for()
+    assert staff.complaints == []

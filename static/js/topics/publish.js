@@ -95,7 +95,9 @@ export class PublishPanel extends EventTarget {
 
   /** What the robot's side refused of the last message, which is told already: this says in which field. */
   fault({ text, figures = {} }) {
-    if (this.#usesForm) this.#form?.fault(figures.path ?? "", text);
+    if (figures.path === undefined) return;
+    const inForm = this.#usesForm && this.#form?.fault(figures.path, text);
+    this.#say(inForm ? "" : text);
   }
 
   close() {

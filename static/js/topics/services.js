@@ -41,7 +41,7 @@ export class ServiceCall {
       });
       this.element
         .querySelector("h3")
-        .append(" ", make("span", { className: "quiet", text: type }));
+        .append(" ", make("span", { className: "quiet", text: type.replace(/Request$/, "") }));
       this.#form = new MessageForm(this.#fields, fields);
     } catch (error) {
       this.#tell(error.message, true);

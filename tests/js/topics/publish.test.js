@@ -35,6 +35,20 @@ describe("the form of what may be published", () => {
     expect(ask).toHaveBeenCalledTimes(2);
   });
 
+  it("says of a wrong field where it is, in a dictionary below the text, and leaves other faults to the notices", async () => {
+    const { parts, panel } = panelAt(vi.fn().mockResolvedValue(DEFINITION));
+    panel.publishable = [NOTES];
+    await vi.waitFor(() => expect(parts["publish-fields"].children).toHaveLength(1));
+    panel.fault({ code: "bad_field", text: "data: a text.", figures: { path: "data" } });
+    expect(parts["publish-fields"].querySelector(".field-note").textContent).toBe("data: a text.");
+    expect(parts["publish-fault"].textContent).toBe("");
+    parts["publish-as"].innerHTML = "<option value=text>A dictionary</option>";
+    panel.fault({ code: "no_lease", text: "No control." });
+    expect(parts["publish-fault"].textContent).toBe("");
+    panel.fault({ code: "bad_field", text: "data: a text.", figures: { path: "data" } });
+    expect(parts["publish-fault"].textContent).toBe("data: a text.");
+  });
+
   it("is another when the list gives the same topic another type", async () => {
     const ask = vi.fn().mockResolvedValue(DEFINITION);
     const { panel } = panelAt(ask);

@@ -52,7 +52,7 @@ describe("a parameter", () => {
 });
 
 describe("a service", () => {
-  const DESCRIBED = { type: "std_srvs/SetBool", fields: [{ name: "data", type: "bool" }] };
+  const DESCRIBED = { type: "std_srvs/SetBoolRequest", fields: [{ name: "data", type: "bool" }] };
 
   async function opened(ask) {
     const view = new ServiceCall({ ask }, "/lamp", true).element;
@@ -64,6 +64,7 @@ describe("a service", () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockResolvedValueOnce({ fields: { success: true } });
     const view = await opened(ask);
+    expect(view.querySelector("h3").textContent).toBe("/lamp std_srvs/SetBool"); // as the allow-list wants it
     view.querySelector("input").checked = true;
     await pressed(view, "Call");
     expect(ask.mock.lastCall[0]).toMatchObject({
