@@ -108,6 +108,20 @@ def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
     assert observer.part("banner-title").inner_text() == "Stopped by Operator"
     assert not observer.part("clear").is_visible()
     operator.clear()
+
+    # Where no joystick is, letters and arrows drive nothing; a space still stops.
+    operator.page.evaluate("location.hash = 'topics'")
+    operator.page.locator(".control[data-tab=topics]").wait_for()
+    operator.drives.clear()
+    operator.page.keyboard.down("ArrowUp")
+    operator.page.keyboard.down("w")
+    operator.until(lambda: len(operator.drives) > 5, "the stick")
+    assert {(drive["x"], drive["w"]) for drive in operator.drives} == {(0, 0)}
+    operator.page.keyboard.up("w")
+    operator.page.keyboard.up("ArrowUp")
+    operator.page.keyboard.press("Space")
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
+    operator.clear()
     operator.release()
 
 
