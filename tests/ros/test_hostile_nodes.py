@@ -7,6 +7,7 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 # isort: split
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -15,7 +16,7 @@ import pytest
 
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.tcpros import read_header
+from robots.bridge.ros.tcpros import Conversation
 from tests.ros.meddling import answer_of
 
 
@@ -64,7 +65,7 @@ def test_a_header_that_is_cut_short_is_an_error_in_words(header):
     with ours, theirs:
         theirs.sendall(len(header).to_bytes(4, "little") + header)
         with pytest.raises(ValueError, match="does not speak TCPROS"):
-            read_header(ours)
+            Conversation(ours, time.monotonic() + 10).read_header()
 
 
 def test_an_errand_that_fails_keeps_no_other_from_being_done():

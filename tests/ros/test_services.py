@@ -5,8 +5,9 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, cast
 
 import pytest
@@ -14,7 +15,7 @@ import pytest
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.master import Master
-from robots.bridge.ros.tcpros import read_header
+from robots.bridge.ros.tcpros import Conversation
 from robots.bridge.ros.types import service_class
 
 TRIGGER = "std_srvs/Trigger"
@@ -32,10 +33,14 @@ class OneService:
 
 
 @contextmanager
-def serving(md5: str, answer: bytes = b"") -> Iterator[OneService]:
-    """A service that says it has this md5 sum, and answers every call with these bytes; its master."""
+def serving(md5: str, answer: bytes = b"", pause_s: float = 0.0) -> Iterator[OneService]:
+    """A service that says it has this md5 sum, and answers every call with these bytes, a pause after each.
+
+    Yields its master.
+    """
     pairs = [f"{key}={value}".encode() for key, value in {"type": TRIGGER, "md5sum": md5}.items()]
     header = b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
+    over = threading.Event()
 
     def serve() -> None:
         while True:
@@ -44,17 +49,21 @@ def serving(md5: str, answer: bytes = b"") -> Iterator[OneService]:
             except OSError:
                 return
             with connection:
-                asked = read_header(connection)
+                asked = Conversation(connection, time.monotonic() + 10).read_header()
                 connection.sendall(struct.pack("<I", len(header)) + header)
                 if "probe" not in asked:
-                    connection.sendall(answer)
-                    master.heard.append(connection.recv(1024))
+                    with suppress(OSError):  # nobody listens so long
+                        for byte in answer:
+                            connection.sendall(bytes([byte]))
+                            over.wait(pause_s)
+                        master.heard.append(connection.recv(1024))
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
         master = OneService(f"rosrpc://127.0.0.1:{listener.getsockname()[1]}")
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
         yield master
+        over.set()
         listener.shutdown(socket.SHUT_RDWR)
         thread.join()
 
@@ -86,3 +95,13 @@ def test_a_call_that_is_late_by_then_is_not_sent() -> None:
             services.call(service, {}, too_late)
     assert caught.value.refusal.code == "too_old"
     assert master.heard == [b""]  # it was connected to, and nothing came
+
+
+def test_a_service_that_drips_its_answer_is_silent_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = b"\x01" + struct.pack("<I", 35) + struct.pack("<?I", True, 30) + b"x" * 30
+    with serving(service_class(TRIGGER)._md5sum, answer, pause_s=0.2) as master:
+        service = services.find(cast(Master, master), "/lamp")
+        monkeypatch.setattr(services, "CALL_S", 1.0)
+        with pytest.raises(Declined) as caught:
+            services.call(service, {}, lambda: None)
+    assert caught.value.refusal.code == "service_silent"

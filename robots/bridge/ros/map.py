@@ -15,7 +15,7 @@ import msgspec
 from robots.bridge.maps import END_S, MapWanted, NoMap
 from robots.bridge.occupancy import LARGEST_MESSAGE, BadMap, taken
 from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.tcpros import connect_to_publisher, read, read_header, read_length
+from robots.bridge.ros.tcpros import Conversation, first_told
 from robots.bridge.ros.types import message_class
 from robots.bridge.sink import TakenMap
 from robots.ending import leave_within
@@ -26,35 +26,31 @@ MESSAGE_S = 5.0  # a map is latched: it comes at once
 
 def take(wanted: MapWanted) -> TakenMap | NoMap:
     """The map as the first publisher tells it that can be reached."""
-    master = Master(wanted.master_uri, CALLER)
-    why = f"nobody publishes {wanted.topic.name}"
+    master, name = Master(wanted.master_uri, CALLER), wanted.topic.name
     try:
-        for node in master.system_state().publishers.get(wanted.topic.name, []):
-            try:
-                return taken(_message(wanted, master.node_uri(node)))
-            except (OSError, MasterError, ValueError) as error:  # a BadMap is one, too
-                why = f"{node}: {error}"
+        nodes = master.system_state().publishers.get(name, [])
+        addresses = {node: master.node_uri(node) for node in nodes}
     except MasterError as error:
-        why = str(error)
-    return NoMap(why)
+        return NoMap(str(error))
+
+    def hear(conversation: Conversation) -> TakenMap:
+        return taken(_message(conversation, wanted))
+
+    heard, unheard = first_told(hear, name, addresses, CALLER)
+    whys = "; ".join(f"{node}: {why}" for node, why in unheard.items())
+    return heard or NoMap(whys or f"nobody publishes {name}")
 
 
-def _message(wanted: MapWanted, node_uri: str | None) -> bytes:
+def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
     """The first message of a publisher."""
-    if node_uri is None:
-        raise ValueError("the master does not know where it is")
-    until_s = time.monotonic() + MESSAGE_S
-    with connect_to_publisher(wanted.topic.name, node_uri, CALLER) as connection:
-        offered = read_header(connection)
-        if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
-            raise ValueError(
-                offered.get("error") or f"it tells a {offered.get('type')} that is another one here"
-            )
-        connection.settimeout(max(until_s - time.monotonic(), 0.1))
-        length = read_length(connection)
-        if length > LARGEST_MESSAGE:
-            raise BadMap(f"a message of {length} bytes is too large")
-        return read(connection, length)
+    offered = conversation.read_header()
+    if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
+        raise ValueError(offered.get("error") or f"it tells a {offered.get('type')} that is another one here")
+    conversation.until_s = time.monotonic() + MESSAGE_S
+    length = conversation.read_length()
+    if length > LARGEST_MESSAGE:
+        raise BadMap(f"a message of {length} bytes is too large")
+    return conversation.read(length)
 
 
 def main() -> None:

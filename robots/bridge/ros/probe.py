@@ -35,7 +35,7 @@ from robots.bridge.findings import (
     TopicFound,
 )
 from robots.bridge.ros.master import Master, MasterError, SystemState
-from robots.bridge.ros.tcpros import connect_to_publisher, read, read_header, read_length
+from robots.bridge.ros.tcpros import Conversation, first_told
 from robots.bridge.ros.types import UnknownTypeError, message_class
 
 CALLBACK_S = 2.0
@@ -156,16 +156,14 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
     """What the topic's publishers offer; the first that can be reached counts."""
     publishers = state.publishers.get(asked.topic, [])
     found = TopicFound(asked.what, publishers, state.types.get(asked.topic), our_md5=_our_md5(asked.type))
-    errors = []
-    for node in publishers:
-        try:
-            with connect_to_publisher(asked.topic, uris[node], CALLER, NODE_S) as connection:
-                return _listen(connection, asked, found, time.monotonic() + listen_s)
-        except KeyError:
-            errors.append(f"{node} has no address at the master")
-        except (OSError, MasterError, ValueError, struct.error) as error:
-            errors.append(f"{node}: {error}")
-    return msgspec.structs.replace(found, error="; ".join(errors) or None)
+
+    def hear(conversation: Conversation) -> TopicFound:
+        return _listen(conversation, asked, found, listen_s)
+
+    addresses = {node: uris.get(node) for node in publishers}
+    heard, unheard = first_told(hear, asked.topic, addresses, CALLER, NODE_S)
+    errors = "; ".join(f"{node}: {why}" for node, why in unheard.items())
+    return heard or msgspec.structs.replace(found, error=errors or None)
 
 
 def _our_md5(type_name: str) -> str | None:
@@ -176,16 +174,17 @@ def _our_md5(type_name: str) -> str | None:
     return md5
 
 
-def _listen(connection: socket.socket, asked: Listened, found: TopicFound, until_s: float) -> TopicFound:
+def _listen(conversation: Conversation, asked: Listened, found: TopicFound, listen_s: float) -> TopicFound:
     """Read until what was to be seen was seen, or the time is over."""
-    offered = read_header(connection)
+    offered = conversation.read_header()
     if "error" in offered:
         raise ValueError(offered["error"])
     messages, frames, skews = 0, set[str](), list[float]()
+    conversation.until_s = time.monotonic() + listen_s
     as_asked = offered.get("type") == asked.type  # of another type's bytes we know nothing
     try:
         while messages == 0 or (as_asked and asked.frames and not frames.issuperset(asked.frames)):
-            head = _read_message(connection, until_s)
+            head = _read_message(conversation)
             messages += 1
             if as_asked and asked.stamped:
                 stamp_s, frame = _stamp_and_frame(head)
@@ -203,17 +202,13 @@ def _listen(connection: socket.socket, asked: Listened, found: TopicFound, until
     )
 
 
-def _read_message(connection: socket.socket, until_s: float) -> bytes:
+def _read_message(conversation: Conversation) -> bytes:
     """The beginning of the next message; the rest of it is read and dropped."""
-    remaining_s = until_s - time.monotonic()
-    if remaining_s <= 0.0:
-        raise TimeoutError
-    connection.settimeout(remaining_s)
-    length = read_length(connection)
-    head = read(connection, min(length, HEAD))
+    length = conversation.read_length()
+    head = conversation.read(min(length, HEAD))
     left = length - len(head)
     while left:
-        left -= len(read(connection, min(left, 1 << 16)))
+        left -= len(conversation.read(min(left, 1 << 16)))
     return head
 
 

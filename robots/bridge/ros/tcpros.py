@@ -6,27 +6,84 @@ from robots.bridge.ros import path  # noqa: F401 isort: skip
 
 import socket
 import struct
+import time
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import TypeVar
 
-from robots.bridge.ros.master import Master
+from robots.bridge.ros.master import Master, MasterError
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header; a definition is part of it
 CONNECT_S = 1.0
 
 Header = dict[str, str]
+_Told = TypeVar("_Told")
 
 
-def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) -> socket.socket:
-    """Connect and say who we are and what we want; `read_header` hears the answer."""
-    connection = socket.create_connection((host, port), timeout_s)
+class Conversation:
+    """One connection, and by when all is said on it: however slowly the other side speaks, a TimeoutError ends it."""
+
+    def __init__(self, connection: socket.socket, until_s: float) -> None:
+        self.until_s = until_s  # by the monotonic clock
+        self._connection = connection
+
+    def __enter__(self) -> Conversation:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._connection.close()
+
+    def send(self, message: bytes) -> None:
+        """A message, with its length before it."""
+        self._connection.settimeout(_left_s(self.until_s))
+        self._connection.sendall(struct.pack("<I", len(message)) + message)
+
+    def read(self, length: int) -> bytes:
+        """Exactly so many bytes."""
+        parts = bytearray()
+        while len(parts) < length:
+            self._connection.settimeout(_left_s(self.until_s))
+            part = self._connection.recv(min(length - len(parts), 1 << 16))
+            if not part:
+                raise ConnectionError("closed the connection")
+            parts += part
+        return bytes(parts)
+
+    def read_length(self) -> int:
+        """A length, as it stands before everything."""
+        length: int = struct.unpack("<I", self.read(4))[0]
+        return length
+
+    def read_header(self) -> Header:
+        """What the other side says of itself."""
+        length = self.read_length()
+        if length > LARGEST_HEADER:
+            raise ValueError("does not speak TCPROS")
+        block, fields, at = self.read(length), Header(), 0
+        while at < length:
+            if at + 4 > length:
+                raise ValueError("does not speak TCPROS")
+            (size,) = struct.unpack_from("<I", block, at)
+            key, _, value = block[at + 4 : at + 4 + size].decode(errors="replace").partition("=")
+            fields[key] = value
+            at += 4 + size
+        return fields
+
+
+def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) -> Conversation:
+    """Connect, and say who we are and what we want; `read_header` hears the answer. All of it within `timeout_s`."""
+    until_s = time.monotonic() + timeout_s
+    conversation = Conversation(socket.create_connection((host, port), timeout_s), until_s)
     pairs = [f"{key}={value}".encode() for key, value in fields.items()]
-    header = b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
-    connection.sendall(struct.pack("<I", len(header)) + header)
-    return connection
+    conversation.send(b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs))
+    return conversation
 
 
 def connect_to_publisher(
     topic: str, node_uri: str, caller: str, timeout_s: float = CONNECT_S
-) -> socket.socket:
+) -> Conversation:
     """A subscriber's connection to one publisher, whatever its type."""
     protocol = Master(node_uri, caller, timeout_s).call("requestTopic", topic, [["TCPROS"]])
     if not protocol:
@@ -36,34 +93,28 @@ def connect_to_publisher(
     return connect(host, port, wanted, timeout_s)
 
 
-def read_header(connection: socket.socket) -> Header:
-    """What the other side says of itself."""
-    length = read_length(connection)
-    if length > LARGEST_HEADER:
-        raise ValueError("does not speak TCPROS")
-    block, fields, at = read(connection, length), Header(), 0
-    while at < length:
-        if at + 4 > length:
-            raise ValueError("does not speak TCPROS")
-        (size,) = struct.unpack_from("<I", block, at)
-        key, _, value = block[at + 4 : at + 4 + size].decode(errors="replace").partition("=")
-        fields[key] = value
-        at += 4 + size
-    return fields
+def first_told(
+    hear: Callable[[Conversation], _Told],
+    topic: str,
+    publishers: Mapping[str, str | None],  # a node's address, None if the master has none
+    caller: str,
+    timeout_s: float = CONNECT_S,
+) -> tuple[_Told | None, dict[str, str]]:
+    """What `hear` makes of the first publisher that can be heard; and why others could not be, by node."""
+    unheard: dict[str, str] = {}
+    for node, uri in publishers.items():
+        try:
+            if uri is None:
+                raise ValueError("has no address at the master")
+            with connect_to_publisher(topic, uri, caller, timeout_s) as conversation:
+                return hear(conversation), unheard
+        except (OSError, MasterError, ValueError, struct.error) as error:
+            unheard[node] = str(error)
+    return None, unheard
 
 
-def read_length(connection: socket.socket) -> int:
-    """A length, as it stands before everything."""
-    length: int = struct.unpack("<I", read(connection, 4))[0]
-    return length
-
-
-def read(connection: socket.socket, length: int) -> bytes:
-    """Exactly so many bytes."""
-    parts = bytearray()
-    while len(parts) < length:
-        part = connection.recv(min(length - len(parts), 1 << 16))
-        if not part:
-            raise ConnectionError("closed the connection")
-        parts += part
-    return bytes(parts)
+def _left_s(until_s: float) -> float:
+    left_s = until_s - time.monotonic()
+    if left_s <= 0.0:
+        raise TimeoutError("timed out")
+    return left_s

@@ -44,7 +44,7 @@ from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.inspector.publishing import Leave
 from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.master import INSPECTOR, Master, MasterError
-from robots.bridge.ros.tcpros import Header, connect_to_publisher, read_header
+from robots.bridge.ros.tcpros import Conversation, Header, first_told
 from robots.bridge.ros.types import message_class
 from robots.ending import leave_within
 
@@ -227,15 +227,12 @@ class Inspector:
 
     def _told(self, topic: str) -> Header:
         """What the first publisher that can be reached says of itself; nothing if there is none."""
-        for node in self._master.system_state().publishers.get(topic, []):
-            uri = None if node.startswith(INSPECTOR) else self._master.node_uri(node)
-            try:
-                if uri:
-                    with connect_to_publisher(topic, uri, INSPECTOR) as connection:
-                        return read_header(connection)
-            except (OSError, MasterError, ValueError) as error:
-                log.info("%s says nothing of %s: %s", node, topic, error)
-        return {}
+        nodes = self._master.system_state().publishers.get(topic, [])
+        addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
+        told, unheard = first_told(Conversation.read_header, topic, addresses, INSPECTOR)
+        for node, why in unheard.items():
+            log.info("%s says nothing of %s: %s", node, topic, why)
+        return told or {}
 
     def _check(self, number: int, order: wire.Publish) -> None:
         try:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from robots.bridge.ros import path  # noqa: F401 isort: skip
 
-import socket
-import struct
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +15,7 @@ from robots.bridge.packing import Limits
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
 from robots.bridge.ros.master import INSPECTOR, Master, MasterError
-from robots.bridge.ros.tcpros import connect, read, read_header, read_length
+from robots.bridge.ros.tcpros import Conversation, connect
 from robots.bridge.ros.types import UnknownTypeError, service_class
 
 CALL_S = 1.5  # until a service must have answered
@@ -76,11 +74,11 @@ def call(
     try:
         with _connected(
             service.address, service.name, {"md5sum": service.md5, "type": service.type}
-        ) as connection:
-            read_header(connection)
+        ) as conversation:
+            conversation.read_header()
             require_time()
-            connection.sendall(struct.pack("<I", len(request)) + request)
-            succeeded, answer = read(connection, 1), _answer(connection)
+            conversation.send(request)
+            succeeded, answer = conversation.read(1), _answer(conversation)
     except TimeoutError:
         text = f"{service.name} did not answer within {CALL_S} s: whether it was carried out is not known."
         raise Declined("service_silent", text, service=service.name) from None
@@ -92,17 +90,17 @@ def call(
     return service.response.layout.read(answer, limits)
 
 
-def _answer(connection: socket.socket) -> bytes:
-    length = read_length(connection)
+def _answer(conversation: Conversation) -> bytes:
+    length = conversation.read_length()
     if length > LARGEST_ANSWER:
         raise OSError(f"its answer has {length} bytes")
-    return read(connection, length)
+    return conversation.read(length)
 
 
 def _ask(name: str, address: tuple[str, int], wanted: dict[str, str]) -> dict[str, str]:
     try:
-        with _connected(address, name, wanted) as connection:
-            said = read_header(connection)
+        with _connected(address, name, wanted) as conversation:
+            said = conversation.read_header()
     except (OSError, ValueError) as error:
         raise Declined("service_lost", f"{name} cannot be reached: {error}", service=name) from error
     if "error" in said:
@@ -110,7 +108,5 @@ def _ask(name: str, address: tuple[str, int], wanted: dict[str, str]) -> dict[st
     return said
 
 
-def _connected(address: tuple[str, int], name: str, wanted: dict[str, str]) -> socket.socket:
-    connection = connect(*address, {"callerid": INSPECTOR, "service": name, **wanted}, CALL_S)
-    connection.settimeout(CALL_S)
-    return connection
+def _connected(address: tuple[str, int], name: str, wanted: dict[str, str]) -> Conversation:
+    return connect(*address, {"callerid": INSPECTOR, "service": name, **wanted}, CALL_S)
