@@ -7,3 +7,7 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
     """Hashed names, compressed, and the imports between ES modules rewritten to the hashed names."""
 
     support_js_module_import_aggregation = True
+
+    # One for each module on the longest way of imports, and one more: Django's five are just enough today. In a circle of
+    # imports no number is.
+    max_post_process_passes = 20
