@@ -92,16 +92,11 @@ def test_a_type_that_is_installed_nowhere_is_watched_and_plotted(
         observer.page.get_by_role("tab", name="Drive").click()
         observer.page.get_by_role("tab", name="Topics").click()  # what was watched is watched again
         watched.locator("canvas").wait_for()
-        observer.until(lambda: not stale(observer), "the newest messages")
+        expect(watched).not_to_have_attribute("data-stale", "true")
         assert found_by_axe(observer) == []
         watched.get_by_role("button", name="Close").click()
         expect(watched).to_have_count(0)
     assert observer.complaints == []
-
-
-def stale(person: Person) -> bool:
-    """Whether what is watched is shown as of before."""
-    return person.part("watches").get_attribute("data-stale") is not None
 
 
 def test_elements_of_a_list_are_plotted_and_rows_of_many_lines_leave_each_other_room(person: Arrive) -> None:

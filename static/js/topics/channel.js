@@ -15,7 +15,7 @@ class RefusedError extends Error {
   }
 }
 
-/** Events: "open", "down", "refused" (detail: what nobody asked for), "late" (an answer). Open only while somebody looks. */
+/** Events: "open", "refused" (detail: what nobody asked for), "late" (an answer). Open only while somebody looks. */
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
@@ -102,7 +102,6 @@ export class TopicsChannel extends EventTarget {
   #lost() {
     const text = gettext("The connection was lost.");
     for (const { fail } of [...this.#asked.values()]) fail("not_connected", text);
-    this.dispatchEvent(new CustomEvent("down"));
   }
 
   #forget(seq) {

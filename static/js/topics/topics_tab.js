@@ -1,7 +1,7 @@
 /** The Topics tab: where input goes, what the robot says, what may be published, called and set. */
 
 import { closable } from "../dialog.js";
-import { mark, show } from "../dom.js";
+import { say, show } from "../dom.js";
 import { SearchList } from "../list.js";
 import { publishedNoMore } from "../orders.js";
 import { whyNot } from "../roles.js";
@@ -16,6 +16,8 @@ import { Choices, candidates } from "./where.js";
 
 const LOOK_HZ = 5;
 const LOOKS_AT_MOST = 8;
+const AGAIN_MS = 3000; // until what had no answer is asked again: the robot may be back by then
+const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]); // refusals that no asking again changes
 
 /** What the robot publishes is asked for while the tab is shown, and not a moment longer. */
 export class TopicsTab {
@@ -33,6 +35,8 @@ export class TopicsTab {
   #chosen = {}; // by use, where it is not the default
   #role = "observer";
   #listening = new AbortController();
+  #isShown = false;
+  #again = null; // a refresh that will be tried again, or is
 
   /**
    * @param {Object<string, HTMLElement>} parts those of the tab, by data-part
@@ -94,10 +98,13 @@ export class TopicsTab {
   }
 
   show() {
+    this.#isShown = true;
     this.#channel.open();
   }
 
   hide() {
+    this.#isShown = false;
+    clearTimeout(this.#again);
     this.#repeater.end();
     this.#parts["choose-dialog"].close();
     this.#channel.close();
@@ -114,13 +121,9 @@ export class TopicsTab {
   // --- wiring ----------------------------------------------------------------------------------
 
   #listen() {
-    this.#channel.addEventListener("open", () => mark(this.#parts.watches, "stale", false));
-    this.#channel.addEventListener("down", () => mark(this.#parts.watches, "stale", true));
     this.#channel.addEventListener("open", () => this.#refresh());
     this.#channel.addEventListener("open", () => this.#publish.connected());
-    this.#channel.addEventListener("late", () =>
-      this.#tell("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds.")),
-    );
+    this.#channel.addEventListener("late", () => this.#late());
     this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));
     this.#parts["topics-refresh"].addEventListener("click", () => this.#refresh());
     closable(this.#parts["choose-dialog"], this.#listening.signal);
@@ -173,10 +176,20 @@ export class TopicsTab {
     };
   }
 
+  /** Told of what a person asked for, not of what is asked again by itself. */
+  #late() {
+    if (this.#again !== null) return;
+    this.#tell("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds."));
+  }
+
   async #refresh() {
     const asked = [this.#readGraph(), this.#readParameters()];
-    const failed = (await Promise.allSettled(asked)).find(({ reason }) => reason);
-    this.#say(failed?.reason.message ?? "");
+    const { reason } = (await Promise.allSettled(asked)).find((answer) => answer.reason) ?? {};
+    this.#say(reason?.message ?? "");
+    clearTimeout(this.#again);
+    this.#again = null;
+    if (!this.#isShown || !reason || LASTING.has(reason.refusal?.code)) return;
+    this.#again = setTimeout(() => this.#refresh(), AGAIN_MS);
   }
 
   async #readGraph() {
@@ -291,7 +304,7 @@ export class TopicsTab {
   }
 
   #say(text) {
-    this.#parts["topics-fault"].textContent = text;
+    say(this.#parts["topics-fault"], text);
     show(this.#parts["topics-fault"], text !== "");
   }
 }

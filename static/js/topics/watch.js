@@ -1,8 +1,10 @@
 /** A topic that is looked at: its figures, its newest message field by field, numbers over time. */
 
-import { make, say, show } from "../dom.js";
+import { make, mark, say, show } from "../dom.js";
 import { figuresText, PATHS_AT_MOST, rows, typeText, valueText, wholeLengths } from "./fields.js";
 import { FieldPlot } from "./plot.js";
+
+const SILENCE_MS = 4000; // a topic that is looked at is told of every second, whether anything comes on it or not
 
 /** Events: "refused" (detail: in words), "end". */
 export class Watch extends EventTarget {
@@ -18,6 +20,7 @@ export class Watch extends EventTarget {
   #number = null; // of the newest message
   #fields = {};
   #lengths = new Map();
+  #silence = null;
 
   /** @param {string} topic @param {string} type as the robot's master knows it */
   constructor(topic, type) {
@@ -43,6 +46,9 @@ export class Watch extends EventTarget {
 
   /** @param {object} message as in `shown`; told once more if nothing came, so that its figures are of now */
   show(message) {
+    clearTimeout(this.#silence);
+    this.#silence = setTimeout(() => this.#lost(), SILENCE_MS);
+    mark(this.element, "stale", false);
     if (message.type !== "*") say(this.#type, message.type);
     say(this.#figures, figuresText(message));
     say(this.#problem, message.refusal?.text ?? "");
@@ -56,8 +62,15 @@ export class Watch extends EventTarget {
   }
 
   close() {
+    clearTimeout(this.#silence);
     this.#plot.close();
     this.element.remove();
+  }
+
+  /** The connection, the bridge or its inspector is gone: how old this is, nobody tells any more. */
+  #lost() {
+    mark(this.element, "stale", true);
+    say(this.#figures, gettext("No news of it: this is what came last."));
   }
 
   /** What stays where it is keeps focus, scroll and a press that is under way. */

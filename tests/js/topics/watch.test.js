@@ -51,6 +51,19 @@ describe("a topic that is looked at", () => {
     expect(table().textContent).toContain("7");
   });
 
+  it("says that nothing is heard of it any more, until something is", () => {
+    vi.useFakeTimers();
+    watch.show(shown(1, { data: 1 }));
+    expect(watch.element.dataset.stale).toBe(undefined);
+    vi.advanceTimersByTime(4000);
+    expect(watch.element.dataset.stale).toBe("true");
+    expect(watch.element.textContent).toContain("No news of it");
+    watch.show(shown(1, { data: 1 }));
+    expect(watch.element.dataset.stale).toBe(undefined);
+    expect(watch.element.textContent).not.toContain("No news of it");
+    vi.useRealTimers();
+  });
+
   it("shows whatever a text holds as text", () => {
     const text = "<img src=x onerror=alert(1)>\u0000\n\u202eabc";
     watch.show(shown(1, { data: text }));
