@@ -8,6 +8,5 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
 
     support_js_module_import_aggregation = True
 
-    # One for each module on the longest way of imports, and one more: Django's five are just enough today. In a circle of
-    # imports no number is.
+    # One for each module on the longest way of imports: Django's five are just enough today. In a circle no number is.
     max_post_process_passes = 20
