@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from playwright.sync_api import Browser
@@ -35,6 +36,14 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
         yield stack
     finally:
         stack.end()
+
+
+class Grip(NamedTuple):
+    """Where the joystick's middle is on the page, and how far from it is well past full stick; pixels."""
+
+    x: float
+    y: float
+    reach: float
 
 
 class Tasks:
@@ -96,9 +105,7 @@ def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> 
             person.until(lambda: person.state["speech"], "the sentence")
         tasks.presses += 1
         person.page.get_by_role("tab", name="Centre").click()
-        tasks.press("Play Home")  # a wave ends with the arm held out, too wide for the door
-        person.until(lambda: person.state["motion"], "the motion")
-        person.until(lambda: person.state["motion"] is None and not person.state["arm"], "an arm at home")
+        fold_arm(tasks)  # a wave ends with the arm held out, too wide for the door
         person.until(lambda: person.state["speech"] is None, "silence")
         with tasks.task("drive the course through the door"):
             seized = follow_course(tasks)
@@ -120,6 +127,21 @@ def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> 
     assert ratio <= SLOWER_AT_MOST or seized > 1  # a busy machine interrupted the driver, not the page
 
 
+def fold_arm(tasks: Tasks) -> None:
+    """As often as it takes on a machine so busy that the laser is heard too late: then no arm moves."""
+    person = tasks.person
+
+    def answered() -> bool:
+        # A press right after an end counts as a cancel, and is refused as that.
+        return bool(person.state["motion"]) or person.heard["refused"]["of"] in ("play", "play_cancel")
+
+    while person.state["arm"]:
+        person.heard["refused"] = {"of": None}
+        tasks.press("Play Home")
+        person.until(answered, "the motion, or why not")
+        person.until(lambda: person.state["motion"] is None, "its end")
+
+
 def driven_by_keys(robot: SimulatedRobot) -> float:
     """Seconds that the course takes without console and gate."""
     done = subprocess.run(
@@ -133,41 +155,39 @@ def follow_course(tasks: Tasks) -> int:
     """With the mouse on the joystick, at the speed that the page offers. How often it was seized: once, as a rule."""
     person, follower = tasks.person, Follower()
     assert person.part("speed").inner_text().startswith(f"{SHARE:.2f}")
-    seize_stick(tasks)
-    seized = 1
+    grip, seized = seize_stick(tasks), 1
     deadline = time.monotonic() + PATIENCE_S
     while not follower.arrived:
         assert time.monotonic() < deadline, f"stuck: {person.state}"
-        seized += seized_again(tasks)
+        if person.state["neutral_needed"]:
+            grip, seized = seize_again(tasks), seized + 1
         odometry = person.state["odometry"]
         forward, turn = follower.stick(odometry["x"], odometry["y"], odometry["yaw"])
-        push_stick(person, forward, pushed(turn))
+        push_stick(person, grip, forward, pushed(turn))
     person.page.mouse.up()
     return seized
 
 
-def seize_stick(tasks: Tasks) -> None:
+def seize_stick(tasks: Tasks) -> Grip:
     """The mouse goes down on the joystick's middle, which is there."""
-    tasks.person.page.mouse.move(*tasks.person.middle_of("zone"))
+    x, y = tasks.person.middle_of("zone")
+    tasks.person.page.mouse.move(x, y)
     tasks.presses += 1
     tasks.person.page.mouse.down()
+    return Grip(x, y, tasks.person.stick_reach)
 
 
-def seized_again(tasks: Tasks) -> bool:
-    """Whether the stick had to return to the middle: on a busy machine, what was heard of the robot was too old."""
+def seize_again(tasks: Tasks) -> Grip:
+    """The stick has to return to the middle: on a busy machine, what was heard of the robot was too old."""
     person = tasks.person
-    if not person.state["neutral_needed"]:
-        return False
     person.page.mouse.up()
     person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
-    seize_stick(tasks)
-    return True
+    return seize_stick(tasks)
 
 
-def push_stick(person: Person, forward: float, left: float) -> None:
+def push_stick(person: Person, grip: Grip, forward: float, left: float) -> None:
     """Hold it there for a moment."""
-    (x, y), reach = person.middle_of("zone"), person.stick_reach
-    person.page.mouse.move(x - reach * left, y - reach * forward)
+    person.page.mouse.move(grip.x - grip.reach * left, grip.y - grip.reach * forward)
     person.page.wait_for_timeout(STICK_PERIOD_MS)
 
 
@@ -183,11 +203,12 @@ def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
         stands = verdict["allowed"] == [0, 0, 0] and verdict["asked"][0] > 0
         return stands and person.part("words").inner_text() != ""
 
-    seize_stick(tasks)
+    grip = seize_stick(tasks)
     deadline = time.monotonic() + PATIENCE_S
     while not held():  # by the gate, with words that say why
         assert time.monotonic() < deadline, f"not held: {person.state}"
-        seized_again(tasks)
-        push_stick(person, 1.0, 0.0)
+        if person.state["neutral_needed"]:
+            grip = seize_again(tasks)
+        push_stick(person, grip, 1.0, 0.0)
     person.until_still()
     person.page.mouse.up()
