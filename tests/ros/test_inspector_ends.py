@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 from robots import wire
 from robots.bridge.inspection import SILENCE_S, Alive, Check, Question, Silence
 from robots.bridge.ros.inspector import __main__ as program
+from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
 from robots.bridge.ros.inspector.publishing import Leave, Publishings
@@ -213,3 +214,11 @@ def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path,
     publishings = Publishings(Master(rosmaster.uri, "/test"))
     publishings.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), Leave(), NEVER_HZ)
     assert given_up.wait(PATIENCE_S)
+
+
+def test_what_another_process_checked_is_judged_again(rosmaster, ros, tmp_path):
+    """An inspector that was started in between sends nothing that the list has not."""
+    inspector = program.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
+    with pytest.raises(Declined):
+        inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), Leave())
+    assert inspector._node is None

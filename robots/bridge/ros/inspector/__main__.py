@@ -129,7 +129,8 @@ class Inspector:
             raise
 
     def _publish(self, order: wire.Publish, leave: Leave) -> None:
-        definition = self._checked.get((order.topic, order.type)) or self._definition(order.type, order.topic)
+        # Where another process of ours checked it, it is judged again: a fault ends this one, and that is told.
+        definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
         values = fitted(definition.fields, order.fields)
         self._made_node().publishings.publish(
             order.topic, definition, lambda: definition.layout.write(values, _now()), leave, order.rate_hz
@@ -234,11 +235,16 @@ class Inspector:
             log.info("%s says nothing of %s: %s", node, topic, why)
         return told or {}
 
+    def _sendable(self, order: wire.Publish) -> Definition:
+        """Of what the allow-list has, and no list would refuse."""
+        self._require("publish", order.topic, order.type)
+        definition = self._definition(order.type, order.topic)
+        _require_harmless(definition)
+        return definition
+
     def _check(self, number: int, order: wire.Publish) -> None:
         try:
-            self._require("publish", order.topic, order.type)
-            definition = self._definition(order.type, order.topic)
-            _require_harmless(definition)
+            definition = self._sendable(order)
             definition.layout.write(fitted(definition.fields, order.fields), _now())
             self._checked[order.topic, order.type] = definition
             refusal = None
