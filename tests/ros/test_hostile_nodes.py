@@ -8,13 +8,16 @@ from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable
 import socket
 import threading
 import time
+import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
 from robots.bridge.ros.errands import Errands
+from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.master import Master, MasterError
 from robots.bridge.ros.tcpros import Conversation
 from tests.ros.meddling import answer_of
@@ -55,8 +58,19 @@ def test_what_is_no_master_is_an_error_of_the_masters(answer):
 
 @pytest.mark.parametrize("shape", [5, "x", [], [[["/scan"]], [], []], [[["/scan", "/base"]], [], []]])
 def test_a_robots_topics_in_another_shape_are_an_error_of_the_masters(shape):
-    with answering(answer_of(shape)) as uri, pytest.raises(MasterError, match="No ROS master"):
-        Master(uri, "/test").system_state()
+    with answering(answer_of(shape)) as uri:
+        for ask in (Master.system_state, partial(graph, seq=1)):
+            with pytest.raises(MasterError, match="No ROS master"):
+                ask(Master(uri, "/test"))
+
+
+def test_no_answer_is_not_taken_for_none_of_that_name():
+    with answering(b"<") as uri:
+        for ask in (Master(uri, "/test").parameter, Master(uri, "/test").node_uri):
+            with pytest.raises(MasterError, match="No ROS master"):
+                ask("/name")
+    with answering(xmlrpc.client.dumps(([-1, "unknown", 0],), methodresponse=True).encode()) as uri:
+        assert Master(uri, "/test").parameter("/name") is Master(uri, "/test").node_uri("/name") is None
 
 
 @pytest.mark.parametrize("header", [b"\x01", b"\x00\x00\x00", b"\x01\x00\x00\x00x\x07"])

@@ -31,6 +31,7 @@ from robots.bridge.ros.inspector.__main__ import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.looks import rate_hz
 from robots.bridge.ros.types import message_class
 from tests.ros.bridge_support import tiago_config
+from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
 
 UNKNOWN = "fleet_test_msgs/Weather"
@@ -540,6 +541,17 @@ def test_no_branch_is_set_or_overwritten_that_holds_what_no_allow_list_admits(in
     assert rospy.get_param("/hall") == before
     rospy.delete_param("/hall")
     assert inspector.ask(wire.SetParameter("/hall", {"light": 3})).value == {"light": 3}
+
+
+def test_no_parameter_is_set_while_it_is_not_known_what_would_be_lost(inspector, rosmaster, tmp_path):
+    inspector.ask(wire.SetParameter("/greeting", "before"))
+    answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    with meddled(rosmaster) as master:
+        master.spoiled["getParam"] = CUT_SHORT
+        lame = Inspector(tiago_config(master, tmp_path, allowed=ALLOWED), answers.put)
+        lame.hear(msgspec.json.encode(Question(1, wire.SetParameter("/greeting", "after"))))
+        assert b"robot_offline" in answers.get(timeout=PATIENCE_S)
+    assert rospy.get_param("/greeting") == "before"
 
 
 def test_a_service_is_called_as_the_type_that_the_allow_list_names(inspector):

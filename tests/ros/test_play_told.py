@@ -18,6 +18,7 @@ from robots.bridge.ros.master import Master
 from robots.bridge.ros.motions import ERRORS, MotionTopics
 from robots.bridge.ros.types import message_class, service_class
 from robots.wire import MotionOffer
+from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import PATIENCE_S, until
 
 ACTION = "/odd_play"
@@ -112,6 +113,27 @@ def test_a_goal_has_the_name_as_the_robot_spells_it_and_planning_is_never_skippe
         goal = goals.get(timeout=PATIENCE_S)
     assert (goal.goal_id.id, goal.goal.motion_name) == ("two", ODD_NAME)
     assert goal.goal.skip_planning is False
+
+
+def test_a_master_that_does_not_answer_takes_no_motion_from_the_list(ros, rosmaster, heard):
+    rospy.set_param(f"{ACTION}/motions", {"nod": {"joints": ["a"], "points": [{"positions": [0.5]}]}})
+    with meddled(rosmaster) as master:
+        topics = MotionTopics(
+            Topic(ACTION, "play_motion_msgs/PlayMotionAction"), Master(master.uri, "/test"), heard
+        )
+        try:
+            topics.read()
+            assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
+            master.spoiled["getParam"] = CUT_SHORT
+            topics.read()
+            assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
+            assert topics.repertoire[ACTION] == {"nod": Motion(("a",), ((0.5,),))}
+            del master.spoiled["getParam"]
+            rospy.delete_param(f"{ACTION}/motions")
+            topics.read()
+            assert heard.lists.get(timeout=PATIENCE_S) == []
+        finally:
+            topics.attend(())
 
 
 def test_odd_names_are_listed_as_the_robot_spells_them_and_their_points_are_found(motions, heard):

@@ -6,6 +6,8 @@ import logging
 import threading
 from collections.abc import Callable
 
+from robots.bridge.ros.master import MasterError
+
 log = logging.getLogger(__name__)
 
 Errand = Callable[[], None]
@@ -33,5 +35,7 @@ class Errands:
                 errand = self._waiting.pop(0)
             try:
                 errand()
+            except MasterError as error:
+                log.warning("the robot was asked in vain: %s", error)
             except Exception:  # of whatever a hostile master answers; the next one is done
                 log.exception("something that was asked of the robot failed")

@@ -29,6 +29,10 @@ class MasterError(Exception):
     """The master does not answer, or answers that something failed. The text is for people."""
 
 
+class NotThere(MasterError):
+    """It answers, and has nothing of that name, or does not do it."""
+
+
 class _Transport(xmlrpc.client.Transport):
     def __init__(self, timeout_s: float) -> None:
         super().__init__()
@@ -42,11 +46,12 @@ class _Transport(xmlrpc.client.Transport):
 
 @dataclass(frozen=True)
 class SystemState:
-    """Who publishes and who subscribes: topic -> node names; and topic -> type."""
+    """Who publishes and who subscribes: topic -> node names; topic -> type; and service -> node names."""
 
     publishers: dict[str, list[str]]
     subscribers: dict[str, list[str]]
     types: dict[str, str]
+    services: dict[str, list[str]]
 
 
 class Master:
@@ -65,8 +70,7 @@ class Master:
         """The XML-RPC address of a registered node, None if there is none of that name."""
         try:
             return self._told(str, "lookupNode", node)
-        except MasterError:
-            self.alive()
+        except NotThere:
             return None
 
     def register(self, kind: str, topic: str, type_name: str, node_uri: str) -> list[str]:
@@ -74,17 +78,17 @@ class Master:
         return self._told(list[str], kind, topic, type_name, node_uri)
 
     def parameter(self, name: str) -> Any:
-        """What the parameter server has there, None if nothing, or if it does not tell."""
+        """What the parameter server has there, None if nothing."""
         try:
             return self.call("getParam", name)
-        except MasterError:
+        except NotThere:
             return None
 
     def system_state(self) -> SystemState:
-        """Publishers, subscribers and types of all topics."""
-        publishers, subscribers, _ = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
+        """Publishers, subscribers and types of all topics, and who provides the services."""
+        publishers, subscribers, services = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
         types = self._told(list[tuple[str, str]], "getTopicTypes")
-        return SystemState(dict(publishers), dict(subscribers), dict(types))
+        return SystemState(dict(publishers), dict(subscribers), dict(types), dict(services))
 
     def call(self, method: str, *arguments: object) -> Any:
         """One call of the master (or slave) API; returns its value."""
@@ -101,7 +105,7 @@ class Master:
         except Exception as error:  # of whatever is there instead, or dies while it answers
             raise MasterError(f"No ROS master answers at {self.uri} ({error}).") from error
         if code != 1:
-            raise MasterError(str(text))
+            raise (NotThere if code == -1 else MasterError)(str(text))
         return value
 
     def _told(self, kind: type[_Told], method: str, *arguments: object) -> _Told:

@@ -57,6 +57,7 @@ class MotionTopics:
         self._actions: dict[str, ActionTopics] = {}
         self._errors = _errors(message_class(f"{default.type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
+        self._offers: dict[str, tuple[list[MotionOffer], str]] = {}  # by action; why there is none
         self.attend({default.name})
 
     def attend(self, names: Collection[str]) -> None:
@@ -71,15 +72,20 @@ class MotionTopics:
     def read(self) -> None:
         """Ask the robot what it offers: its service for the names, its parameters for the rest."""
         for action in list(self._actions):
-            parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
-            self.repertoire[action] = recorded(parameters, listed)
-            offers = offered(parameters, listed)
-            self._watcher.motions_read(action, offers, "" if offers else f"{action} offers no motions.")
+            try:
+                parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
+            except MasterError as error:  # what is known of them stays
+                self._offers.setdefault(action, ([], str(error)))
+            else:
+                self.repertoire[action] = recorded(parameters, listed)
+                offers = offered(parameters, listed)
+                self._offers[action] = offers, "" if offers else f"{action} offers no motions."
+            self._watcher.motions_read(action, *self._offers[action])
 
     def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
         """A motion as the robot has it now, None if no points are known; and whether `read` had it otherwise.
 
-        One question to the master. KeyError if there is no such motion.
+        One question to the master. KeyError if there is no such motion, MasterError if the master does not answer.
         """
         now = recorded({motion: self._parameters(action, motion)})[motion]
         read = self.repertoire.get(action, {})
@@ -110,13 +116,13 @@ class MotionTopics:
         return self._master.parameter(f"{action}/motions/{motion}".rstrip("/"))
 
     def _listed(self, service: str) -> dict[str, float] | None:
-        """Names and durations (s) of the motions that the service lists; None: there is none, or no answer."""
+        """Names and durations (s) of the motions that the service lists; None: there is none, or it does not answer."""
         try:
             found = services.find(self._master, service)
             if found.type != "play_motion_msgs/ListMotions":
                 return None
             answer, _ = services.call(found, {}, lambda: None, WHOLE)
-        except (MasterError, Declined, ValueError):
+        except (Declined, ValueError):
             return None
         return {
             info["name"]: info["duration"]["secs"] + info["duration"]["nsecs"] / 1e9

@@ -36,7 +36,7 @@ from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.map_place import MapPlace
-from robots.bridge.ros.master import BRIDGE, Master, SystemState, is_own
+from robots.bridge.ros.master import BRIDGE, Master, MasterError, SystemState, is_own
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
@@ -290,7 +290,10 @@ class RosBase:
         """Tell the arm's topics the robot's own description, as soon as it has one."""
         if self._arm and not self._described:
             master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
-            description = master.parameter("/robot_description")
+            try:
+                description = master.parameter("/robot_description")
+            except MasterError:
+                description = None  # it is asked for again
             self._described = description is not None
             self._arm.describe(description)
 

@@ -21,19 +21,23 @@ LONGEST_TEXT = 16 * 1024  # characters of one text in it
 
 def graph(master: Master, seq: int) -> wire.Graph:
     """Everything that is on the master's books, by name."""
-    published, subscribed, provided = master.call("getSystemState")
-    types = dict(master.call("getTopicTypes"))
-    publishers, subscribers = _of_the_robot(published), _of_the_robot(subscribed)
+    system = master.system_state()
+    publishers, subscribers = _of_the_robot(system.publishers), _of_the_robot(system.subscribers)
     topics = [
-        wire.TopicRow(name, types.get(name, "*"), publishers.get(name, []), subscribers.get(name, []))
+        wire.TopicRow(name, system.types.get(name, "*"), publishers.get(name, []), subscribers.get(name, []))
         for name in sorted(publishers.keys() | subscribers.keys())
     ]
-    services = [wire.ServiceRow(name, nodes[0]) for name, nodes in sorted(_of_the_robot(provided).items())]
+    services = [
+        wire.ServiceRow(name, nodes[0]) for name, nodes in sorted(_of_the_robot(system.services).items())
+    ]
     return wire.Graph(topics, list(_actions(topics)), services, seq)
 
 
-def _of_the_robot(rows: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
-    found = {name: sorted(node for node in nodes if not node.startswith(INSPECTOR)) for name, nodes in rows}
+def _of_the_robot(books: dict[str, list[str]]) -> dict[str, list[str]]:
+    found = {
+        name: sorted(node for node in nodes if not node.startswith(INSPECTOR))
+        for name, nodes in books.items()
+    }
     return {name: nodes for name, nodes in found.items() if nodes}
 
 

@@ -14,7 +14,7 @@ from robots.bridge.fields import fitted
 from robots.bridge.packing import Limits
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
-from robots.bridge.ros.master import INSPECTOR, Master, MasterError
+from robots.bridge.ros.master import INSPECTOR, Master, NotThere
 from robots.bridge.ros.tcpros import Conversation, connect
 from robots.bridge.ros.types import UnknownTypeError, service_class
 
@@ -39,8 +39,7 @@ def find(master: Master, name: str) -> Service:
     """Ask the service what it is. Raises MasterError or Declined."""
     try:
         uri = urlsplit(master.call("lookupService", name))
-    except MasterError:
-        master.alive()
+    except NotThere:
         raise Declined("no_service", f"The robot has no service {name}.", service=name) from None
     address = (uri.hostname or "", uri.port or 0)
     said = _ask(name, address, {"md5sum": "*", "probe": "1"})
