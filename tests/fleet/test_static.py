@@ -15,9 +15,9 @@ def collected(settings, tmp_path):
         'import { stick } from "./stick.js";\nexport { zero } from "./stick.js";\nstick();\n'
     )
     (source / "stick.js").write_text("export const stick = () => {};\nexport const zero = 0;\n")
-    for number in range(8):  # deeper than the page's own modules import one another
-        (source / f"deep{number}.js").write_text(f'import "./deep{number + 1}.js";\n')
-    (source / "deep8.js").write_text("export const end = 0;\n")
+    for number in range(18):  # deeper than the page's own modules import one another
+        (source / f"deep{number}.js").write_text(f'import {{ end }} from "./deep{number + 1}.js";\nend;\n')
+    (source / "deep18.js").write_text("export const end = 0;\n")
     settings.STATICFILES_DIRS = [source]
     settings.STATICFILES_FINDERS = ["django.contrib.staticfiles.finders.FileSystemFinder"]
     settings.STATIC_ROOT = tmp_path / "collected"
