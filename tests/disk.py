@@ -12,7 +12,7 @@ from fleet.audit import AuditUnavailable, record
 
 # Characters. Large records take the free pages, small ones what is left in others.
 FILLERS = (100_000, 1_000, 0)
-FAILURES = 20  # in a row, until nothing is taken to fit: records land on different pages of an index
+FAILURES = 100  # in a row, until nothing is taken to fit: records land on different pages of an index
 
 
 class Disk:
