@@ -19,7 +19,9 @@ _CLOSE_S = 0.2
 # The largest report is far above any: what the robot has to tell must not cut off its driver, nor who stops it.
 _ALIKE: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
-DOWN = Refusal("bridge_down", "The robot's bridge is not running. Is `manage.py run_fleet` up?", "robot")
+DOWN = Refusal(
+    "bridge_down", "The robot's bridge is not running; staff start it (`manage.py run_fleet`).", "robot"
+)
 
 
 def open_link(address: LinkAddress) -> connect:
