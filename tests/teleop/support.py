@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
@@ -17,9 +18,12 @@ from robots.bridge.link import Link, LinkServer
 from robots.models import Robot
 from robots.selectors import link_address
 from robots.wire import Odometry, Refusal, State, StopState, Verdict
+from teleop.database import in_database
 
 TIMEOUT_S = 5.0
+PATIENCE_S = 20.0  # until something is on record: a busy machine takes its time
 M = TypeVar("M", bound=msgspec.Struct)
+T = TypeVar("T")
 
 IDLE = State(
     phase="online",
@@ -39,6 +43,15 @@ IDLE = State(
     clock_skew_s=None,
     refused={},
 )
+
+
+async def eventually(find: Callable[[], T]) -> T:
+    """What `find()`, asked of the database, finds in the end."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not (found := await in_database(find)):
+        assert time.monotonic() < end_s, "it was not recorded"
+        await asyncio.sleep(0.02)
+    return found
 
 
 class FakeBridge:

@@ -23,7 +23,7 @@ from teleop.hints import Hints
 from teleop.models import ControlSession, EndReason, Lease
 from teleop.rules import Tab
 from teleop.socket import CloseCode
-from tests.teleop.test_topics import eventually
+from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

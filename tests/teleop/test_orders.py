@@ -1,7 +1,5 @@
 """What a page asks of the robot besides driving: who may, and the one answer that each order gets."""
 
-import asyncio
-
 import pytest
 from msgspec import structs
 
@@ -12,6 +10,7 @@ from robots.models import Allowance
 from teleop import selectors
 from teleop.database import in_database
 from teleop.orders import UNDER_WAY
+from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -185,15 +184,6 @@ async def test_nobody_else_cancels_without_control(kind, who, holder, open_page,
     await page.say(kind, seq=5)
     assert (await page.hears("refused", of=kind, seq=5))["refusal"]["code"] == "no_lease"
     assert not bridge.all(wire.LinkCancel)
-
-
-async def eventually(condition):
-    """Whether `condition()`, asked of the database, becomes true."""
-    for _ in range(100):
-        if await in_database(condition):
-            return True
-        await asyncio.sleep(0.02)
-    return False
 
 
 # --- where it goes ----------------------------------------------------------------------------------

@@ -16,9 +16,8 @@ from robots.wire import Refusal
 from teleop import folding, refusals
 from teleop.database import in_database
 from teleop.refusals import Denied, put_on_record
-from tests.teleop.support import TIMEOUT_S, Page
+from tests.teleop.support import TIMEOUT_S, Page, eventually
 from tests.teleop.test_control import take
-from tests.teleop.test_topics import eventually
 
 FORBIDDEN = Refusal("stopped", "The robot is stopped.", "stop", {"number": 3, "by": "Olga Operator"})
 SOON_S = 0.1

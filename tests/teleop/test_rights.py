@@ -14,7 +14,7 @@ from teleop.database import in_database
 from teleop.models import ControlSession, EndReason
 from teleop.rooms import LOOK_S
 from teleop.socket import CloseCode
-from tests.teleop.test_topics import eventually
+from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

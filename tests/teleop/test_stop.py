@@ -18,7 +18,7 @@ from teleop import database, stopping
 from teleop.database import in_database
 from teleop.folding import MOST, FoldingLog
 from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
-from tests.teleop.test_topics import eventually
+from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -27,15 +27,17 @@ def unavailable(*_args, **_kwargs):
     raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
 
+def rows(kind):
+    return list(Record.objects.filter(kind=kind).select_related("actor").order_by("id"))
+
+
 def records(kind):
-    return in_database(lambda: list(Record.objects.filter(kind=kind).select_related("actor").order_by("id")))
+    return in_database(lambda: rows(kind))
 
 
-async def recorded(kind, count):
+def recorded(kind, count):
     """So many records of a kind: a stop is told first and recorded beside."""
-    while True:
-        if len(found := await records(kind)) >= count:
-            return found
+    return eventually(lambda: found if len(found := rows(kind)) >= count else None)
 
 
 @pytest.mark.parametrize("who", ["observer", "operator", "supervisor", "staff"])
@@ -101,15 +103,17 @@ async def test_a_stop_is_heard_in_the_middle_of_a_flood(open_page, bridge):
     await bridge.hears(wire.LinkStop)
 
 
-async def presses_on_record(count):
+def presses_on_record(count):
     """What is on record of so many presses, once all are: (times, outcome) of each record."""
-    while True:
-        found = await records("stop.press")
+
+    def told():
+        found = rows("stop.press")
         outcomes = {record.of_id: record.outcome for record in found if record.of_id}
         told = [(r.parameters.get("times", 1), outcomes.get(r.id)) for r in found if not r.of_id]
-        if sum(times for times, _ in told) >= count and all(outcome for _, outcome in told):
-            return told
-        await asyncio.sleep(0.02)
+        all_there = sum(times for times, _ in told) >= count and all(outcome for _, outcome in told)
+        return told if all_there else None
+
+    return eventually(told)
 
 
 async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, bridge, monkeypatch):

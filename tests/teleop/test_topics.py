@@ -1,6 +1,5 @@
 """The robot's topics, live: questions with one answer each, and looks."""
 
-import asyncio
 import time
 
 import msgspec
@@ -17,7 +16,7 @@ from teleop.database import in_database
 from teleop.looks import LOOKS
 from teleop.socket import CloseCode
 from teleop.topics_consumer import QUESTIONS_BURST, UNDER_WAY
-from tests.teleop.support import Page
+from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -381,12 +380,3 @@ async def test_all_looks_at_one_robot_fit_into_a_message_to_its_bridge(open_topi
     await page.say("look", topic=f"{long}0")  # somebody looks there already
     bridge.shows(f"{long}0", 1)
     await page.hears("shown")
-
-
-async def eventually(find):
-    """What `find()`, asked of the database, finds in the end."""
-    for _ in range(100):
-        if found := await in_database(find):
-            return found
-        await asyncio.sleep(0.02)
-    raise AssertionError("it was not recorded")

@@ -14,8 +14,7 @@ from robots import wire
 from robots.models import RobotRole
 from teleop import watching
 from teleop.database import in_database
-from tests.teleop.support import Page
-from tests.teleop.test_topics import eventually
+from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
