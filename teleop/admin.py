@@ -165,7 +165,9 @@ def _line(session: ControlSession, note: str) -> Line:
         at=session.started_at,
         robot=session.robot.name,
         who=session.user.display_name,
-        what=_("had control for %s") % clock(lasted.total_seconds()) if session.ended_at else _("has control"),
+        what=_("had control for %s") % clock(lasted.total_seconds())
+        if session.ended_at
+        else _("has control"),
         subject="",
         expired=False,
         outcome=session.get_end_reason_display(),
