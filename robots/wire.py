@@ -11,6 +11,7 @@ is the only *binary* frame, so that the web process knows it without decoding it
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -48,7 +49,7 @@ class Refusal(Struct, frozen=True, omit_defaults=True):
     code: str
     text: str
     rule: str
-    figures: dict[str, float | int | str | None] = {}
+    figures: Mapping[str, float | int | str | None] = msgspec.field(default_factory=dict)
 
 
 class NotDone(Exception):

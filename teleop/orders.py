@@ -121,7 +121,7 @@ def not_held(fence: int, held: int | None) -> Refusal | None:
     if held is None:
         return NO_LEASE
     if fence != held:
-        figures: dict[str, float | int | str | None] = {"fence": fence, "yours": held}
+        figures = {"fence": fence, "yours": held}
         return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
     return None
 

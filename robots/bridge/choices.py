@@ -278,11 +278,11 @@ class Choices:
         found = self._listened.get(heard.name)
         if found == heard.type:
             return None
-        figures: dict[str, float | int | str | None] = {"topic": topic.name, "type": topic.type}
+        figures = {"topic": topic.name, "type": topic.type}
         if found is None:
             return Refusal("no_listener", f"Nothing on the robot listens to {heard.name}.", "robot", figures)
         text = f"{heard.name} is {found} on the robot; needed is {heard.type}."
-        return Refusal("wrong_type", text, "robot", figures | {"found": found})
+        return Refusal("wrong_type", text, "robot", {**figures, "found": found})
 
 
 def _silent(choice: _Choice) -> Refusal:

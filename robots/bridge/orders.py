@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from msgspec import structs
 
 from robots import wire
-from robots.bridge import twists
+from robots.bridge import choices, twists
 from robots.bridge.choices import Choices, Switch
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drives import Answer, Asker, DriveLog, not_recorded
@@ -40,22 +40,13 @@ OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a 
 Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
-class Rules(Protocol):
-    """What orders must know of the robot: `Core`."""
+class Rules(choices.Rules, Protocol):
+    """What orders must know of the robot besides: `Core`."""
 
     grants: Grants
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
-
-    def why_not_begin(self, asker: Asker, now_s: float) -> Refusal | None:
-        """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
-
-    def why_not_still(self, now_s: float) -> Refusal | None:
-        """The base moves, or is told to."""
-
-    def halt(self, reason: str, now_s: float) -> None:
-        """Zero now, and a neutral stick before anything moves again."""
 
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
         """A velocity from the holder's tools: as if the stick had asked for it."""

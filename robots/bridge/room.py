@@ -75,12 +75,8 @@ class Room:
         sensor, side = obstacles.names[found.source], words.side(found.bearing)
         distance = words.figure(max(found.gap_m, 0.0))
         text = f"The arm would sweep where there is something: {sensor}, {distance} m {side}."
-        figures: dict[str, float | int | str | None] = {
-            "sensor": sensor,
-            "distance_m": round(found.gap_m, 2),
-            "side": side,
-        }
-        return Refusal("motion_blocked", text, "gate", figures)
+        gap_m = round(found.gap_m, 2)
+        return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 
     def _follow_arm(self, now_s: float) -> None:
         self._lately.append((now_s, self._arm.arm()))

@@ -37,7 +37,7 @@ def why_not_speakable(text: str) -> Refusal | None:
         return Refusal("empty_text", "There is nothing to say: write a text first.", "robot")
     if len(text) > LONGEST_CHARACTERS:
         told = f"The text has {len(text)} characters; at most {LONGEST_CHARACTERS} are said at once."
-        figures: dict[str, float | int | str | None] = {"length": len(text), "limit": LONGEST_CHARACTERS}
+        figures = {"length": len(text), "limit": LONGEST_CHARACTERS}
         return Refusal("text_too_long", told, "robot", figures)
     return None
 
