@@ -16,13 +16,14 @@ from msgspec import structs
 
 from robots import wire
 from robots.link import LinkRefused
+from robots.models import Role
 from robots.wire import Accepted, Ended, NotDone, Notice, Offers, Refusal, Refused, browser_message, kind_of
 from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
 from teleop.models import EndReason
 from teleop.orders import BUSY, Orders, not_held
-from teleop.policy import Permit
+from teleop.policy import ROLE_LOWERED, Permit
 from teleop.robot_socket import RobotSocket
 from teleop.rules import NO_LEASE, Phase, Tab, lapse, open_asks, phase
 from teleop.services import ControlRefused
@@ -255,7 +256,7 @@ class RobotConsumer(RobotSocket):
         if before.role != self.rights.role:
             await self._welcome()
         await self._follow_lease(standing)
-        await self._follow_permit()
+        await self._follow_permit(before.role)
         if self.viewer:
             self.viewer.drives = self.grip is not None
         await self._tell_control()
@@ -333,13 +334,18 @@ class RobotConsumer(RobotSocket):
         self.grip = None
         await self.tell(notices.control_ended(ending))
 
-    async def _follow_permit(self) -> None:
-        """End control when the right to it ended; follow a changed limit."""
+    async def _follow_permit(self, before: Role | None) -> None:
+        """End control when the right to it ended; follow a changed limit.
+
+        Also when the role is a lower one than `before`: what was begun under the higher one ends with control.
+        """
         permit = self.rights.permit
         if self.grip is None:
             return
         if isinstance(permit, Refusal):
             await self._control_ended(EndReason.RIGHT, permit)
+        elif before is not None and self.rights.role is not None and self.rights.role < before:
+            await self._control_ended(EndReason.RIGHT, ROLE_LOWERED)
         elif permit.max_share != self.grip.permit.max_share:
             self.grip.permit = permit
             self.grip.renew_soon()

@@ -12,6 +12,9 @@ from robots.models import Robot, Role
 from robots.selectors import role_on
 from robots.wire import Refusal
 
+ROLE_LOWERED = Refusal(
+    "role_lowered", "Your role on this robot is a lower one now; take control again.", "account"
+)
 ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
 
 

@@ -78,6 +78,18 @@ async def test_a_changed_password_ends_control(driving, bridge, operator):
     await revoked_in_time(bridge, change)
 
 
+async def test_a_lower_role_ends_control_and_what_was_begun_under_the_higher_one(
+    open_page, bridge, supervisor
+):
+    page = await open_page("supervisor")
+    await page.say("take")
+    await page.hears("control", state="yours")
+    await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=supervisor).update(role="operator"))
+    await page.hears("notice", code="role_lowered")
+    told = await page.hears("control", state="free")
+    assert told["refusal"] is None
+
+
 async def test_disabling_the_robot_ends_control_and_says_so(driving, bridge):
     await revoked_in_time(bridge, lambda: Robot.objects.update(enabled=False))
     await driving.hears("notice", code="robot_disabled")
