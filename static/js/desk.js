@@ -6,12 +6,11 @@ import { LookAhead } from "./look_ahead.js";
 import { endNotice, Motions } from "./motions.js";
 import { Orders } from "./orders.js";
 import { Phrases } from "./phrases.js";
+import { isAtLeast } from "./roles.js";
 import { Running } from "./running.js";
 import { Say, speechEndNotice } from "./say.js";
 import { socketUrl } from "./socket.js";
 import { TopicsTab } from "./topics/topics_tab.js";
-
-const MAY_CANCEL_WITHOUT_CONTROL = new Set(["supervisor", "staff"]);
 
 export class Desk {
   #orders;
@@ -158,7 +157,7 @@ export class Desk {
 
   #enable() {
     const mayAct = this.#fence !== null;
-    const mayCancel = mayAct || MAY_CANCEL_WITHOUT_CONTROL.has(this.#role);
+    const mayCancel = mayAct || isAtLeast(this.#role, "supervisor");
     this.#motions.rights = { mayPlay: mayAct, mayCancel };
     this.#running.mayCancel = mayCancel;
     this.#say.mayAct = this.#phrases.mayAct = this.#history.mayAct = mayAct;

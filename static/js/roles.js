@@ -2,8 +2,18 @@
 
 const ROLES = ["observer", "operator", "supervisor", "staff"];
 
+/** Whether somebody with this role may do what needs the role `needed`. */
+export function isAtLeast(role, needed) {
+  return ROLES.indexOf(role) >= ROLES.indexOf(needed);
+}
+
 /** Why somebody with this role may not do what needs the role `needed`; empty if they may. */
 export function whyNot(role, needed) {
-  if (ROLES.indexOf(role) >= ROLES.indexOf(needed)) return "";
-  return needed === "staff" ? gettext("for staff") : gettext("for supervisors");
+  if (isAtLeast(role, needed)) return "";
+  const texts = {
+    operator: gettext("for operators"),
+    supervisor: gettext("for supervisors"),
+    staff: gettext("for staff"),
+  };
+  return texts[needed];
 }

@@ -4,7 +4,7 @@ import { closable } from "../dialog.js";
 import { say, show } from "../dom.js";
 import { SearchList } from "../list.js";
 import { publishedNoMore } from "../orders.js";
-import { whyNot } from "../roles.js";
+import { isAtLeast, whyNot } from "../roles.js";
 import { useLabel } from "../uses.js";
 import { TopicsChannel } from "./channel.js";
 import { typeText } from "./fields.js";
@@ -152,7 +152,7 @@ export class TopicsTab {
         note: ({ node }) => node,
         act: ({ name }) =>
           this.#parts["service-call"].replaceChildren(
-            new ServiceCall(this.#channel, name, this.#role === "staff").element,
+            new ServiceCall(this.#channel, name, isAtLeast(this.#role, "staff")).element,
           ),
       }),
       parameters: new SearchList(this.#parts["parameter-list"], {
@@ -160,7 +160,7 @@ export class TopicsTab {
         text: ({ name }) => name,
         act: ({ name }) =>
           this.#parts["parameter-value"].replaceChildren(
-            new ParameterView(this.#channel, name, this.#role === "staff").element,
+            new ParameterView(this.#channel, name, isAtLeast(this.#role, "staff")).element,
           ),
       }),
       choices: new SearchList(this.#parts["choose-list"], {
