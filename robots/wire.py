@@ -760,7 +760,7 @@ class Called(Struct, frozen=True, tag_field="t", tag="called"):
     service: str
     fields: dict[str, Any]
     seq: int = 0
-    shortened: list[str] = []  # as in `Shown`
+    shortened: dict[str, int] = {}  # as in `Shown`
 
 
 Answer = Graph | Described | Parameters | Parameter | Called | Refused
@@ -779,7 +779,7 @@ class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
     )  # of this message now: since its header's stamp, by the console's clock; None: no stamp
     publishers: int
     fields: dict[str, Any]
-    shortened: list[str] = []  # paths of arrays that are shown in part, with their whole length
+    shortened: dict[str, int] = {}  # whole lengths of arrays that are shown in part, by path
     refusal: Refusal | None = None  # why it cannot be shown
     publisher_names: list[str] = []  # nodes, as many as are named
     since_s: float | None = None  # this message came so long ago; None: none came

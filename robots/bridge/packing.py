@@ -54,13 +54,13 @@ class Limits(NamedTuple):
 
 
 class Reading:
-    """The way through one message's bytes; `shortened` names the arrays that were read in part."""
+    """The way through one message's bytes; `shortened` has the whole length of each array that was read in part."""
 
     def __init__(self, data: bytes, limits: Limits) -> None:
         self.data = data
         self.at = 0
         self.limits = limits
-        self.shortened: list[str] = []
+        self.shortened: dict[str, int] = {}  # by path
         self._steps_left = MOST_STEPS
 
     def step(self, size: int) -> int:
@@ -169,7 +169,7 @@ class _Array:
         shown = length
         if length > (reading.limits.whole if self._element.size != 0 else 1):
             shown = reading.limits.first if self._element.size != 0 else 1
-            reading.shortened.append(f"{path} ({length})")
+            reading.shortened[path] = length
         values = [self._element.read(reading, f"{path}[{number}]") for number in range(shown)]
         self._skip(reading, length - shown)
         return values
@@ -246,8 +246,8 @@ class Layout:
     def __init__(self, definition: Sequence[Field]) -> None:
         self._message = _Message(definition, header=False)
 
-    def read(self, data: bytes, limits: Limits) -> tuple[dict[str, Any], list[str]]:
-        """The fields, and which arrays were shortened, as ``ranges (666)``. Raises `Broken` or `TooLarge`."""
+    def read(self, data: bytes, limits: Limits) -> tuple[dict[str, Any], dict[str, int]]:
+        """The fields, and by path the whole lengths of arrays that were shortened. Raises `Broken` or `TooLarge`."""
         reading = Reading(data, limits)
         fields = self._message.read(reading, "")
         if reading.at != len(data):

@@ -300,11 +300,11 @@ def test_of_a_large_map_and_an_image_the_beginning_is_shown(inspector):
         grid_shown = inspector.shown("/look/map", lambda s: s.number)
         image_shown = inspector.shown("/look/image", lambda s: s.number)
     assert grid_shown.fields["data"] == [7] * 16
-    assert grid_shown.shortened == ["data (1000000)"]
+    assert grid_shown.shortened == {"data": 1_000_000}
     assert grid_shown.fields["info"]["width"] == 1000
     assert grid_shown.bytes > 1_000_000
     assert image_shown.fields["data"] == list(range(16))
-    assert image_shown.shortened == ["data (921600)"]
+    assert image_shown.shortened == {"data": 921_600}
 
 
 def test_a_message_of_many_long_texts_is_cut_until_it_fits(inspector):
@@ -314,7 +314,7 @@ def test_a_message_of_many_long_texts_is_cut_until_it_fits(inspector):
         shown = inspector.shown("/look/texts", lambda s: s.number)
     assert len(wire.encode(shown)) <= 16 * 1024
     assert shown.fields["name"] == ["j" * 100 + "…"] * 4
-    assert shown.shortened == ["name (32)", "position (32)"]
+    assert shown.shortened == {"name": 32, "position": 32}
 
 
 def test_messages_are_shown_at_the_pace_that_is_wanted_and_the_newest_wins(inspector):

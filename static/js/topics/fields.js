@@ -62,16 +62,6 @@ function numberText(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(3) : value.toFixed(3);
 }
 
-/** Whole lengths by path, of lists that are shown in part: "ranges (666)". */
-export function wholeLengths(shortened) {
-  return new Map(
-    shortened.map((entry) => {
-      const [, path, length] = entry.match(/^(.*) \((\d+)\)$/);
-      return [path, Number(length)];
-    }),
-  );
-}
-
 /** How often, how big, from whom, how old: in words. */
 export function figuresText(message) {
   if (!message.number) return publishersText(message);

@@ -1,7 +1,7 @@
 /** A topic that is looked at: its figures, its newest message field by field, numbers over time. */
 
 import { make, mark, say, show } from "../dom.js";
-import { figuresText, PATHS_AT_MOST, rows, typeText, valueText, wholeLengths } from "./fields.js";
+import { figuresText, PATHS_AT_MOST, rows, typeText, valueText } from "./fields.js";
 import { FieldPlot } from "./plot.js";
 
 const SILENCE_MS = 4000; // a topic that is looked at is told of every second, whether anything comes on it or not
@@ -19,7 +19,7 @@ export class Watch extends EventTarget {
   #opened = new Set(); // paths of lists whose elements have rows of their own
   #number = null; // of the newest message
   #fields = {};
-  #lengths = new Map();
+  #lengths = new Map(); // whole ones, by path, of lists that are shown in part
   #silence = null;
 
   /** @param {string} topic @param {string} type as the robot's master knows it */
@@ -56,7 +56,7 @@ export class Watch extends EventTarget {
     const isNew = message.number !== this.#number;
     this.#number = message.number;
     this.#fields = message.fields;
-    this.#lengths = wholeLengths(message.shortened ?? []);
+    this.#lengths = new Map(Object.entries(message.shortened ?? {}));
     this.#fill();
     this.#plot.add(isNew ? message.fields : null);
   }

@@ -5,7 +5,6 @@ import {
   PATHS_AT_MOST,
   rows,
   valueText,
-  wholeLengths,
 } from "../../../static/js/topics/fields.js";
 
 const SCAN = {
@@ -67,7 +66,6 @@ describe("values and figures in words", () => {
     expect(valueText(1e-9)).toBe("1.000e-9");
     expect(valueText([1, 2], 666)).toBe("[1, 2, … (666)]");
     expect(valueText("nan")).toBe("nan");
-    expect(wholeLengths(["ranges (666)"]).get("ranges")).toBe(666);
   });
 
   it("tells rate, size, publishers and age", () => {

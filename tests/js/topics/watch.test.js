@@ -33,6 +33,13 @@ describe("a topic that is looked at", () => {
     expect(watch.element.querySelector("h3").textContent).toContain("std_msgs/String");
   });
 
+  it("tells the whole length of a list that is shown in part", () => {
+    const fields = { ranges: [1, 2], constructor: [3] };
+    watch.show(shown(1, fields, { shortened: { ranges: 666 } }));
+    expect(table().textContent).toContain("[1, 2, … (666)]");
+    expect(table().textContent).toContain("[3]");
+  });
+
   it("leaves the rows alone that are still there, whatever comes between them", () => {
     const list = (...xs) => ({ list: xs.map((x) => ({ x })), last: 1 });
     watch.show(shown(1, list(1)));

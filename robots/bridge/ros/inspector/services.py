@@ -63,9 +63,10 @@ def find(master: Master, name: str) -> Service:
 
 def call(
     service: Service, given: dict[str, Any], require_time: Callable[[], None], limits: Limits = SHOWN
-) -> tuple[dict[str, Any], list[str]]:
-    """Its answer, and which arrays of it were shortened. Raises BadField before anything is sent, Declined after.
+) -> tuple[dict[str, Any], dict[str, int]]:
+    """Its answer, and by path the whole lengths of its arrays that were shortened.
 
+    Raises BadField before anything is sent, Declined after.
     `require_time` raises, just before the request is sent, if it is too late for it.
     """
     now = divmod(time.time_ns(), 1_000_000_000)
