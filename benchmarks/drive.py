@@ -17,7 +17,7 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.chromium import ChromiumPage
 from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
-from robots.bridge.commands import COMMAND_LIFE_S
+from robots.bridge.stick import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 

@@ -17,7 +17,16 @@ from django.utils.translation import gettext_noop
 from msgspec import Struct
 
 from robots.bridge.config import BridgeConfig
-from robots.bridge.findings import CallbackFound, DriveFound, Findings, HostFound, Listened, Plan, TopicFound
+from robots.bridge.findings import (
+    BRIDGE,
+    CallbackFound,
+    DriveFound,
+    Findings,
+    HostFound,
+    Listened,
+    Plan,
+    TopicFound,
+)
 from robots.described import Problems
 from robots.environment import NoWrapper, ros_environment
 from robots.models import Robot
@@ -26,7 +35,6 @@ from robots.selectors import bridge_config
 OK, WARN, FAIL = "ok", "warn", "fail"
 PROBE_TIMEOUT_S = 20.0
 SKEW_S = 0.5  # above it the robot's and the console's clocks disagree
-BRIDGE_NODE = "/fleet_bridge"
 NEEDED = ("odometry", "scan")  # kinds without which the robot does not move
 QUIET = ("battery", "charging", "speech", "motions")  # may say nothing for long
 
@@ -257,7 +265,7 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
     else:
         text = _("%(nodes)s listens to %(topic)s (%(type)s).") % {**words, "nodes": _and(found.subscribers)}
         yield Check(name, OK, text)
-    yield _others(drive.name, [node for node in found.publishers if node != BRIDGE_NODE])
+    yield _others(drive.name, [node for node in found.publishers if node != BRIDGE])
 
 
 def _others(topic: str, nodes: list[str]) -> Check:

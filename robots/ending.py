@@ -32,6 +32,12 @@ def told_to_end(life_line: int | None, patience_s: float) -> threading.Event:
     return told
 
 
+# How a bridge may end.
+EXIT_ALREADY_RUNNING = 3  # it found another one on this computer
+EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
+EXIT_NOT_JOINED = 5  # what broke while it joined the robot, and rospy does once in a process's life
+
+
 def leave_within(patience_s: float) -> None:
     """Let this process be gone by then, finished or not: a master or a database that hangs answers no farewell."""
     threading.Thread(target=_leave, args=(patience_s,), name="the end", daemon=True).start()

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
+from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.models import BridgeStatus
 
 State = BridgeStatus.State
@@ -31,9 +32,6 @@ log = logging.getLogger(__name__)
 STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
-ALREADY_RUNNING = 3  # exit code of a bridge that found another one on this computer
-NAME_LOST = 4  # exit code of a bridge whose name another node took on the robot's master
-NOT_JOINED = 5  # exit code of a bridge in which something broke as it joined its robot
 NAME_LOST_S = 2.0  # until its successor starts; not its own fault, so its budget is left alone
 LOCK = "fleet.lock"  # in the run directory; whoever supervises holds it
 LOCK_TRIES = 5  # `supervised` may have the file for a moment
@@ -190,8 +188,8 @@ class Keeper:
         if self._ending_s is not None:
             log.info("%s ended as it was asked to", self._name)
         else:
-            state = State.REFUSED if code == ALREADY_RUNNING else State.BACKING_OFF
-            wait_s = NAME_LOST_S if code == NAME_LOST else self._budget.wait_s(now_s)
+            state = State.REFUSED if code == EXIT_ALREADY_RUNNING else State.BACKING_OFF
+            wait_s = NAME_LOST_S if code == EXIT_NAME_LOST else self._budget.wait_s(now_s)
             self._fell(state, _in_words(code), wait_s, now_s)
 
     def _fell(self, state: State, why: str, wait_s: float, now_s: float) -> None:
@@ -208,11 +206,11 @@ def _let_go(process: subprocess.Popen[bytes]) -> None:
 
 
 def _in_words(code: int) -> str:
-    if code == ALREADY_RUNNING:
+    if code == EXIT_ALREADY_RUNNING:
         return "found another bridge of this robot on this computer"
-    if code == NAME_LOST:
+    if code == EXIT_NAME_LOST:
         return "lost its name on the robot's master to another node"
-    if code == NOT_JOINED:
+    if code == EXIT_NOT_JOINED:
         return "could not join its robot (its log says why)"
     if code < 0:
         return f"was ended by {signal.Signals(-code).name}"

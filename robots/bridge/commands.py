@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from robots.bridge.gate.values import STILL, Limits, Velocity
-from robots.bridge.stick import Memory, Position, StickStep, shaped
+from robots.bridge.stick import COMMAND_LIFE_S, Memory, Position, StickStep, shaped
 from robots.wire import Drive, Refusal
 
-COMMAND_LIFE_S = 0.3
 _WINDOW_S = 30.0
 
 

@@ -17,7 +17,7 @@ from msgspec import Struct, structs
 from numpy.typing import NDArray
 
 from robots import wire
-from robots.bridge.commands import COMMAND_LIFE_S, Stick, stick_of, velocity_of
+from robots.bridge.commands import Stick, stick_of, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
 from robots.bridge.drives import WAITING, Asker, DriveLog, unrecorded
 from robots.bridge.gate.depth_camera import Frame
@@ -28,6 +28,7 @@ from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
 from robots.bridge.publishings import Publisher
+from robots.bridge.stick import COMMAND_LIFE_S
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 

@@ -7,6 +7,7 @@ from msgspec import Struct
 from robots.bridge.config import Topic
 
 CALLER = "/fleet_check"  # the name under which the probe asks
+BRIDGE = "/fleet_bridge"  # a bridge's, the same from every console: the second one is refused
 
 
 class Listened(Struct, frozen=True):

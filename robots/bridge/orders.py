@@ -29,6 +29,7 @@ from robots.bridge.publishings import HALTED, Publisher, Publishings
 from robots.bridge.room import Arm, Room
 from robots.bridge.sink import Holder
 from robots.bridge.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
+from robots.bridge.stick import COMMAND_LIFE_S
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
@@ -312,7 +313,7 @@ class Orders:
             text = f"Velocities go to {topic} as {type_name}, through the gate, and nowhere else."
             return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
         if order.rate_hz:
-            text = "A velocity is valid for 0.3 s: send each one, the console repeats none."
+            text = f"A velocity is valid for {COMMAND_LIFE_S} s: send each one, the console repeats none."
             return Refusal("dead_man", text, "dead-man")
         velocity = twists.velocity_from(order.fields, order.type)
         if isinstance(velocity, Refusal):

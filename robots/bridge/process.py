@@ -27,7 +27,7 @@ from robots.bridge.reception import Reception
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
 from robots.bridge.store import AlreadyRunning, Store
-from robots.ending import leave_within
+from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
 
 log = logging.getLogger(__name__)
 
@@ -37,9 +37,6 @@ _VIEW_LATEST_S = 0.15  # without scans too
 _STATUS_TICKS = 10  # a status every 0.5 s in any case
 
 END_S = 4.0  # from being told to end, whatever hangs: the database, the disk
-EXIT_ALREADY_RUNNING = 3
-EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
-EXIT_NOT_JOINED = 5  # what broke while it joined the robot, and rospy does once in a process's life
 
 
 class Bridge:

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
-FORGET_S = 0.3  # a command's life: what was held before such a gap says nothing of the hand now
+COMMAND_LIFE_S = 0.3  # what was held before such a gap says nothing of the hand now
 SHORTEST_S = 0.005  # two commands of one burst are taken to be this far apart
 
 Factor = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -145,7 +145,7 @@ def _weight(cutoff_hz: float, dt_s: float) -> float:
 
 def steadied(step: OneEuro | Mean, memory: Memory | None, position: Position, dt_s: float) -> Memory:
     """What `step` gives for `position`, the first of each axis, and remembers; past it at zero and at reversal."""
-    if memory is None or dt_s > FORGET_S:
+    if memory is None or dt_s > COMMAND_LIFE_S:
         return step.begin(position.x), step.begin(position.y), step.begin(position.w)
     dt_s = max(dt_s, SHORTEST_S)
 

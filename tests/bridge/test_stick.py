@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from robots.bridge.commands import Stick
 from robots.bridge.stick import (
+    COMMAND_LIFE_S,
     DEFAULT,
-    FORGET_S,
     STEADYING,
     Curve,
     DeadZone,
@@ -92,7 +92,7 @@ def test_no_axis_is_ever_larger_than_the_hand_held_it_since_it_was_last_let_go(c
     largest = [0.0, 0.0, 0.0]
     for (held, gap_s), given_now in zip(hand, through(chain, hand), strict=True):
         for index, axis in enumerate(held):
-            largest[index] = max(abs(axis), 0.0 if axis == 0.0 or gap_s > FORGET_S else largest[index])
+            largest[index] = max(abs(axis), 0.0 if axis == 0.0 or gap_s > COMMAND_LIFE_S else largest[index])
             assert abs(given_now[index]) <= largest[index] + 1e-12
 
 
@@ -106,7 +106,7 @@ def test_an_axis_never_goes_against_the_hand(chain, hand):
 
 @given(chains, hands, hands)
 def test_after_a_gap_of_a_commands_life_nothing_is_remembered(chain, before, hand):
-    begun = [(hand[0][0], 2 * FORGET_S), *hand[1:]]
+    begun = [(hand[0][0], 2 * COMMAND_LIFE_S), *hand[1:]]
     assert through(chain, before + begun)[len(before) :] == through(chain, begun)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from robots.bridge.process import EXIT_NAME_LOST, EXIT_NOT_JOINED
+from robots.ending import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.models import BridgeStatus
 from robots.supervisor import (
     KILL_S,

@@ -19,11 +19,11 @@ from tf2_msgs.msg import TFMessage
 
 from robots import wire
 from robots.bridge.config import Topic
+from robots.bridge.findings import BRIDGE
 from robots.bridge.maps import MapWanted, NoMap
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.map import take
 from robots.bridge.ros.map_place import MapPlace
-from robots.bridge.ros.master import BRIDGE
 from robots.bridge.ros.master import Master as RosMaster
 from robots.bridge.sink import TakenMap
 from robots.models import RobotMap

@@ -16,10 +16,11 @@ import pytest
 import rospy
 
 from robots.bridge.config import Topic
-from robots.bridge.process import EXIT_NOT_JOINED
+from robots.bridge.findings import BRIDGE
 from robots.bridge.ros import watcher
-from robots.bridge.ros.master import BRIDGE, Master, node_alive
+from robots.bridge.ros.master import Master, node_alive
 from robots.bridge.ros.watcher import SILENCE_S, MasterWatcher
+from robots.ending import EXIT_NOT_JOINED
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.meddling import CUT_SHORT, answer_of, meddled
 from tests.ros.support import PATIENCE_S, RosClient, free_port

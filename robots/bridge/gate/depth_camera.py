@@ -25,12 +25,11 @@ from robots.bridge.gate.depth import (
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, Layer, Memory
-from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from, wrapped
 from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Pose, SensorHealth
 
-ORIGIN = Pose(0.0, 0.0, 0.0)
 # Who looks ahead has table height in the picture at one of these distances at least.
 TABLE_M = 0.7
 AHEAD_M = (1.2, 1.6, 2.0, 2.5)

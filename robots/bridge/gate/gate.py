@@ -328,7 +328,7 @@ class Gate:
         gap_m = float(hull.gaps(at[None])[0])
         rule = OBSTACLE if drift is None or not drift[rolled.row].any() else MOVER
         cause = Cause(rule, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
-        return Restraint(_scaled(candidate, rolled.share), cause)
+        return Restraint(candidate.scaled(rolled.share), cause)
 
     def _scan_age_s(self) -> float:
         """How much older the oldest of the newest scans is than the newest odometry, with which a roll-out begins."""
@@ -387,17 +387,17 @@ class Gate:
             ]
             hold = min(holds, key=lambda hold: hold.mps, default=None)
             if hold is not None and hold.mps < speed:
-                wanted, code, text = _scaled(wanted, hold.mps / speed), hold.code, hold.text
+                wanted, code, text = wanted.scaled(hold.mps / speed), hold.code, hold.text
         swing = abs(wanted.w) * self.footprint.reach(0.0)
         if swing > self.profile.blind_mps and self._swings_unwatched():
-            wanted = _scaled(wanted, self.profile.blind_mps / swing)
+            wanted = wanted.scaled(self.profile.blind_mps / swing)
             code = "blind_direction"
             text = f"turning held to {words.figure(abs(wanted.w))} rad/s: no sensor looks where the corners swing"
         for laser in self._lasers.values():
             age_s = laser.freshness.age_s(now_s) or 0.0
             share = late_share(age_s)
             if share < 1.0:
-                slowed = _scaled(wanted, share)
+                slowed = wanted.scaled(share)
                 text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {age_s:.1f} s old"
                 wanted, code = slowed, "scan_late"
         return wanted, code, text
@@ -516,10 +516,6 @@ class Gate:
             cause.point,
             limits,
         )
-
-
-def _scaled(twist: Velocity, share: float) -> Velocity:
-    return Velocity(share * twist.vx, share * twist.vy, share * twist.w)
 
 
 def _word(kind: str, name: str, how_many: int) -> str:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from, wrapped
 from robots.bridge.gate.scan import Sweep
 from robots.bridge.gate.sight import sight
 from robots.bridge.gate.values import Pose
@@ -159,4 +159,4 @@ def _seen_through(observer: _Look, other: _Look, places: Points) -> Flags:
 
 def _seen_by(sensor: Pose, places: Points) -> Points:
     """Places in the frame of a sensor."""
-    return placed(places, seen_from(Pose(0.0, 0.0, 0.0), sensor)) if len(places) else NO_POINTS
+    return placed(places, seen_from(ORIGIN, sensor)) if len(places) else NO_POINTS

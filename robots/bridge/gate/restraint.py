@@ -240,7 +240,7 @@ def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundin
 
     So, nose at the wall and the stick held diagonally, the robot still turns.
     """
-    scaled = Velocity(*(share * axis + 0.0 for axis in wanted))
+    scaled = wanted.scaled(share)
     if arc.speed(scaled) < STANDING_MPS:
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:

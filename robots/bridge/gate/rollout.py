@@ -128,7 +128,7 @@ def safe_share(
     if spare.min() >= 0.0:
         return CLEAR
     worst = int(met[spare.argmin()])
-    onward = [whole, *(_moved(onset[-1], _scaled(candidate, share), rates, period_s) for share in SHARES[1:])]
+    onward = [whole, *(_moved(onset[-1], candidate.scaled(share), rates, period_s) for share in SHARES[1:])]
     distinct = list(dict.fromkeys(onward))
     after = footprint.least_gaps(_stopped(distinct, rates, footprint), points, drift)
     stopping = after[distinct.index(onward[-1])]
@@ -158,10 +158,6 @@ def stepped_up(sent: Velocity, wanted: Velocity, profile: GateProfile, dt_s: flo
         _raised(sent.vy, wanted.vy, linear),
         _raised(sent.w, wanted.w, angular),
     )
-
-
-def _scaled(twist: Velocity, share: float) -> Velocity:
-    return Velocity(share * twist.vx, share * twist.vy, share * twist.w)
 
 
 def _raised(sent: float, wanted: float, step: float) -> float:

@@ -18,6 +18,10 @@ class Velocity(NamedTuple):
     vy: float
     w: float
 
+    def scaled(self, share: float) -> Velocity:
+        """The same curve, at this share of the speed."""
+        return Velocity(*(share * axis + 0.0 for axis in self))  # a zero has no sign
+
 
 STILL = Velocity(0.0, 0.0, 0.0)
 

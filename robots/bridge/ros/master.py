@@ -11,8 +11,9 @@ from urllib.parse import urlsplit
 
 import msgspec
 
+from robots.bridge.findings import BRIDGE
+
 TIMEOUT_S = 1.0
-BRIDGE = "/fleet_bridge"  # the same from every console: the second one is refused
 INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
 
 

@@ -26,6 +26,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
+from robots.bridge.findings import BRIDGE
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.posture import Disc, Posture
 from robots.bridge.gate.values import STILL, Pose, Velocity
@@ -36,7 +37,7 @@ from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.map_place import MapPlace
-from robots.bridge.ros.master import BRIDGE, Master, MasterError, SystemState, is_own
+from robots.bridge.ros.master import Master, MasterError, SystemState, is_own
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish

@@ -14,7 +14,8 @@ from urllib.parse import urlsplit
 import rospy
 
 from robots.bridge.core import RosStatus
-from robots.bridge.ros.master import BRIDGE, DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.findings import BRIDGE
+from robots.bridge.ros.master import DeathWatch, Master, MasterError, SystemState, node_alive
 from robots.bridge.ros.registration import register_again
 
 log = logging.getLogger(__name__)
