@@ -3,6 +3,7 @@
 import { dim, make, mark, say, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
+import { readJson } from "./read.js";
 
 const PAGE = 50;
 
@@ -132,12 +133,9 @@ export class History {
   }
 
   async #readNow(query, take) {
+    const failed = gettext("The history could not be read.");
     try {
-      const answer = await fetch(`${this.#url}?limit=${PAGE}${query()}`, {
-        headers: { Accept: "application/json" },
-      });
-      if (!answer.ok) throw new Error(gettext("The history could not be read."));
-      take(await answer.json());
+      take(await readJson(`${this.#url}?limit=${PAGE}${query()}`, failed));
       this.#show();
       this.#say(this.#entries.length ? "" : gettext("Nothing to show yet."));
     } catch (error) {

@@ -3,6 +3,7 @@
 import { dim, make, say, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
+import { readJson } from "./read.js";
 
 export class Phrases {
   #parts;
@@ -35,11 +36,9 @@ export class Phrases {
 
   /** Reads them from the console. */
   async load() {
+    const failed = gettext("The phrases could not be read. Load the page again.");
     try {
-      const answer = await fetch(this.#url, { headers: { Accept: "application/json" } });
-      if (!answer.ok)
-        throw new Error(gettext("The phrases could not be read. Load the page again."));
-      this.#show(byLanguage(await answer.json()));
+      this.#show(byLanguage(await readJson(this.#url, failed)));
     } catch (error) {
       this.#say(error.message);
     }
