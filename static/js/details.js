@@ -9,7 +9,8 @@ function sensorText({ ok, age_s: ageS, text }) {
 }
 
 export function latencyText({ latency_s: latencyS, latency_measured: measured }) {
-  return `${Math.round(latencyS * 1000)} ms${measured ? "" : gettext(" (assumed)")}`;
+  const text = `${Math.round(latencyS * 1000)} ms`;
+  return measured ? text : interpolate(gettext("%s (assumed)"), [text]);
 }
 
 export function watchersText({ watchers, watchers_more: more }) {

@@ -1,5 +1,11 @@
 /** How what was begun ends: on this page, and for everybody. */
 
+/** How much it matters how a motion or a speech ended. */
+export function levelOf(outcome) {
+  if (["succeeded", "done", "sent", "cancelled"].includes(outcome)) return "success";
+  return ["rejected", "failed"].includes(outcome) ? "error" : "warning";
+}
+
 /** Tells the person who began or cancelled something how it ended; others only see it end. */
 export class Endings {
   mine = false; // the next ending answers to this page

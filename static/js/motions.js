@@ -1,6 +1,7 @@
 /** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
 
 import { dim, make, mark, say, show } from "./dom.js";
+import { levelOf } from "./endings.js";
 import { SearchList } from "./list.js";
 
 // A press so soon after a motion ended was meant to cancel it: hands are slower than that.
@@ -9,22 +10,21 @@ const MEANT_CANCEL_MS = 500;
 /** How a motion ended, as a notice. */
 export function endNotice({ outcome, text }, title) {
   const outcomes = {
-    succeeded: gettext("done."),
-    cancelled: gettext("cancelled."),
-    rejected: gettext("the robot did not accept it."),
-    failed: gettext("failed."),
-    stopped: gettext("ended by the stop."),
-    intruder: gettext("cancelled, because something came near."),
-    not_watched: gettext("cancelled, because no sensor watched the space."),
-    control_ended: gettext("cancelled, because control ended."),
-    link_lost: gettext("cancelled, because the page was out of reach."),
-    not_recorded: gettext("cancelled."),
-    unheard: gettext("nothing more was heard of it."),
+    succeeded: gettext("%s: done."),
+    cancelled: gettext("%s: cancelled."),
+    rejected: gettext("%s: the robot did not accept it."),
+    failed: gettext("%s: failed."),
+    stopped: gettext("%s: ended by the stop."),
+    intruder: gettext("%s: cancelled, because something came near."),
+    not_watched: gettext("%s: cancelled, because no sensor watched the space."),
+    control_ended: gettext("%s: cancelled, because control ended."),
+    link_lost: gettext("%s: cancelled, because the page was out of reach."),
+    not_recorded: gettext("%s: cancelled."),
+    unheard: gettext("%s: nothing more was heard of it."),
   };
-  const levels = { succeeded: "success", cancelled: "success", rejected: "error", failed: "error" };
-  const words = `${title}: ${outcomes[outcome] ?? outcome}`;
+  const words = interpolate(outcomes[outcome] ?? `%s: ${outcome}`, [title]);
   return {
-    level: levels[outcome] ?? "warning",
+    level: levelOf(outcome),
     code: `motion ${outcome} ${title}`,
     text: text && outcome !== "succeeded" ? `${words} ${text}` : words,
   };

@@ -29,13 +29,11 @@ export function offers(control, resumableS = null) {
         actions: reason ? [] : ["take"],
       };
     case "away": {
-      const wait =
-        resumableS === null
-          ? ""
-          : interpolate(gettext(" Free in %s s unless it returns."), [Math.ceil(resumableS)]);
+      const gone = gettext("Their page is gone.");
+      const wait = gettext("Their page is gone. Free in %s s unless it returns.");
       return {
         headline: interpolate(gettext("%s has control"), [holder(control)]),
-        reason: `${gettext("Their page is gone.")}${wait}`,
+        reason: resumableS === null ? gone : interpolate(wait, [Math.ceil(resumableS)]),
         actions: reason ? force : ["take"], // one's own vanished page needs no force
       };
     }

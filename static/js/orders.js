@@ -42,8 +42,11 @@ function doneText(order) {
       return gettext("The head turns to where the robot drives.");
     case "choose":
       return interpolate(
-        order.topic ? gettext("%s goes to %s now.") : gettext("%s goes to its default again."),
-        [useLabel(order.use), order.topic].filter(Boolean),
+        order.topic
+          ? gettext("%(use)s goes to %(topic)s now.")
+          : gettext("%(use)s goes to its default again."),
+        { use: useLabel(order.use), topic: order.topic },
+        true,
       );
     case "publish":
       return interpolate(gettext("Published on %s."), [order.topic]);

@@ -97,7 +97,11 @@ export class Running {
   }
 
   #elsewhere(use) {
-    const goes = interpolate(gettext("%s goes to %s"), [useLabel(use), this.#chosen[use]]);
+    const goes = interpolate(
+      gettext("%(use)s goes to %(topic)s"),
+      { use: useLabel(use), topic: this.#chosen[use] },
+      true,
+    );
     const row = make("div", {
       className: "runs",
       children: [make("p", { className: "runs-words", text: goes })],

@@ -1,6 +1,7 @@
 /** What a robot says: a text of one's own in a language of one's choice. */
 
 import { mark, say, show } from "./dom.js";
+import { levelOf } from "./endings.js";
 import { inLanguage, isolated, languageChoices, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { shortened } from "./orders.js";
@@ -27,10 +28,9 @@ export function speechEndNotice({ outcome, text: why }, text) {
     stopped: gettext("Ended by the stop: “%s”."),
     unheard: gettext("Nothing more was heard of “%s”."),
   };
-  const levels = { done: "success", sent: "success", cancelled: "success", stopped: "warning" };
   const said = interpolate(outcomes[outcome] ?? `${outcome}: “%s”`, [isolated(shortened(text))]);
   return {
-    level: levels[outcome] ?? "error",
+    level: levelOf(outcome),
     code: `speech ${outcome} ${text}`,
     text: why && outcome !== "done" && outcome !== "sent" ? `${said} ${why}` : said,
   };
@@ -180,7 +180,8 @@ export class Say {
     field.setSelectionRange(start, start + character.length);
     const code = character.codePointAt(0).toString(16).toUpperCase().padStart(4, "0");
     const place = lengthOf(text.slice(0, index)) + 1;
-    return interpolate(gettext("Character %s (U+%s) cannot be spoken: delete it."), [place, code]);
+    const words = gettext("Character %(place)s (U+%(code)s) cannot be spoken: delete it.");
+    return interpolate(words, { place, code }, true);
   }
 
   #clear() {

@@ -128,6 +128,7 @@ describe("motions in words", () => {
     const unrecorded = { outcome: "not_recorded", text: "The robot stands still." };
     expect(endNotice(unrecorded, "Wave").text).toBe("Wave: cancelled. The robot stands still.");
     expect(endNotice({ outcome: "succeeded", text: "" }, "Wave").level).toBe("success");
+    expect(endNotice({ outcome: "unheard", text: "" }, "Wave").level).toBe("warning");
     expect(endNotice({ outcome: "failed", text: "Code -7." }, "Wave")).toMatchObject({
       level: "error",
       text: "Wave: failed. Code -7.",

@@ -2,5 +2,7 @@
 
 globalThis.gettext = (text) => text;
 globalThis.ngettext = (one, many, count) => (count === 1 ? one : many);
-globalThis.interpolate = (text, values) =>
-  values.reduce((said, value) => said.replace("%s", value), text);
+globalThis.interpolate = (text, values, named) =>
+  named
+    ? text.replace(/%\((\w+)\)s/g, (_, name) => String(values[name]))
+    : values.reduce((said, value) => said.replace("%s", value), text);

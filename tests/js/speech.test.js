@@ -404,5 +404,6 @@ describe("what is being said", () => {
       level: "error",
       text: "The robot failed to say “\u2068Hola\u2069”. No voice.",
     });
+    expect(speechEndNotice({ outcome: "unheard", text: "" }, "Hola").level).toBe("warning");
   });
 });

@@ -157,7 +157,9 @@ export class PublishPanel extends EventTarget {
     const right = rateHz === 0 || (rateHz >= RATE_HZ[0] && rateHz <= RATE_HZ[1]);
     input.setAttribute("aria-invalid", String(!right));
     if (right) return rateHz;
-    this.#say(interpolate(gettext("Rate: from %s to %s Hz, or 0 for once."), RATE_HZ));
+    const text = gettext("Rate: from %(slowest)s to %(fastest)s Hz, or 0 for once.");
+    const [slowest, fastest] = RATE_HZ;
+    this.#say(interpolate(text, { slowest, fastest }, true));
     input.focus();
     return null;
   }
