@@ -5,7 +5,7 @@ Each line is a `Received`. Goals come twice: as they were sent, and as the robot
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+import robots.bridge.ros  # noqa: F401  (first: makes rospy importable)
 
 # isort: split
 import signal

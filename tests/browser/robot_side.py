@@ -8,7 +8,7 @@ person   obey lines of stdin ("person 1.0 2.0") in the simulated world, print wh
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
+import robots.bridge.ros  # noqa: F401  (first: makes rospy importable)
 
 # isort: split
 import sys

@@ -1,0 +1,1 @@
+import robots.bridge.ros  # noqa: F401  (makes rospy importable)

@@ -20,9 +20,6 @@ from pathlib import Path
 from typing import Any
 from xmlrpc.client import ServerProxy
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rosgraph
 import rospy
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import pytest
+import rosbag
+from geometry_msgs.msg import Twist
 from msgspec import structs
+from nav_msgs.msg import Odometry
+from rospy import Time
+from sensor_msgs.msg import JointState, LaserScan
 
+from robots.bridge.config import ArmSource, ScanSource, Topic, Topics
 from robots.bridge.gate.gate import Gate
 from robots.bridge.recording import BadRecording
 from robots.bridge.ros import bag
 from tests.gate.conftest import LASER, tiago_profile
-
-import rosbag  # isort: skip
-from geometry_msgs.msg import Twist  # isort: skip
-from nav_msgs.msg import Odometry  # isort: skip
-from rospy import Time  # isort: skip
-from sensor_msgs.msg import JointState, LaserScan  # isort: skip
-
-from robots.bridge.config import ArmSource, ScanSource, Topic, Topics  # isort: skip
 
 TOPICS = Topics(
     drive=Topic("/key_vel", "geometry_msgs/Twist"),

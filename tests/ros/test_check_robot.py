@@ -13,12 +13,8 @@ from typing import Any
 from xmlrpc.client import ServerProxy
 
 import pytest
-from django.core.management import call_command
-
-from robots.bridge.ros import path  # noqa: F401
-
-# isort: split
 import rospy
+from django.core.management import call_command
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool, String
 
@@ -32,7 +28,7 @@ ODOMETRY = "/mobile_base_controller/odom"
 # A robot whose nodes go by a name that nobody else knows.
 NAMED_ROBOT = """
 import os, sys
-from robots.bridge.ros import path
+import robots.bridge.ros
 import rospy
 from nav_msgs.msg import Odometry
 rospy.init_node("base", disable_signals=True, disable_rosout=True)

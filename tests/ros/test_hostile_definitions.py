@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes genmsg importable)
-
-# isort: split
 import pytest
 
 from robots import wire

@@ -417,7 +417,7 @@ def test_a_topic_on_which_nothing_has_come_yet_has_its_publishers_type(inspector
 
 def test_publishers_who_do_not_agree_on_the_type_are_told_and_each_is_shown(inspector, rosmaster):
     other = (
-        "from robots.bridge.ros import path; import rospy; from std_msgs.msg import Bool;"
+        "import robots.bridge.ros, rospy; from std_msgs.msg import Bool;"
         "rospy.init_node('other', disable_signals=True);"
         "rospy.Publisher('/look/discord', Bool, queue_size=1, latch=True).publish(True); rospy.spin()"
     )

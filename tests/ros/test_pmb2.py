@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import pytest
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import JointState

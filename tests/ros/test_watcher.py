@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import itertools
 import queue
 import signal

@@ -1,0 +1,27 @@
+"""The robot's side of the bridge, the only one that knows rospy; it makes the distribution's ROS importable.
+
+ROS 1 lives in the distribution's own package folder, which a virtual environment rightly does not see.
+The folder is appended, so that the environment's own packages always win; and only in the processes
+that speak ROS, so that the web process never sees it. `FLEET_ROS_PATH` names other folders
+(separated by colons), such as ``/opt/ros/noetic/lib/python3/dist-packages``.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+DISTRIBUTION = "/usr/lib/python3/dist-packages"
+
+
+def ros_folders() -> list[str]:
+    """The folders that hold rospy."""
+    return [folder for folder in os.environ.get("FLEET_ROS_PATH", DISTRIBUTION).split(":") if folder]
+
+
+def append_ros_folders() -> None:
+    """Append each folder once."""
+    sys.path.extend(folder for folder in ros_folders() if folder not in sys.path)
+
+
+append_ros_folders()

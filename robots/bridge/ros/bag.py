@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path as _path  # noqa: F401 isort: skip
-
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -6,8 +6,6 @@ megabyte of pixels is copied by nobody but rospy.
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import logging
 import threading
 import time

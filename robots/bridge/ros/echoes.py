@@ -5,8 +5,6 @@ The kernel knows how many bytes of a connection it still keeps because nobody ha
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import fcntl
 import struct
 import termios

@@ -11,9 +11,6 @@ from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes genpy importable)
-
-# isort: split
 import genmsg
 from genmsg.msg_loader import load_depends, load_msg_from_string, load_srv_from_string
 from genpy.generator import msg_generator, srv_generator

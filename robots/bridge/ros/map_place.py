@@ -4,8 +4,6 @@ whose topics tell it too (`robots.bridge.ros.depth`).
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import rospy
 
 from robots.bridge.gate.values import Pose

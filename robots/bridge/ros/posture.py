@@ -5,8 +5,6 @@ Joint states come fifty times a second on a thread of rospy's; ten times a secon
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import logging
 import math
 import time

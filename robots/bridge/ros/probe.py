@@ -7,8 +7,6 @@ that the robot's bridge runs in (`robots.environment`), so that names resolve fo
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import secrets
 import socket
 import struct

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import rospy
 from rospy.impl.registration import get_service_manager, get_topic_manager
 

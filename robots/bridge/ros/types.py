@@ -19,9 +19,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes genpy importable)
-
-# isort: split
 import genpy
 
 DEFINITIONS = Path(__file__).with_name("definitions")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import logging
 import threading
 from contextlib import closing

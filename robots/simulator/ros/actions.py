@@ -6,9 +6,6 @@ import queue
 from collections.abc import Iterator
 from typing import Any
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 from actionlib import ActionServer
 from actionlib_msgs.msg import GoalStatus
 

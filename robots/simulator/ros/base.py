@@ -7,9 +7,6 @@ import threading
 import time
 from functools import partial
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rospy
 from geometry_msgs.msg import Quaternion, TransformStamped, Twist
 from nav_msgs.msg import Odometry

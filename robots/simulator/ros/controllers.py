@@ -5,9 +5,6 @@ from __future__ import annotations
 import queue
 from typing import Any, NamedTuple
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rospy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 

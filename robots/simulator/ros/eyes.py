@@ -9,9 +9,6 @@ import queue
 import threading
 from typing import NamedTuple
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import numpy as np
 import PIL.Image
 import rospy

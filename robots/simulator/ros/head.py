@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import numpy as np
 import rospy
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rospy
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import OccupancyGrid

@@ -8,9 +8,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rospy
 
 from robots.simulator.frames import urdf

@@ -9,9 +9,6 @@ import sys
 import threading
 from pathlib import Path
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rosgraph
 import rospy
 

@@ -6,9 +6,6 @@ import logging
 import threading
 from collections.abc import Callable
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rosgraph
 import rospy
 

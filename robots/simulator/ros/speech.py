@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rospy
 
 from robots.bridge.ros.types import message_class

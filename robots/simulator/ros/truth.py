@@ -10,9 +10,6 @@ import math
 import queue
 from collections.abc import Callable
 
-from robots.bridge.ros import path  # noqa: F401  (first: makes rospy importable)
-
-# isort: split
 import rospy
 from geometry_msgs.msg import Pose2D
 from nav_msgs.msg import Odometry

@@ -6,8 +6,6 @@ needs one, so that nothing here has to register anything again.
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import logging
 import os
 import queue

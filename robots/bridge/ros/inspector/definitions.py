@@ -6,8 +6,6 @@ than those that come. What is not installed here is kept on disk by (type, md5),
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import re
 import threading
 from collections.abc import Iterator

@@ -6,8 +6,6 @@ topic of 100 Hz that is shown five times a second is decoded five times, and one
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import logging
 import threading
 import time

@@ -6,8 +6,6 @@ Whether it may be published was decided before (`robots.bridge.orders`); here it
 
 from __future__ import annotations
 
-from robots.bridge.ros import path  # noqa: F401 isort: skip
-
 import threading
 import time
 from collections import deque
