@@ -1,6 +1,6 @@
 /** What this robot was made to say, as far as one may read it, newest first; each can be repeated as it was. */
 
-import { dim, make, mark, say, show } from "./dom.js";
+import { make, mark, say, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { readJson } from "./read.js";
@@ -42,7 +42,6 @@ export class History {
   #ended = null; // of what ended last: its record may come later than the robot's word
   #newest = "";
   #isShown = false;
-  #mayAct = false;
   #reading = Promise.resolve();
   #listening = new AbortController();
 
@@ -61,7 +60,6 @@ export class History {
         [text, languageName(language), topic, who].join(" "),
       key: ({ number }) => number,
       row: (entry) => this.#row(entry),
-      act: () => {},
     });
     parts["history-more"].addEventListener("click", () => this.#more(), {
       signal: this.#listening.signal,
@@ -70,8 +68,7 @@ export class History {
 
   /** @param {boolean} may this tab has control */
   set mayAct(may) {
-    this.#mayAct = may;
-    this.#enable();
+    this.#list.dimmed = !may;
   }
 
   /** @param {?string} topic where speech goes now: its entries are marked */
@@ -145,7 +142,6 @@ export class History {
 
   #show() {
     this.#list.items = this.#entries;
-    this.#enable();
   }
 
   /** How it ended, as the record or else the robot tells; null while it is being said. */
@@ -182,11 +178,6 @@ export class History {
     const row = make("div", { className: "hit", children });
     mark(row, "here", isHere);
     return row;
-  }
-
-  #enable() {
-    for (const button of this.#parts["history-list"].querySelectorAll("button"))
-      dim(button, !this.#mayAct);
   }
 
   #say(text) {

@@ -3,7 +3,7 @@
  * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
  */
 
-import { make, show } from "./dom.js";
+import { dim, make, show } from "./dom.js";
 
 /** Text as it is compared: without accents, in small letters, the same in every browser's language. */
 function folded(text) {
@@ -41,6 +41,12 @@ export function searches(field, filter, hits) {
   });
 }
 
+/** Items without a group first, then by group, and within each as they came. */
+function grouped(items, group) {
+  const names = [...new Set(["", ...items.map(group)])];
+  return names.flatMap((name) => items.filter((item) => group(item) === name));
+}
+
 let lists = 0;
 
 export class SearchList {
@@ -52,17 +58,18 @@ export class SearchList {
   #items = [];
   #rows = [];
   #groups = new Map();
+  #dimmed = false;
 
   /**
    * @param {HTMLElement} root is filled with field and list
    * @param {object} settings
    * @param {string} settings.label of the field
-   * @param {(item) => string} settings.text that is searched; its first line, or `name`, is shown
+   * @param {(item) => string} settings.text that is searched; shown is `name`, or else this
    * @param {(item) => ?string} [settings.note] beside it, quiet
    * @param {(item) => boolean} [settings.isOff] shown, but not to be acted on
-   * @param {(item) => void} settings.act
+   * @param {(item) => void} [settings.act] what a press does, unless there is a `row`
    * @param {(item) => HTMLElement} [settings.row] an own row, instead of a button
-   * @param {(item) => string} [settings.group] items of one group stand together, below its name
+   * @param {(item) => string} [settings.group] its name, or "": items of one group are brought together below it
    * @param {(item) => unknown} [settings.key] by which an item is known again; without it, the text that is searched
    */
   constructor(root, settings) {
@@ -91,15 +98,17 @@ export class SearchList {
     root.replaceChildren(this.#field, this.#hits, this.#none);
   }
 
-  /** @param {object[]} items in the order in which they are shown; the focus stays in its row if that is still there */
-  set items(items) {
-    const { text, key = text } = this.#settings;
+  /** @param {object[]} items in their order; the focus stays in its row if that is still there */
+  set items(given) {
+    const { text, key = text, group } = this.#settings;
+    const items = group ? grouped(given, group) : given;
     const held = this.#items[this.#rows.findIndex((row) => row.contains(document.activeElement))];
     this.#items = items;
     this.#rows = items.map((item) => this.#row(item));
     this.#groups = new Map();
-    this.#hits.replaceChildren(...this.#grouped());
+    this.#hits.replaceChildren(...this.#headed());
     this.#filter();
+    this.dimmed = this.#dimmed;
     show(this.#field, items.length > 0);
     if (held === undefined) return;
     const again = items.findIndex((item) => key(item) === key(held));
@@ -108,6 +117,12 @@ export class SearchList {
 
   get items() {
     return this.#items;
+  }
+
+  /** @param {boolean} dimmed the rows' buttons do nothing now, and say so */
+  set dimmed(dimmed) {
+    this.#dimmed = dimmed;
+    for (const button of this.#hits.querySelectorAll("button")) dim(button, dimmed);
   }
 
   focus() {
@@ -125,7 +140,7 @@ export class SearchList {
   }
 
   /** Rows, and before each group's first its name. */
-  #grouped() {
+  #headed() {
     const { group } = this.#settings;
     if (!group) return this.#rows;
     return this.#rows.flatMap((row, i) => {

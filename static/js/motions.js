@@ -36,12 +36,6 @@ export function durationText(seconds) {
   return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);
 }
 
-/** The motions in the order in which they are shown: those without a group, then by group, and as the robot has them. */
-export function inGroups(motions) {
-  const groups = [...new Set(["", ...motions.map(({ usage = "" }) => usage)])];
-  return groups.flatMap((group) => motions.filter(({ usage = "" }) => usage === group));
-}
-
 /** A key that is held down is one press: it begins nothing and cancels nothing again and again. */
 function heldOnce(event) {
   if (event.key !== "Enter" || !event.repeat) return;
@@ -54,7 +48,6 @@ export class Motions {
   #send;
   #list;
   #buttons = new Map();
-  #offered = [];
   #titles = new Map(); // by name; also of those that are not offered while the robot is away
   #running = null;
   #ended = null; // the motion that was over last
@@ -73,9 +66,8 @@ export class Motions {
     this.#list = new SearchList(parts["motion-list"], {
       label: gettext("Search motions"),
       text: ({ name, title, usage, description }) => [title, name, usage, description].join(" "),
-      group: ({ usage }) => usage,
+      group: ({ usage = "" }) => usage,
       row: (motion) => this.#row(motion),
-      act: () => {},
     });
     const { signal } = this.#listening;
     parts["motions-refresh"].addEventListener("click", () => send({ t: "refresh" }), { signal });
@@ -84,10 +76,9 @@ export class Motions {
 
   /** @param {object} offers of the robot */
   set offers({ motions = [], motions_text: text = "" }) {
-    this.#offered = inGroups(motions);
     for (const { name, title } of motions) this.#titles.set(name, title || name);
     this.#buttons.clear();
-    this.#list.items = this.#offered;
+    this.#list.items = motions;
     const why = text || gettext("This robot offers no motions.");
     say(this.#parts["motions-none"], why);
     show(this.#parts["motions-none"], motions.length === 0);

@@ -1,6 +1,6 @@
 /** Ready-made messages, each in its own script: a press and the robot says it. */
 
-import { dim, make, say, show } from "./dom.js";
+import { make, say, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { readJson } from "./read.js";
@@ -9,7 +9,6 @@ export class Phrases {
   #parts;
   #url;
   #list;
-  #mayAct = false;
 
   /**
    * @param {Record<string, HTMLElement>} parts
@@ -24,21 +23,19 @@ export class Phrases {
       text: ({ text, language, tags = [] }) => [text, languageName(language), ...tags].join(" "),
       group: ({ language }) => languageName(language),
       row: (phrase) => row(phrase, send),
-      act: () => {},
     });
   }
 
   /** @param {boolean} may this tab has control */
   set mayAct(may) {
-    this.#mayAct = may;
-    this.#enable();
+    this.#list.dimmed = !may;
   }
 
   /** Reads them from the console. */
   async load() {
     const failed = gettext("The phrases could not be read. Load the page again.");
     try {
-      this.#show(byLanguage(await readJson(this.#url, failed)));
+      this.#show(await readJson(this.#url, failed));
     } catch (error) {
       this.#say(error.message);
     }
@@ -56,24 +53,12 @@ export class Phrases {
   #show(phrases) {
     this.#list.items = phrases;
     this.#say(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
-    this.#enable();
-  }
-
-  #enable() {
-    for (const button of this.#parts["phrase-list"].querySelectorAll("button"))
-      dim(button, !this.#mayAct);
   }
 
   #say(text) {
     say(this.#parts["phrases-none"], text);
     show(this.#parts["phrases-none"], text !== "");
   }
-}
-
-/** Phrases of one language stand together; the languages and what is in them keep their order. */
-export function byLanguage(phrases) {
-  const languages = [...new Set(phrases.map(({ language }) => language))];
-  return languages.flatMap((own) => phrases.filter(({ language }) => language === own));
 }
 
 function row({ text, language }, send) {

@@ -92,4 +92,26 @@ describe("a searchable list", () => {
     list.items = [{ name: "wave" }, { name: "bow" }, { name: "bowl" }];
     expect(shown()).toEqual(["bow", "bowl"]);
   });
+
+  it("brings each group together below its name, and what has none stands first", () => {
+    const one = (name, kind) => ({ name, kind });
+    list = new SearchList(root, {
+      label: "Search",
+      text: ({ name }) => name,
+      group: ({ kind = "" }) => kind,
+      act,
+    });
+    list.items = [one("wave", "demo"), one("bare"), one("home", "tuck"), one("bow", "demo")];
+    expect(shown()).toEqual(["bare", "demo", "wave", "bow", "tuck", "home"]);
+  });
+
+  it("is dim as long as it is said to be, whatever comes into it", () => {
+    const dim = () =>
+      [...root.querySelectorAll("button")].map((button) => button.getAttribute("aria-disabled"));
+    list.dimmed = true;
+    list.items = [{ name: "wave" }];
+    expect(dim()).toEqual(["true"]);
+    list.dimmed = false;
+    expect(dim()).toEqual([null]);
+  });
 });

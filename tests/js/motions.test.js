@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { durationText, endNotice, inGroups, Motions } from "../../static/js/motions.js";
+import { durationText, endNotice, Motions } from "../../static/js/motions.js";
 
 const WAVE = { name: "wave", title: "Wave", usage: "demo", description: "A hand", duration_s: 3.2 };
 const HOME = { name: "home", title: "Home", usage: "tuck", description: "", duration_s: null };
@@ -139,12 +139,5 @@ describe("motions in words", () => {
     expect(durationText(3.24)).toBe("3.2 s");
     expect(durationText(12.6)).toBe("13 s");
     expect(durationText(null)).toBe("");
-  });
-
-  it("keep the robot's order within a group", () => {
-    expect(inGroups([WAVE, HOME, BOW]).map(({ name }) => name)).toEqual(["wave", "bow", "home"]);
-    const bare = { name: "bare", title: "Bare" };
-    const names = inGroups([WAVE, bare, HOME, { ...BOW, usage: "" }]).map(({ name }) => name);
-    expect(names).toEqual(["bare", "bow", "wave", "home"]); // none seems to belong to the group before
   });
 });
