@@ -443,16 +443,18 @@ class Core:
         One that is in the middle has done what it owes, and so has another that was not out when it was last seen.
         """
         limits, steering = self.config.gate.limits, self.config.reverse_steering
-        for stick, other in ((self._stick, self._twists), (self._twists, self._stick)):
-            if drive := stick.current(now_s):
-                wanted = velocity_of(drive, limits, grant.max_share, steering)
-                stick.is_out = wanted != STILL
-                if stick.is_out:
-                    return stick, wanted
-                stick.owes = None
-                if not other.is_out:
-                    other.owes = None
-        return None, STILL
+        wanted = {
+            stick: velocity_of(drive, limits, grant.max_share, steering)
+            for stick in (self._stick, self._twists)
+            if (drive := stick.current(now_s))
+        }
+        for stick, velocity in wanted.items():
+            stick.is_out = velocity != STILL
+        if STILL in wanted.values():
+            for stick in (self._stick, self._twists):
+                if not stick.is_out:
+                    stick.owes = None
+        return next(((stick, velocity) for stick, velocity in wanted.items() if stick.is_out), (None, STILL))
 
     def _count_anew(self) -> None:
         """Commands come from another page, or from one that was loaded again."""

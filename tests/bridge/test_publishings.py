@@ -323,6 +323,21 @@ def test_a_stick_that_dies_while_out_hands_over_to_no_tool(bench):
     assert bench.last == STILL
 
 
+def test_after_a_stop_a_tool_that_began_while_the_stick_was_out_does_not_drive(bench):
+    bench.driving(0.5)
+    bench.stick(0.5)
+    bench.order(twist(bench, 0.3))  # the stick has it
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.core.clear(bench.core.stop_state.number, bench.now_s)
+    for _ in range(10):
+        bench.stick(0.0)
+        assert bench.order(twist(bench, 0.3)).code == "neutral_needed"
+        bench.pass_time(0.05)
+    assert bench.last == STILL
+    bench.order(twist(bench, 0.0))
+    assert bench.order(twist(bench, 0.3)) is None
+
+
 def test_a_twist_whose_age_nobody_can_tell_is_refused(bench):
     fields = {"linear.x": 0.3}
     assert bench.order(wire.Publish(1, "/key_vel", "geometry_msgs/Twist", fields)).code == "invalid"
