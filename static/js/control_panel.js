@@ -1,6 +1,6 @@
 /** Who has control: words, buttons, people who ask, the dialogs. Tells the page what was chosen by "choose" events. */
 
-import { make, mark, say, show } from "./dom.js";
+import { make, makeButton, mark, say, sayOrHide, show } from "./dom.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
 import { offers } from "./offers.js";
 import { question } from "./question.js";
@@ -52,8 +52,7 @@ export class ControlPanel extends EventTarget {
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;
     say(who, headline);
-    say(why, reason);
-    show(why, reason !== "");
+    sayOrHide(why, reason);
     show(lease, left !== null);
     if (left !== null) say(lease, interpolate(gettext("%s left"), [clockText(left)]));
     mark(lease, "last", yours && isLastCall(left));
@@ -76,13 +75,12 @@ export class ControlPanel extends EventTarget {
         make("span", { text: interpolate(gettext("%s asks for control"), [name]) }),
       ];
       if (this.#control.state === "yours") {
-        const button = make("button", {
-          className: "button primary",
-          text: interpolate(gettext("Hand over to %s"), [name]),
-        });
-        button.type = "button";
-        button.addEventListener("click", () => this.#choose({ t: "hand_over", request: id }));
-        children.push(button);
+        const text = interpolate(gettext("Hand over to %s"), [name]);
+        children.push(
+          makeButton({ className: "button primary", text }, () =>
+            this.#choose({ t: "hand_over", request: id }),
+          ),
+        );
       }
       return make("li", { children });
     });

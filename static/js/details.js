@@ -1,6 +1,6 @@
 /** The side panel: sensors, standing limits, who watches, what the robot refused. */
 
-import { make, say, show } from "./dom.js";
+import { make, say, sayOrHide, show } from "./dom.js";
 
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
@@ -54,8 +54,7 @@ export class Details {
     say(latency, latencyText(state));
     say(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);
-    say(clock, clockText(state));
-    show(clock, clock.textContent !== "");
+    sayOrHide(clock, clockText(state));
     show(foreign, state.foreign.length > 0);
     say(
       foreign,

@@ -9,6 +9,12 @@ export function show(element, shown) {
   if (element.hidden === shown) element.hidden = !shown;
 }
 
+/** Says a text; where there is none, nothing is there. */
+export function sayOrHide(element, text) {
+  say(element, text);
+  show(element, text !== "");
+}
+
 /** Says that a button does nothing now. It can still be reached and pressed: then the page tells why. */
 export function dim(button, dimmed) {
   if (dimmed) button.setAttribute("aria-disabled", "true");
@@ -29,6 +35,14 @@ export function make(tag, { className = "", text = null, data = {}, children = [
   Object.assign(element.dataset, data);
   element.append(...children);
   return element;
+}
+
+/** A button that sends no form. @param {object} settings as of `make` @param {(event: MouseEvent) => void} press */
+export function makeButton(settings, press) {
+  const button = make("button", settings);
+  button.type = "button";
+  button.addEventListener("click", press);
+  return button;
 }
 
 /** Every element with `data-part` below a root, by that name. */

@@ -1,6 +1,6 @@
 /** How a person wants to drive: speed, what sideways means, a stick that stays, which side is which. */
 
-import { make, mark, say, show } from "./dom.js";
+import { makeButton, mark, say, show } from "./dom.js";
 import { firstShare, sharesUpTo } from "./offers.js";
 import { recall, remember } from "./prefs.js";
 
@@ -42,9 +42,6 @@ export class DrivingOptions extends EventTarget {
     this.#root = root;
     this.#parts = parts;
     const { signal } = this.#listening;
-    parts.shares.addEventListener("click", ({ target }) => this.#pick(target.dataset.share), {
-      signal,
-    });
     parts.swap.addEventListener("click", () => this.#swap(), { signal });
     for (const name of ["sticky", "slides"]) {
       parts[name].addEventListener("click", () => this.#toggle(name), { signal });
@@ -58,12 +55,8 @@ export class DrivingOptions extends EventTarget {
     show(this.#parts.slides, holonomic);
     const shares = sharesUpTo(max_share);
     const buttons = shares.map((share) => {
-      const button = make("button", {
-        text: `${Math.round(share * 100)}`,
-        data: { share: String(share) },
-      });
-      button.type = "button";
       const percent = Math.round(share * 100);
+      const button = makeButton({ text: `${percent}`, data: { share } }, () => this.#pick(share));
       button.setAttribute(
         "aria-label",
         interpolate(gettext("%s percent of full speed"), [percent]),
@@ -78,9 +71,8 @@ export class DrivingOptions extends EventTarget {
     this.#listening.abort();
   }
 
-  #pick(value) {
-    if (value === undefined) return;
-    this.#share = Number(value);
+  #pick(share) {
+    this.#share = share;
     for (const button of this.#parts.shares.children) {
       pressed(button, Number(button.dataset.share) === this.#share);
     }

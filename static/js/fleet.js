@@ -1,6 +1,6 @@
 /** The fleet page: a card per robot, live. */
 
-import { mark, parts, say, show } from "./dom.js";
+import { mark, parts, say, sayOrHide, show } from "./dom.js";
 import { matches, searches } from "./list.js";
 import { recallInTab, rememberInTab } from "./prefs.js";
 import { Pulse } from "./pulse.js";
@@ -212,16 +212,14 @@ export class FleetPage {
     mark(card, "stopped", shown.stopped);
     mark(own.status, "level", shown.level);
     say(own.status, shown.status);
-    say(own.why, shown.why);
-    show(own.why, shown.why !== "");
+    sayOrHide(own.why, shown.why);
     say(own.battery, shown.battery);
     say(own.driver, shown.driver);
     say(own.gate, shown.gate);
     if (!robot.state && own["stop-state"].dataset.fresh) return; // it has not reported since the press
     say(own["stop-state"], shown.stop);
     mark(own["stop-state"], "fresh", false);
-    say(own["stop-why"], shown.stopWhy);
-    show(own["stop-why"], shown.stopWhy !== "");
+    sayOrHide(own["stop-why"], shown.stopWhy);
   }
 
   #lost(code) {

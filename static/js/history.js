@@ -1,6 +1,6 @@
 /** What this robot was made to say, as far as one may read it, newest first; each can be repeated as it was. */
 
-import { make, mark, say, show } from "./dom.js";
+import { make, makeButton, mark, sayOrHide, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { readJson } from "./read.js";
@@ -169,9 +169,7 @@ export class History {
       ? inLanguage(make("span", { className: "hit-name", text }), language)
       : make("span", { className: "hit-name quiet", text: gettext("text expired") });
     const words = make("span", { className: "hit-words", children: [said, note] });
-    const again = make("button", { className: "button", text: gettext("Repeat") });
-    again.type = "button";
-    again.addEventListener("click", () =>
+    const again = makeButton({ className: "button", text: gettext("Repeat") }, () =>
       this.#send({ t: "say", text, language, topic: topic || null }),
     );
     const children = [words, text && again].filter(Boolean);
@@ -181,7 +179,6 @@ export class History {
   }
 
   #say(text) {
-    say(this.#parts["history-none"], text);
-    show(this.#parts["history-none"], text !== "");
+    sayOrHide(this.#parts["history-none"], text);
   }
 }

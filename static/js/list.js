@@ -3,7 +3,7 @@
  * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
  */
 
-import { dim, make, show } from "./dom.js";
+import { dim, make, makeButton, show } from "./dom.js";
 
 /** Text as it is compared: without accents, in small letters, the same in every browser's language. */
 function folded(text) {
@@ -155,10 +155,8 @@ export class SearchList {
   #row(item) {
     const { row, act, isOff } = this.#settings;
     if (row) return make("li", { children: [row(item)] });
-    const button = make("button", { className: "hit", children: this.#words(item) });
-    button.type = "button";
+    const button = makeButton({ className: "hit", children: this.#words(item) }, () => act(item));
     button.disabled = isOff?.(item) ?? false;
-    button.addEventListener("click", () => act(item));
     return make("li", { children: [button] });
   }
 

@@ -1,6 +1,6 @@
 /** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
 
-import { dim, make, mark, say, show } from "./dom.js";
+import { dim, make, makeButton, mark, say, show } from "./dom.js";
 import { levelOf } from "./endings.js";
 import { SearchList } from "./list.js";
 
@@ -128,17 +128,13 @@ export class Motions {
         make("span", { className: "hit-note", text: description }),
       ],
     });
-    const button = make("button", {
-      className: "hit",
-      children: [
-        act, // it is read first and stands last
-        words,
-        make("span", { className: "hit-figure", text: durationText(seconds) }),
-      ],
-    });
-    button.type = "button";
+    const figure = make("span", { className: "hit-figure", text: durationText(seconds) });
+    const children = [act, words, figure]; // `act` is read first and stands last
     // The second press of a double click does not cancel what the first began.
-    button.addEventListener("click", ({ detail }) => detail < 2 && this.#press(motion));
+    const button = makeButton(
+      { className: "hit", children },
+      ({ detail }) => detail < 2 && this.#press(motion),
+    );
     this.#buttons.set(name, { button, act });
     return button;
   }

@@ -1,7 +1,7 @@
 /** What came of a person's input: told once at the edge of the screen, and kept in a log. */
 
 import { closable } from "./dialog.js";
-import { make, mark, say, show } from "./dom.js";
+import { make, makeButton, mark, say, show } from "./dom.js";
 
 const SHOWN_MS = 5000;
 const SHOWN_AT_MOST = 4;
@@ -55,10 +55,8 @@ class Shown {
     this.#ended = ended;
     this.#text = make("span");
     this.#times = make("span", { className: "notice-times" });
-    const close = make("button", { className: "close", text: "×" });
-    close.type = "button";
+    const close = makeButton({ className: "close", text: "×" }, () => this.end());
     close.setAttribute("aria-label", gettext("Dismiss"));
-    close.addEventListener("click", () => this.end());
     this.element = make("li", {
       className: "notice",
       data: { level: entry.level },

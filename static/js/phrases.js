@@ -1,6 +1,6 @@
 /** Ready-made messages, each in its own script: a press and the robot says it. */
 
-import { make, say, show } from "./dom.js";
+import { make, makeButton, sayOrHide } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { readJson } from "./read.js";
@@ -56,15 +56,14 @@ export class Phrases {
   }
 
   #say(text) {
-    say(this.#parts["phrases-none"], text);
-    show(this.#parts["phrases-none"], text !== "");
+    sayOrHide(this.#parts["phrases-none"], text);
   }
 }
 
 function row({ text, language }, send) {
   const words = make("span", { className: "hit-name", text });
-  const button = inLanguage(make("button", { className: "hit", children: [words] }), language);
-  button.type = "button";
-  button.addEventListener("click", () => send({ t: "say", text, language }));
-  return button;
+  const button = makeButton({ className: "hit", children: [words] }, () =>
+    send({ t: "say", text, language }),
+  );
+  return inLanguage(button, language);
 }

@@ -1,6 +1,6 @@
 /** What the robot performs and says, on every tab, each with its Cancel; what of a tab's input goes elsewhere. */
 
-import { make, say, show } from "./dom.js";
+import { make, makeButton, say, show } from "./dom.js";
 import { inLanguage } from "./languages.js";
 import { useLabel, usesOf } from "./uses.js";
 
@@ -107,10 +107,10 @@ export class Running {
       children: [make("p", { className: "runs-words", text: goes })],
     });
     if (!this.#mayAct) return row;
-    const back = make("button", { className: "button", text: gettext("Default") });
-    back.type = "button";
+    const back = makeButton({ className: "button", text: gettext("Default") }, () =>
+      this.#send({ t: "choose", use, topic: null }),
+    );
     back.setAttribute("aria-label", `${useLabel(use)}: ${gettext("Back to the default")}`);
-    back.addEventListener("click", () => this.#send({ t: "choose", use, topic: null }));
     row.append(back);
     return row;
   }

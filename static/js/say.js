@@ -1,6 +1,6 @@
 /** What a robot says: a text of one's own in a language of one's choice. */
 
-import { mark, say, show } from "./dom.js";
+import { mark, say, sayOrHide, show } from "./dom.js";
 import { levelOf } from "./endings.js";
 import { inLanguage, isolated, languageChoices, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
@@ -190,8 +190,7 @@ export class Say {
   }
 
   #say(text) {
-    say(this.#parts["say-fault"], text);
-    show(this.#parts["say-fault"], text !== "");
+    sayOrHide(this.#parts["say-fault"], text);
     this.#parts["say-text"].setAttribute("aria-invalid", String(text !== ""));
   }
 }

@@ -1,6 +1,6 @@
 /** A form for a message, made from its definition: nested fields, lists of messages, constants as choices, time. */
 
-import { make, say, show } from "../dom.js";
+import { make, makeButton, say, sayOrHide } from "../dom.js";
 import { blankText, parsed, parsedArray } from "./written.js";
 
 const MOST_MADE = 20; // messages of a list that has a fixed number: more are written as JSON
@@ -111,17 +111,15 @@ class List {
   }
 
   fault(text) {
-    write(this.#note, text);
+    sayOrHide(this.#note, text);
   }
 
   #adding() {
     const label = interpolate(gettext("Add one to %s"), [this.#field.name]);
-    const add = button(gettext("Add"), label);
-    add.addEventListener("click", () => {
+    return labelled(gettext("Add"), label, () => {
       this.#add();
       this.#list.lastElementChild.querySelector("input, select, button")?.focus();
     });
-    return add;
   }
 
   #add() {
@@ -130,8 +128,7 @@ class List {
     const item = { message, element, remove: null };
     this.#made += 1;
     if (this.#field.array < 0) {
-      item.remove = button(gettext("Remove"), "");
-      item.remove.addEventListener("click", () => this.#remove(item));
+      item.remove = labelled(gettext("Remove"), "", () => this.#remove(item));
       element.append(item.remove);
     }
     this.#items.push(item);
@@ -194,7 +191,7 @@ class Value {
   }
 
   fault(text) {
-    write(this.#note, text);
+    sayOrHide(this.#note, text);
     if (text) this.#input.setAttribute("aria-invalid", "true");
     else this.#input.removeAttribute("aria-invalid");
     if (text) this.#input.focus();
@@ -272,14 +269,8 @@ function noteAt(id) {
   return note;
 }
 
-function write(note, text) {
-  say(note, text);
-  show(note, text !== "");
-}
-
-function button(text, label) {
-  const made = make("button", { className: "button", text });
-  made.type = "button";
+function labelled(text, label, press) {
+  const made = makeButton({ className: "button", text }, press);
   made.setAttribute("aria-label", label);
   return made;
 }

@@ -1,6 +1,6 @@
 /** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
 
-import { make, say, show } from "../dom.js";
+import { make, makeButton, sayOrHide, show } from "../dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./written.js";
 
@@ -74,10 +74,10 @@ export class PublishPanel extends EventTarget {
     if (JSON.stringify(running) === JSON.stringify(this.#running)) return;
     this.#running = running;
     const items = running.map(({ topic, rate_hz: rateHz }) => {
-      const stop = make("button", { className: "button", text: gettext("Stop") });
-      stop.type = "button";
+      const stop = makeButton({ className: "button", text: gettext("Stop") }, () =>
+        this.#tell("stop", { topic }),
+      );
       stop.disabled = !this.#mayAct;
-      stop.addEventListener("click", () => this.#tell("stop", { topic }));
       const words = make("span", { children: [make("code", { text: topic }), ` ${rateHz} Hz`] });
       return make("li", { children: [words, stop] });
     });
@@ -165,8 +165,7 @@ export class PublishPanel extends EventTarget {
   }
 
   #say(text) {
-    say(this.#parts["publish-fault"], text);
-    show(this.#parts["publish-fault"], text !== "");
+    sayOrHide(this.#parts["publish-fault"], text);
   }
 
   #tell(type, detail) {

@@ -1,6 +1,6 @@
 /** The robot's services and parameters: everybody may read, staff may call and set what the allow-list admits. */
 
-import { make, mark, say, show } from "../dom.js";
+import { make, mark, say, sayOrHide, show } from "../dom.js";
 import { MessageForm } from "./form.js";
 
 /** Calls one service. Its form is made when it is opened. */
@@ -131,7 +131,6 @@ export class ParameterView {
 
   #say(text, isFault = false) {
     mark(this.#outcome, "fault", isFault);
-    say(this.#outcome, text);
-    show(this.#outcome, text !== "");
+    sayOrHide(this.#outcome, text);
   }
 }

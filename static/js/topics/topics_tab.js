@@ -1,7 +1,7 @@
 /** The Topics tab: where input goes, what the robot says, what may be published, called and set. */
 
 import { closable } from "../dialog.js";
-import { say, show } from "../dom.js";
+import { sayOrHide, show } from "../dom.js";
 import { SearchList } from "../list.js";
 import { publishedNoMore } from "../orders.js";
 import { isAtLeast, whyNot } from "../roles.js";
@@ -304,7 +304,6 @@ export class TopicsTab {
   }
 
   #say(text) {
-    say(this.#parts["topics-fault"], text);
-    show(this.#parts["topics-fault"], text !== "");
+    sayOrHide(this.#parts["topics-fault"], text);
   }
 }

@@ -1,6 +1,6 @@
 /** A topic that is looked at: its figures, its newest message field by field, numbers over time. */
 
-import { make, mark, say, show } from "../dom.js";
+import { make, makeButton, mark, say, sayOrHide, show } from "../dom.js";
 import { figuresText, PATHS_AT_MOST, rows, typeText, valueText } from "./fields.js";
 import { FieldPlot } from "./plot.js";
 
@@ -30,9 +30,9 @@ export class Watch extends EventTarget {
     this.#cut.textContent = interpolate(gettext("Only the first %s fields are shown."), [
       PATHS_AT_MOST,
     ]);
-    const end = make("button", { className: "button", text: gettext("Close") });
-    end.type = "button";
-    end.addEventListener("click", () => this.dispatchEvent(new CustomEvent("end")));
+    const end = makeButton({ className: "button", text: gettext("Close") }, () =>
+      this.dispatchEvent(new CustomEvent("end")),
+    );
     const title = make("h3", { children: [make("code", { text: topic }), " ", this.#type] });
     const head = make("header", { children: [title, end] });
     const plot = make("div", { className: "plot" });
@@ -51,8 +51,7 @@ export class Watch extends EventTarget {
     mark(this.element, "stale", false);
     if (message.type !== "*") say(this.#type, message.type);
     say(this.#figures, figuresText(message));
-    say(this.#problem, message.refusal?.text ?? "");
-    show(this.#problem, Boolean(message.refusal));
+    sayOrHide(this.#problem, message.refusal?.text ?? "");
     const isNew = message.number !== this.#number;
     this.#number = message.number;
     this.#fields = message.fields;
@@ -134,10 +133,8 @@ function keyOf({ path, kind }) {
 }
 
 function toggle(text, label, isOn, pressed) {
-  const button = make("button", { className: "toggle small", text });
-  button.type = "button";
+  const button = makeButton({ className: "toggle small", text }, () => pressed(button));
   button.setAttribute("aria-pressed", String(isOn));
   button.setAttribute("aria-label", label);
-  button.addEventListener("click", () => pressed(button));
   return button;
 }

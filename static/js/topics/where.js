@@ -1,6 +1,6 @@
 /** Where input goes: for each use its topic now, the way back to the default, and what else could be chosen. */
 
-import { make, say, show } from "../dom.js";
+import { make, makeButton, say, show } from "../dom.js";
 import { whyNot } from "../roles.js";
 import { USES, useLabel } from "../uses.js";
 
@@ -78,10 +78,9 @@ export class Choices extends EventTarget {
   }
 
   #button(text, event, detail) {
-    const button = make("button", { className: "button", text });
-    button.type = "button";
-    button.addEventListener("click", () => this.dispatchEvent(new CustomEvent(event, { detail })));
-    return button;
+    return makeButton({ className: "button", text }, () =>
+      this.dispatchEvent(new CustomEvent(event, { detail })),
+    );
   }
 
   #show() {
