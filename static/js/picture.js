@@ -3,7 +3,7 @@
  * Forward is up. Drawn when there is something new, once per frame.
  */
 
-import { onNewColours } from "./colours.js";
+import { coloursOf, onNewColours } from "./colours.js";
 import { arc, carried, reach, spanFor } from "./path.js";
 
 const PATH_S = 2;
@@ -81,13 +81,9 @@ export class Picture {
   }
 
   #readColours() {
-    // A canvas knows no custom properties: each is tried on as the element's own colour, and read back.
-    const { style } = this.#canvas;
-    for (const name of COLOURS) {
-      style.color = `var(--view-${name})`;
-      this.#colour[name] = getComputedStyle(this.#canvas).color;
-    }
-    style.color = "";
+    const names = COLOURS.map((name) => `--view-${name}`);
+    const colours = coloursOf(this.#canvas.parentElement, names);
+    this.#colour = Object.fromEntries(COLOURS.map((name, i) => [name, colours[i]]));
     this.#redraw();
   }
 
