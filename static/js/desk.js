@@ -21,6 +21,7 @@ export class Desk {
   #running;
   #lookAhead;
   #topics;
+  #acting; // those of them by which somebody with control may act
   #motionEnds;
   #speechEnds;
   #choiceEnds;
@@ -57,6 +58,15 @@ export class Desk {
       notices.add({ level: "warning", code: "choice ended", text }),
     );
     this.#speechEnds = new Endings((ended, text) => notices.add(speechEndNotice(ended, text)));
+    this.#acting = [
+      this.#motions,
+      this.#say,
+      this.#phrases,
+      this.#history,
+      this.#running,
+      this.#lookAhead,
+      this.#topics,
+    ];
     this.#phrases.load();
     this.#enable();
   }
@@ -98,7 +108,6 @@ export class Desk {
   set fence(fence) {
     this.#fence = fence;
     this.#orders.fence = fence;
-    this.#lookAhead.fence = fence;
     this.#enable();
   }
 
@@ -135,8 +144,7 @@ export class Desk {
   }
 
   close() {
-    const opened = [this.#motions, this.#say, this.#phrases, this.#history, this.#running];
-    for (const part of [...opened, this.#lookAhead, this.#topics, this.#orders]) part.close();
+    for (const part of [...this.#acting, this.#orders]) part.close();
   }
 
   async #send(order) {
@@ -158,10 +166,8 @@ export class Desk {
   #enable() {
     const mayAct = this.#fence !== null;
     const mayCancel = mayAct || isAtLeast(this.#role, "supervisor");
-    this.#motions.rights = { mayPlay: mayAct, mayCancel };
-    this.#running.mayCancel = mayCancel;
-    this.#say.mayAct = this.#phrases.mayAct = this.#history.mayAct = mayAct;
-    this.#topics.mayAct = this.#running.mayAct = mayAct;
+    this.#motions.mayCancel = this.#running.mayCancel = mayCancel;
+    for (const part of this.#acting) part.mayAct = mayAct;
   }
 
   #markTopic() {

@@ -1,6 +1,6 @@
 /** The button by which a holder sends the robot's head to where the robot drives. */
 
-import { show } from "./dom.js";
+import { dim, show } from "./dom.js";
 
 export class LookAhead {
   #button;
@@ -9,7 +9,7 @@ export class LookAhead {
   /** @param {HTMLButtonElement} button @param {(order: object) => void} send */
   constructor(button, send) {
     this.#button = button;
-    button.disabled = true;
+    dim(button, true);
     button.addEventListener("click", () => send({ t: "look_ahead" }), {
       signal: this.#listening.signal,
     });
@@ -20,9 +20,9 @@ export class LookAhead {
     show(this.#button, has_head);
   }
 
-  /** @param {?number} fence of this tab's control; null: it has none */
-  set fence(fence) {
-    this.#button.disabled = fence === null;
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    dim(this.#button, !may);
   }
 
   close() {

@@ -52,7 +52,7 @@ export class Motions {
   #running = null;
   #ended = null; // the motion that was over last
   #endedMs = 0;
-  #mayPlay = false;
+  #mayAct = false;
   #mayCancel = false;
   #listening = new AbortController();
 
@@ -95,11 +95,16 @@ export class Motions {
     this.#show();
   }
 
-  /** @param {{mayPlay: boolean, mayCancel: boolean}} rights of this page now */
-  set rights({ mayPlay, mayCancel }) {
-    this.#mayPlay = mayPlay;
-    this.#mayCancel = mayCancel;
-    show(this.#parts["motions-hint"], !mayPlay);
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    this.#mayAct = may;
+    show(this.#parts["motions-hint"], !may);
+    this.#show();
+  }
+
+  /** @param {boolean} may this person may end what runs */
+  set mayCancel(may) {
+    this.#mayCancel = may;
     this.#show();
   }
 
@@ -154,7 +159,7 @@ export class Motions {
       const [now, later] = runs ? [cancel, play] : [play, cancel];
       say(act, now);
       act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
-      dim(button, runs ? !this.#mayCancel : !this.#mayPlay);
+      dim(button, runs ? !this.#mayCancel : !this.#mayAct);
     }
   }
 }

@@ -1,6 +1,6 @@
 /** What a robot says: a text of one's own in a language of one's choice. */
 
-import { mark, say, sayOrHide, show } from "./dom.js";
+import { dim, mark, say, sayOrHide, show } from "./dom.js";
 import { levelOf } from "./endings.js";
 import { inLanguage, isolated, languageChoices, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
@@ -137,7 +137,7 @@ export class Say {
     const { "say-count": count, "say-send": send } = this.#parts;
     say(count, `${length} / ${LONGEST}`);
     mark(count, "over", length > LONGEST);
-    send.disabled = !this.#mayAct || length > LONGEST;
+    dim(send, !this.#mayAct || length > LONGEST);
   }
 
   /** Enter sends; Shift and Enter break the line; what is being composed (an accent, a syllable) is not yet a text. */

@@ -33,7 +33,7 @@ describe("the list of motions", () => {
   });
 
   it("plays what is pressed, and cancels it in the same place", () => {
-    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.mayAct = motions.mayCancel = true;
     button("Wave").click();
     expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "wave", title: "Wave" });
     motions.state = { motion: { name: "wave", who: "Ann" } };
@@ -45,14 +45,14 @@ describe("the list of motions", () => {
   });
 
   it("does not cancel by the second press of a double click what the first began", () => {
-    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.mayAct = motions.mayCancel = true;
     motions.state = { motion: { name: "wave", who: "Ann" } };
     button("Wave").dispatchEvent(new MouseEvent("click", { detail: 2 }));
     expect(send).not.toHaveBeenCalled();
   });
 
   it("takes a press right after the end for the cancel that it was meant as, and later for a new one", () => {
-    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.mayAct = motions.mayCancel = true;
     const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
     motions.state = { motion: { name: "wave", who: "Ann" } };
     motions.state = { motion: null };
@@ -68,7 +68,7 @@ describe("the list of motions", () => {
   });
 
   it("takes a key that is held down for one press, on a motion and in the search", () => {
-    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.mayAct = motions.mayCancel = true;
     const held = () =>
       new KeyboardEvent("keydown", { key: "Enter", repeat: true, bubbles: true, cancelable: true });
     const onMotion = held();
@@ -89,19 +89,20 @@ describe("the list of motions", () => {
   });
 
   it("lets a second one be pressed: the robot says why not, and who runs which", () => {
-    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.mayAct = motions.mayCancel = true;
     motions.state = { motion: { name: "wave", who: "Ann" } };
     button("Bow").click();
     expect(send).toHaveBeenCalledWith({ t: "play", motion: "bow", title: "Bow" });
   });
 
   it("looks as if it did nothing without control; a supervisor may cancel all the same", () => {
-    motions.rights = { mayPlay: false, mayCancel: true };
+    motions.mayAct = false;
+    motions.mayCancel = true;
     motions.state = { motion: { name: "wave", who: "Ann" } };
     expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
     expect(parts["motions-hint"].hidden).toBe(false);
     expect(button("Wave").getAttribute("aria-disabled")).toBeNull();
-    motions.rights = { mayPlay: true, mayCancel: true };
+    motions.mayAct = motions.mayCancel = true;
     expect(button("Bow").getAttribute("aria-disabled")).toBeNull();
   });
 

@@ -1,6 +1,6 @@
 /** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
 
-import { make, makeButton, sayOrHide, show } from "../dom.js";
+import { dim, make, makeButton, sayOrHide, show } from "../dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./written.js";
 
@@ -77,7 +77,7 @@ export class PublishPanel extends EventTarget {
       const stop = makeButton({ className: "button", text: gettext("Stop") }, () =>
         this.#tell("stop", { topic }),
       );
-      stop.disabled = !this.#mayAct;
+      dim(stop, !this.#mayAct);
       const words = make("span", { children: [make("code", { text: topic }), ` ${rateHz} Hz`] });
       return make("li", { children: [words, stop] });
     });
@@ -87,9 +87,8 @@ export class PublishPanel extends EventTarget {
   /** @param {boolean} may this tab has control */
   set mayAct(may) {
     this.#mayAct = may;
-    this.#parts["publish-send"].disabled = !may;
-    for (const stop of this.#parts["publish-running"].querySelectorAll("button"))
-      stop.disabled = !may;
+    const stops = this.#parts["publish-running"].querySelectorAll("button");
+    for (const button of [this.#parts["publish-send"], ...stops]) dim(button, !may);
     show(this.#parts["publish-control"], !may);
   }
 
