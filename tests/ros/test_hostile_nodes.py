@@ -16,7 +16,7 @@ import pytest
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.tcpros import Conversation
+from robots.bridge.ros.tcpros import Conversation, first_told
 from tests.ros.meddling import answer_of
 
 
@@ -77,6 +77,13 @@ def test_a_header_that_is_cut_short_is_an_error_in_words(header):
         theirs.sendall(len(header).to_bytes(4, "little") + header)
         with pytest.raises(ValueError, match="does not speak TCPROS"):
             Conversation(ours, time.monotonic() + 10).read_header()
+
+
+@pytest.mark.parametrize("where", [7, "x", [], ["TCPROS"], ["TCPROS", 5, 5], ["TCPROS", "here", "x"]])
+def test_a_publisher_that_tells_its_address_in_another_shape_is_one_that_cannot_be_heard(where):
+    with answering(answer_of(where)) as uri:
+        heard = first_told(Conversation.read_header, "/scan", {"/base": uri}, "/test")
+    assert heard == (None, {"/base": "does not offer TCPROS"})
 
 
 def test_an_errand_that_fails_keeps_no_other_from_being_done():

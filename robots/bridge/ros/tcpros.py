@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import TypeVar
 
+import msgspec
+
 from robots.bridge.ros.master import Master, MasterError
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header; a definition is part of it
@@ -84,9 +86,10 @@ def connect_to_publisher(
 ) -> Conversation:
     """A subscriber's connection to one publisher, whatever its type."""
     protocol = Master(node_uri, caller, timeout_s).call("requestTopic", topic, [["TCPROS"]])
-    if not protocol:
-        raise ValueError("does not offer TCPROS")
-    _, host, port = protocol
+    try:
+        _, host, port = msgspec.convert(protocol, tuple[str, str, int])
+    except msgspec.ValidationError as error:
+        raise ValueError("does not offer TCPROS") from error
     wanted = {"callerid": caller, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
     return connect(host, port, wanted, timeout_s)
 
