@@ -4,6 +4,7 @@ import { make, makeButton, mark, sayOrHide, show } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { readJson } from "./read.js";
+import { whenText } from "./times.js";
 
 const PAGE = 50;
 
@@ -20,15 +21,6 @@ export function outcomeText(outcome) {
     unknown: gettext("end not known"),
   };
   return texts[outcome] ?? outcome ?? gettext("not over yet");
-}
-
-/** The time if it was today, else the day and the time; with the zone, for the records of the same are in UTC. */
-export function whenText(at, now = new Date()) {
-  const when = new Date(at);
-  const day = { year: "numeric", month: "short", day: "numeric" };
-  const time = { hour: "2-digit", minute: "2-digit", timeZoneName: "short" };
-  const options = when.toDateString() === now.toDateString() ? time : { ...day, ...time };
-  return new Intl.DateTimeFormat(document.documentElement.lang || "en", options).format(when);
 }
 
 export class History {

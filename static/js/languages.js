@@ -3,7 +3,7 @@
 /** What names languages, by the language in which it does. */
 const known = new Map();
 
-function pageLanguage() {
+export function pageLanguage() {
   return document.documentElement.lang || "en";
 }
 

@@ -2,6 +2,7 @@
 
 import { closable } from "./dialog.js";
 import { make, makeButton, mark, say, show } from "./dom.js";
+import { timeText } from "./times.js";
 
 const SHOWN_MS = 5000;
 const SHOWN_AT_MOST = 4;
@@ -26,12 +27,6 @@ function words(level, said) {
   sign.setAttribute("aria-hidden", "true");
   const strong = make("strong", { className: "notice-word", text: word });
   return [sign, make("p", { children: [strong, " ", said] })];
-}
-
-/** This browser's time of day; with its zone, for the records of the same are in UTC. */
-function timeText(at) {
-  const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", timeZoneName: "short" };
-  return at.toLocaleTimeString(document.documentElement.lang || "en", options);
 }
 
 function timesText(times) {

@@ -2,16 +2,16 @@
 
 import { drawBars } from "./bars.js";
 import { parts } from "./dom.js";
+import { pageLanguage } from "./languages.js";
 
 const A_MONDAY = Date.UTC(2024, 0, 1);
 const DAY_MS = 86_400_000;
 
 const page = parts(document.querySelector("[data-page=robot-report]"));
 const { days, hours, weekdays } = JSON.parse(document.getElementById("use").textContent);
-const language = document.documentElement.lang;
 
 function named(format) {
-  const dates = new Intl.DateTimeFormat(language, { timeZone: "UTC", ...format });
+  const dates = new Intl.DateTimeFormat(pageLanguage(), { timeZone: "UTC", ...format });
   return (ms) => dates.format(ms);
 }
 
