@@ -93,7 +93,7 @@ class ControlPage {
     this.#face = new Face(root, this.#parts);
     this.#notices = new Notices(this.#parts);
     this.#desk = new Desk(this.#parts, {
-      slug: root.dataset.slug,
+      addresses: root.dataset,
       send: (message) => this.#socket.send(message),
       notices: this.#notices,
       clock: this.#clock,

@@ -34,23 +34,23 @@ export class Desk {
   /**
    * @param {Record<string, HTMLElement>} parts
    * @param {object} page
-   * @param {string} page.slug of the robot
+   * @param {{phrases: string, speech: string, topics: string}} page.addresses of what is read, and of the WebSocket
    * @param {(message: object) => boolean} page.send
    * @param {import("./notices.js").Notices} page.notices
    * @param {() => number} page.clock milliseconds, growing over reloads of the tab
    */
-  constructor(parts, { slug, send, notices, clock }) {
+  constructor(parts, { addresses, send, notices, clock }) {
     const tell = (notice) => notices.add(notice);
     this.#orders = new Orders(send, tell, Math.floor(clock()));
     const order = (message) => this.#send(message);
     this.#motions = new Motions(parts, order);
     this.#say = new Say(parts, order);
-    this.#phrases = new Phrases(parts, `/api/robots/${slug}/phrases/`, order);
-    this.#history = new History(parts, `/api/robots/${slug}/speech/`, order);
+    this.#phrases = new Phrases(parts, addresses.phrases, order);
+    this.#history = new History(parts, addresses.speech, order);
     this.#running = new Running(parts, order, (name) => this.#motions.titleOf(name));
     this.#lookAhead = new LookAhead(parts["look-ahead"], order);
-    const topics = socketUrl(`/ws/robots/${slug}/topics/`);
-    this.#topics = new TopicsTab(parts, topics, { send: order, tell }, clock);
+    const url = socketUrl(addresses.topics);
+    this.#topics = new TopicsTab(parts, url, { send: order, tell }, clock);
     this.#motionEnds = new Endings((ended, name) =>
       notices.add(endNotice(ended, this.#motions.titleOf(name))),
     );
