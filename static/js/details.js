@@ -19,7 +19,7 @@ export function watchersText({ watchers, watchers_more: more }) {
 }
 
 /** How far the robot's clock is from the console's, if far enough to be reported: positive is ahead. */
-export function clockText({ clock_skew_s: skewS }) {
+export function skewText({ clock_skew_s: skewS }) {
   if (!skewS) return "";
   const text =
     skewS > 0
@@ -54,13 +54,15 @@ export class Details {
     say(latency, latencyText(state));
     say(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);
-    sayOrHide(clock, clockText(state));
+    sayOrHide(clock, skewText(state));
     show(foreign, state.foreign.length > 0);
     say(
       foreign,
       interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
     );
-    const counts = Object.entries(state.refused).map(([code, count]) => `${code}: ${count}`);
+    const counts = Object.entries(state.refused).map(
+      ([code, count]) => `${code.replaceAll("_", " ")}: ${count}`, // as all pages read codes
+    );
     fill(refusals, counts.length ? counts : [gettext("None")]);
   }
 

@@ -1,5 +1,5 @@
-import { expect, test } from "vitest";
-import { clockText, Details, latencyText, watchersText } from "../../static/js/details.js";
+import { beforeEach, describe, expect, test } from "vitest";
+import { Details, latencyText, skewText, watchersText } from "../../static/js/details.js";
 
 test("a latency that was not measured yet is said to be assumed", () => {
   expect(latencyText({ latency_s: 0.2, latency_measured: false })).toBe("200 ms (assumed)");
@@ -13,20 +13,17 @@ test("a crowd of onlookers is some names and a number", () => {
 });
 
 test("a clock that is off is told in words", () => {
-  expect(clockText({ clock_skew_s: null })).toBe("");
-  expect(clockText({ clock_skew_s: 3.2 })).toBe(
+  expect(skewText({ clock_skew_s: null })).toBe("");
+  expect(skewText({ clock_skew_s: 3.2 })).toBe(
     "The robot’s clock is 3.2 s ahead of this console’s.",
   );
-  expect(clockText({ clock_skew_s: -0.84 })).toBe(
+  expect(skewText({ clock_skew_s: -0.84 })).toBe(
     "The robot’s clock is 0.8 s behind this console’s.",
   );
 });
 
-test("the line about the clock is there while it is off, and only then", () => {
-  const names = ["watchers", "sensors", "clock", "latency", "foreign", "refusals", "all-limits"];
-  const parts = Object.fromEntries(names.map((name) => [name, document.createElement("p")]));
-  const details = new Details(parts);
-  const state = {
+describe("the panel", () => {
+  const STATE = {
     verdict: {},
     latency_s: 0.1,
     latency_measured: true,
@@ -35,10 +32,27 @@ test("the line about the clock is there while it is off, and only then", () => {
     sensors: [],
     foreign: [],
     refused: {},
+    clock_skew_s: null,
   };
-  details.state = { ...state, clock_skew_s: 3.2 };
-  expect(parts.clock.hidden).toBe(false);
-  expect(parts.clock.textContent).toContain("3.2 s ahead");
-  details.state = { ...state, clock_skew_s: null };
-  expect(parts.clock.hidden).toBe(true);
+  let parts;
+  let details;
+
+  beforeEach(() => {
+    const names = ["watchers", "sensors", "clock", "latency", "foreign", "refusals", "all-limits"];
+    parts = Object.fromEntries(names.map((name) => [name, document.createElement("p")]));
+    details = new Details(parts);
+  });
+
+  test("has the line about the clock while it is off, and only then", () => {
+    details.state = { ...STATE, clock_skew_s: 3.2 };
+    expect(parts.clock.hidden).toBe(false);
+    expect(parts.clock.textContent).toContain("3.2 s ahead");
+    details.state = STATE;
+    expect(parts.clock.hidden).toBe(true);
+  });
+
+  test("counts refused messages by what was wrong, in words", () => {
+    details.state = { ...STATE, refused: { too_old: 3 } };
+    expect(parts.refusals.textContent).toBe("too old: 3");
+  });
 });
