@@ -1,8 +1,8 @@
 /** Who has control: words, buttons, people who ask, the dialogs. Tells the page what was chosen by "choose" events. */
 
+import { controlWords } from "./control_words.js";
 import { make, makeButton, mark, say, sayOrHide, show } from "./dom.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
-import { offers } from "./offers.js";
 import { question } from "./question.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
@@ -48,7 +48,7 @@ export class ControlPanel extends EventTarget {
     const now = performance.now();
     const left = remaining(this.#control.remaining_s, this.#heardMs, now);
     const resumable = remaining(this.#control.resumable_s, this.#heardMs, now);
-    const { headline, reason, actions } = offers(this.#control, resumable);
+    const { headline, reason, actions } = controlWords(this.#control, resumable);
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;
     say(who, headline);

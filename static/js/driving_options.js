@@ -1,7 +1,6 @@
 /** How a person wants to drive: speed, what sideways means, a stick that stays, which side is which. */
 
 import { makeButton, mark, say, show } from "./dom.js";
-import { firstShare, sharesUpTo } from "./offers.js";
 import { recall, remember } from "./prefs.js";
 
 /** A speed as people walk; up to so many m/s. */
@@ -18,6 +17,17 @@ function paces() {
 /** How fast that is, in words. Pure. @param {number} speed m/s */
 export function paceText(speed) {
   return paces().find(([upTo]) => speed <= upTo)[1];
+}
+
+/** The speed shares offered: steps of a fifth, as far as the robot's own limit allows. */
+export function sharesUpTo(maxShare) {
+  const steps = [0.2, 0.4, 0.6, 0.8, 1].filter((share) => share < maxShare - 1e-6);
+  return [...steps, maxShare];
+}
+
+/** The share to begin with: the largest offered that is not above the robot's default. */
+export function firstShare(shares, defaultShare) {
+  return shares.findLast((share) => share <= defaultShare + 1e-6) ?? shares[0];
 }
 
 function pressed(button, on) {

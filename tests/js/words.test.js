@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { paceText } from "../../static/js/driving_options.js";
-import { firstShare, offers, sharesUpTo } from "../../static/js/offers.js";
+import { controlWords } from "../../static/js/control_words.js";
+import { firstShare, paceText, sharesUpTo } from "../../static/js/driving_options.js";
 import { banner, connectionFact, isHeld, verdictText } from "../../static/js/standing.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
@@ -90,26 +90,28 @@ describe("the verdict in words", () => {
 
 describe("what is offered", () => {
   it("is control when it is free, and the reason when it may not be taken", () => {
-    expect(offers(CONTROL).actions).toEqual(["take"]);
-    const refused = offers({ ...CONTROL, refusal: { text: "Observers may not drive." } });
+    expect(controlWords(CONTROL).actions).toEqual(["take"]);
+    const refused = controlWords({ ...CONTROL, refusal: { text: "Observers may not drive." } });
     expect(refused).toMatchObject({ actions: [], reason: "Observers may not drive." });
   });
 
   it("is asking the holder, or withdrawing the question", () => {
     const other = { ...CONTROL, state: "other", holder: "Bo" };
-    expect(offers(other)).toMatchObject({ headline: "Bo has control", actions: ["ask"] });
-    expect(offers({ ...other, asking: 0 }).actions).toEqual(["ask_cancel"]);
-    expect(offers({ ...other, may_take_over: true }).actions).toEqual(["ask", "take_over"]);
+    expect(controlWords(other)).toMatchObject({ headline: "Bo has control", actions: ["ask"] });
+    expect(controlWords({ ...other, asking: 0 }).actions).toEqual(["ask_cancel"]);
+    expect(controlWords({ ...other, may_take_over: true }).actions).toEqual(["ask", "take_over"]);
   });
 
   it("is to keep it or to give it back when it is yours", () => {
-    expect(offers({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
+    expect(controlWords({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
   });
 
   it("counts the seconds until a vanished holder loses it", () => {
     const away = { ...CONTROL, state: "away", holder: "Bo" };
-    expect(offers(away, 6.2).reason).toBe("Their page is gone. Free in 7 s unless it returns.");
-    expect(offers(away).reason).toBe("Their page is gone.");
+    expect(controlWords(away, 6.2).reason).toBe(
+      "Their page is gone. Free in 7 s unless it returns.",
+    );
+    expect(controlWords(away).reason).toBe("Their page is gone.");
   });
 });
 

@@ -11,7 +11,7 @@ function holder(control) {
  * @returns {{headline: string, reason: string, actions: string[]}}
  *   actions: take, take_over, renew, release, ask, ask_cancel; the first is the most likely one
  */
-export function offers(control, resumableS = null) {
+export function controlWords(control, resumableS = null) {
   const reason = control.refusal?.text ?? "";
   const force = control.may_take_over ? ["take_over"] : [];
   const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
@@ -44,15 +44,4 @@ export function offers(control, resumableS = null) {
         actions: [question, ...force],
       };
   }
-}
-
-/** The speed shares offered: steps of a fifth, as far as the robot's own limit allows. */
-export function sharesUpTo(maxShare) {
-  const steps = [0.2, 0.4, 0.6, 0.8, 1].filter((share) => share < maxShare - 1e-6);
-  return [...steps, maxShare];
-}
-
-/** The share to begin with: the largest offered that is not above the robot's default. */
-export function firstShare(shares, defaultShare) {
-  return shares.findLast((share) => share <= defaultShare + 1e-6) ?? shares[0];
 }
