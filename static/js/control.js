@@ -140,8 +140,6 @@ class ControlPage {
       this.#desk,
       this.#errands,
       this.#notices,
-    ];
-    const others = [
       this.#stopButton,
       this.#clear,
       this.#joystick,
@@ -149,7 +147,7 @@ class ControlPage {
       this.#pulse,
       this.#socket,
     ];
-    for (const part of [...opened, ...others]) part.close();
+    for (const part of opened) part.close();
   }
 
   // --- wiring ----------------------------------------------------------------------------------
@@ -180,7 +178,6 @@ class ControlPage {
     });
     on(document, "visibilitychange", () => document.hidden && this.#zero("hidden"));
     on(window, "blur", () => this.#zero("blurred"));
-    on(window, "pagehide", () => this.#zero("closed"));
 
     const host = {
       stick: this.#stick,

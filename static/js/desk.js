@@ -148,13 +148,9 @@ export class Desk {
   }
 
   async #send(order) {
-    const ends = this.#endingsOf(order);
-    if (!ends) return this.#orders.send(order);
-    const { mine, name } = ends;
-    ends.mine = true;
-    ends.name = order.text ?? name;
+    const undo = this.#endingsOf(order)?.begin(order.text);
     const refusal = await this.#orders.send(order);
-    if (refusal && refusal.code !== "no_answer") Object.assign(ends, { mine, name });
+    if (refusal && refusal.code !== "no_answer") undo?.();
     return refusal;
   }
 

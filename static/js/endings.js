@@ -8,8 +8,8 @@ export function levelOf(outcome) {
 
 /** Tells the person who began or cancelled something how it ended; others only see it end. */
 export class Endings {
-  mine = false; // the next ending answers to this page
-  name = ""; // of what runs, or ran
+  #mine = false; // the next ending answers to this page
+  #name = ""; // of what runs, or ran
   #tell;
   #last; // number of the ending that is known already
   #runs = false;
@@ -18,6 +18,19 @@ export class Endings {
   /** @param {(ended: object, name: string) => void} tell */
   constructor(tell) {
     this.#tell = tell;
+  }
+
+  /**
+   * The next ending answers to this page, which begins or cancels something.
+   * @param {string} [name] of what it begins
+   * @returns {() => void} call it if that was refused: then nothing changed
+   */
+  begin(name = this.#name) {
+    const before = [this.#mine, this.#name];
+    [this.#mine, this.#name] = [true, name];
+    return () => {
+      [this.#mine, this.#name] = before;
+    };
   }
 
   /** The robot is out of reach. */
@@ -30,7 +43,7 @@ export class Endings {
    * @returns {boolean} whether something ended since
    */
   follow(name, ended) {
-    if (name !== null) this.name = name;
+    if (name !== null) this.#name = name;
     const isNew = this.#last !== undefined && ended !== null && ended.number !== this.#last;
     const isGone = this.#blind && this.#runs && name === null && !isNew;
     this.#last = ended?.number ?? 0;
@@ -38,8 +51,8 @@ export class Endings {
     this.#blind = false;
     if (!isNew && !isGone) return false;
     const how = isNew ? ended : { outcome: "unheard", text: "" };
-    if (this.mine) this.#tell(how, how.name ?? this.name);
-    this.mine = false;
+    if (this.#mine) this.#tell(how, how.name ?? this.#name);
+    this.#mine = false;
     return true;
   }
 }

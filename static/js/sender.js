@@ -45,11 +45,6 @@ export class DriveSender {
     this.#share = value;
   }
 
-  /** The number of the last message. */
-  get seq() {
-    return this.#seq;
-  }
-
   start(fence) {
     if (this.#fence === fence) return;
     this.stop();

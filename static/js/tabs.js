@@ -53,10 +53,6 @@ export class Tabs extends EventTarget {
     window.addEventListener("hashchange", () => this.#follow(), { signal });
   }
 
-  get current() {
-    return this.#current;
-  }
-
   /** Shows the tab that the address names. */
   begin() {
     this.#follow();

@@ -12,11 +12,20 @@ describe("endings", () => {
   });
 
   it("are told once, to the page that began it", () => {
-    ends.mine = true;
+    ends.begin();
     ends.follow("Hola", { number: 4, outcome: "done" });
     expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(true);
     expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(false);
     expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "failed" }, "Hola"]]);
+  });
+
+  it("are named as what was begun, and not told of what was refused", () => {
+    const undo = ends.begin("Hola");
+    ends.follow(null, { number: 5, outcome: "done" });
+    undo();
+    ends.begin("Adios")();
+    ends.follow(null, { number: 6, outcome: "done" });
+    expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "done" }, "Hola"]]);
   });
 
   it("of others are not told, nor one from before this page was opened", () => {
@@ -25,7 +34,7 @@ describe("endings", () => {
   });
 
   it("that nobody tells, because the bridge ended with what ran, are told as unheard", () => {
-    ends.mine = true;
+    ends.begin();
     ends.follow("wave", { number: 4, outcome: "done" });
     ends.lost();
     expect(ends.follow(null, null)).toBe(true);
@@ -36,7 +45,7 @@ describe("endings", () => {
   });
 
   it("are those of what still runs, or has ended meanwhile, after a loss of the connection", () => {
-    ends.mine = true;
+    ends.begin();
     ends.follow("wave", { number: 4, outcome: "done" });
     ends.lost();
     expect(ends.follow("wave", { number: 4, outcome: "done" })).toBe(false);
@@ -46,7 +55,7 @@ describe("endings", () => {
   });
 
   it("are named as the robot names them", () => {
-    ends.mine = true;
+    ends.begin();
     ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" });
     expect(tell.mock.calls[0][1]).toBe("wave");
   });

@@ -92,8 +92,16 @@ describe("the sender", () => {
   });
 
   it("begins its numbers with the tab's clock, so that they grow over a reload", () => {
+    sender.start(7);
+    vi.advanceTimersByTime(40);
+    sender.stop();
+    const { seq } = sent.at(-1);
     vi.advanceTimersByTime(5000);
     const reloaded = new DriveSender(socket, stick, () => performance.now());
-    expect(reloaded.seq).toBeGreaterThanOrEqual(sender.seq + 5000);
+    reloaded.start(8);
+    vi.advanceTimersByTime(40);
+    reloaded.stop();
+    expect(sent.at(-1)).toMatchObject({ fence: 8 });
+    expect(sent.at(-1).seq).toBeGreaterThanOrEqual(seq + 5000);
   });
 });
