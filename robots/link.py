@@ -106,9 +106,8 @@ class BridgeLink:
         self.highest_fence = 0
         self._socket: ClientConnection | None = None  # to a bridge that said that it is this robot's
         self._listeners: set[Listener] = set()
-        self._viewer: Listener | None = (
-            None  # of the listeners, the one for whom there are pictures and messages
-        )
+        # of the listeners, the one for whom there are pictures and messages
+        self._viewer: Listener | None = None
         self._names: frozenset[str] = frozenset()  # of those who look
         self._topics: dict[str, float] = {}  # whose messages they look at, and how often (Hz)
         self._telling: asyncio.TimerHandle | None = None  # the bridge of other topics

@@ -774,9 +774,7 @@ class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
     number: int  # of this message among all that came
     rate_hz: float | None
     bytes: int
-    age_s: (
-        float | None
-    )  # of this message now: since its header's stamp, by the console's clock; None: no stamp
+    age_s: float | None  # now, since its header's stamp, by the console's clock; None: no stamp
     publishers: int
     fields: dict[str, Any]
     shortened: dict[str, int] = {}  # whole lengths of arrays that are shown in part, by path

@@ -19,9 +19,8 @@ USE_TYPES = {
     "motions": ("play_motion_msgs/PlayMotionAction",),
 }
 
-FULL_NAME = re.compile(
-    r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*"
-)  # what ROS itself would resolve to no other name
+# what ROS itself would resolve to no other name.
+FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
 _VELOCITY = "velocities move the base: they go through the gate only"
 

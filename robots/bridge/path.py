@@ -15,9 +15,8 @@ from robots.bridge.gate.values import Pose, Velocity
 
 SAMPLE_S = 0.5
 TOLERANCE_M = 0.05
-LEVER_M = (
-    0.25  # what a point so far ahead of the robot's middle misses counts too: so turning on the spot is kept
-)
+# what a point so far ahead of the robot's middle misses counts too: so turning on the spot is kept
+LEVER_M = 0.25
 MOST_SAMPLES = 600  # of a path, however long the drive
 
 

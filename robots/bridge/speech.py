@@ -21,9 +21,8 @@ from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
-LINGER_S = (
-    1.5  # a topic that tells nothing is left no sooner: its text waits a second for who begins to listen
-)
+# a topic that tells nothing is left no sooner: its text waits a second for who begins to listen
+LINGER_S = 1.5
 _LAYOUT = frozenset("\n\t")
 
 

@@ -21,9 +21,8 @@ from robots.models import Phrase, Robot, RobotProfile
 from robots.phrases import MOST_PHRASES, Line, read, written
 from robots.services import entry_delete, entry_save, phrases_import
 
-MANY_TAGS = ",".join(
-    chr(code) for code in range(0x4E00, 0x4E00 + 70)
-)  # 139 characters, until they are spaced
+# 139 characters, until they are spaced
+MANY_TAGS = ",".join(chr(code) for code in range(0x4E00, 0x4E00 + 70))
 
 # --- files ---------------------------------------------------------------------------------------
 

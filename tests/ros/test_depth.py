@@ -31,9 +31,8 @@ CLOUDS = msgspec.structs.replace(
     IMAGES, topic="/xtion/depth_registered/points", type="sensor_msgs/PointCloud2", info=None
 )
 HEAD = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
-BEFORE_TABLE = Pose2D(
-    5.0, 2.9, -math.pi / 2.0
-)  # its top's edge is at y = 1.0, its legs to either side of the way
+# its top's edge is at y = 1.0, its legs to either side of the way
+BEFORE_TABLE = Pose2D(5.0, 2.9, -math.pi / 2.0)
 EDGE_Y = 1.0
 
 

@@ -91,9 +91,8 @@ class Disc:
 class Discs:
     """Several discs, fixed to each other: a long base, or an arm that reaches out. Their union is the hull."""
 
-    demanded_share = (
-        0.5  # turning out of a wall, one disc may come a little nearer to it before another leaves
-    )
+    # turning out of a wall, one disc may come a little nearer to it before another leaves
+    demanded_share = 0.5
     pose_spacing_m = 0.04
     turns_freely = False
     sharpness = 1.0

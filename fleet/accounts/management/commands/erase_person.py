@@ -11,9 +11,8 @@ from fleet.accounts.models import User
 from fleet.accounts.services import account_close, account_erase
 from fleet.audit.command_line import here
 
-WRITTEN_S = (
-    15.0  # what was refused to others is on record by then, with the names in it: it is folded for 10 s
-)
+# what was refused to others is on record by then, with the names in it: it is folded for 10 s
+WRITTEN_S = 15.0
 
 
 class Command(BaseCommand):

@@ -27,9 +27,8 @@ log = logging.getLogger(__name__)
 
 LARGEST_SHOWN = 16 * 1024  # bytes of a `Shown`
 LEVELS = (Limits(32, 16, 500), Limits(8, 4, 100), Limits(2, 1, 40))  # of detail; the first that fits is shown
-AGAIN_S = (
-    1.0  # what is known is said this often without a message, too: for its figures, and for who looks later
-)
+# what is known is said this often without a message, too: for its figures, and for who looks later
+AGAIN_S = 1.0
 LONGEST_NAME = 200  # characters of what a publisher says of itself
 MOST_NAMED = 20  # publishers of a topic
 RATE_WINDOW_S = 10.0
