@@ -3,6 +3,14 @@
 import { make, mark, say, sayOrHide, show } from "../dom.js";
 import { MessageForm } from "./form.js";
 
+/** What a service answered; of long arrays the beginning has come, which nobody should take for all. */
+function answerText({ fields, shortened = {} }) {
+  const text = JSON.stringify(fields, null, 2);
+  const cut = Object.entries(shortened).map(([path, length]) => `${path} (${length})`);
+  if (cut.length === 0) return text;
+  return `${text}\n${interpolate(gettext("Shown in part: %s"), [cut.join(", ")])}`;
+}
+
 /** Calls one service. Its form is made when it is opened. */
 export class ServiceCall {
   element;
@@ -54,7 +62,7 @@ export class ServiceCall {
     this.#call.disabled = true;
     try {
       const answer = await this.#channel.ask({ t: "call", service: this.#service, fields });
-      this.#tell(JSON.stringify(answer.fields, null, 2));
+      this.#tell(answerText(answer));
     } catch (error) {
       const path = error.refusal?.figures?.path;
       if (path && this.#form.fault(path, error.message)) show(this.#answer, false);

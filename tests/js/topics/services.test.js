@@ -75,6 +75,14 @@ describe("a service", () => {
     expect(view.querySelector(".answer").textContent).toContain('"success": true');
   });
 
+  it("whose answer is shown in part says so", async () => {
+    const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
+    ask.mockResolvedValueOnce({ fields: { cells: [1, 2] }, shortened: { cells: 1000 } });
+    const view = await opened(ask);
+    await pressed(view, "Call");
+    expect(view.querySelector(".answer").textContent).toContain("Shown in part: cells (1000)");
+  });
+
   it("that says no is told apart from one that answers, and a wrong field is named in its place", async () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockRejectedValueOnce(refused("/lamp said no"));
