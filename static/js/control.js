@@ -31,12 +31,13 @@ const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybo
 // Closed for good: signed out, not permitted, no such robot. The server's page says so, or leads to the sign-in page.
 const CLOSED_FOR_GOOD = new Set([4401, 4403, 4404]);
 
-// Refused commands of the stick that the delay or the banner speak of; they come by the dozen.
+// Refused commands of the stick that the delay, the picture's words or the banner speak of; they come by the dozen.
 const SHOWN_ELSEWHERE = new Set([
   "too_old",
   "out_of_order",
   "stopped",
   "neutral_needed",
+  "motion_running",
   "robot_offline",
 ]);
 

@@ -6,6 +6,8 @@ import { clockText, isLastCall, remaining } from "./lease.js";
 import { question } from "./question.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
+// A press so soon after somebody asked was meant for what stood there before: hands are slower than that.
+const MEANT_BEFORE_MS = 500;
 
 /** Events: "choose" (detail: a message for the server). */
 export class ControlPanel extends EventTarget {
@@ -14,6 +16,7 @@ export class ControlPanel extends EventTarget {
   #heardMs = 0;
   #timer;
   #takeOver;
+  #offeredMs = new Map(); // by request: since when control can be handed over to whoever asks
   #listening = new AbortController();
 
   /** @param {Record<string, HTMLElement>} parts */
@@ -22,7 +25,9 @@ export class ControlPanel extends EventTarget {
     this.#parts = parts;
     const { signal } = this.#listening;
     for (const button of parts.actions.querySelectorAll("button[data-action]")) {
-      button.addEventListener("click", () => this.#act(button.dataset.action), { signal });
+      // Not by the second of two quick presses: where one took control, the next would give it back.
+      const press = ({ detail: presses }) => presses < 2 && this.#act(button.dataset.action);
+      button.addEventListener("click", press, { signal });
     }
     this.#takeOver = question(parts["take-over-dialog"], (answer) =>
       this.#choose({ t: "take_over", reason: answer.get("reason").trim() }),
@@ -70,22 +75,31 @@ export class ControlPanel extends EventTarget {
   /** One's own is told above already. */
   #showRequests(requests) {
     const others = requests.filter(({ id }) => id !== this.#control.asking);
+    const offered = this.#control.state === "yours" ? others : [];
+    const now = performance.now();
+    this.#offeredMs = new Map(offered.map(({ id }) => [id, this.#offeredMs.get(id) ?? now]));
     const items = others.map(({ id, name }) => {
-      const children = [
-        make("span", { text: interpolate(gettext("%s asks for control"), [name]) }),
-      ];
-      if (this.#control.state === "yours") {
-        const text = interpolate(gettext("Hand over to %s"), [name]);
-        children.push(
-          makeButton({ className: "button primary", text }, () =>
-            this.#choose({ t: "hand_over", request: id }),
-          ),
-        );
-      }
+      const words = make("span", { text: interpolate(gettext("%s asks for control"), [name]) });
+      const children = this.#offeredMs.has(id) ? [words, this.#handOver(id, name)] : [words];
       return make("li", { children });
     });
     this.#parts.requests.replaceChildren(...items);
     show(this.#parts.requests, items.length > 0);
+  }
+
+  #handOver(id, name) {
+    const text = interpolate(gettext("Hand over to %s"), [name]);
+    const button = makeButton({ className: "button primary", text }, () =>
+      this.#choose({ t: "hand_over", request: id }),
+    );
+    const tooSoonMs = this.#offeredMs.get(id) + MEANT_BEFORE_MS - performance.now();
+    if (tooSoonMs > 0) {
+      button.disabled = true;
+      setTimeout(() => {
+        button.disabled = false;
+      }, tooSoonMs);
+    }
+    return button;
   }
 
   #act(action) {
