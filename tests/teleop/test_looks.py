@@ -23,9 +23,11 @@ def looker(looks):
     def one():
         async def send(event):
             new.sent.append(event["text"])
+            new.was_sent.set()
 
         new = Looker(looks, send)
         new.sent = []
+        new.was_sent = asyncio.Event()
         return new
 
     return one
@@ -52,15 +54,16 @@ async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_messag
 
 async def test_the_last_message_is_shown_though_none_follows(looks, looker):
     one = looker()
-    one.look("/a", 50.0)
+    one.look("/a", 4.0)
     looks.publish("/a", "first")
     await turns()
     one.drawn()
     looks.publish("/a", "second")
     looks.publish("/a", "last")
     await turns()
-    assert one.sent == ["first"]  # the next is due in 0.02 s
-    await asyncio.sleep(0.05)
+    assert one.sent == ["first"]  # the next is due in 0.25 s
+    one.was_sent.clear()
+    await asyncio.wait_for(one.was_sent.wait(), 10)
     assert one.sent == ["first", "last"]
 
 
