@@ -231,6 +231,31 @@ def test_buttons_that_have_done_their_work_hand_the_focus_on(person: Arrive) -> 
     assert focused.get_attribute("data-action") == "take"
 
 
+def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
+    operator, staff = person("operator", width=360, height=640), person("staff")
+    operator.watch("tiago-2")
+    take = box_of(operator.page.get_by_role("button", name="Take control"))
+    mouse, (x, y) = operator.page.mouse, (take["x"] + take["width"] * 0.6, take["y"] + take["height"] / 2)
+    mouse.click(x, y)
+    operator.until_in_control()
+    assert (
+        operator.page.evaluate("([x, y]) => document.elementFromPoint(x, y).innerText", [x, y]) == "Release"
+    )
+    mouse.down(click_count=2)
+    mouse.up(click_count=2)
+    operator.page.evaluate(
+        """() => new MutationObserver(([{ target }]) => { window.came ??= target.querySelector("button")?.disabled; })
+          .observe(document.querySelector(".requests"), { childList: true })"""
+    )
+    staff.watch("tiago-2")
+    staff.press("Ask for control")
+    operator.press("Hand over to Staff")  # when it can be pressed: it stands where a phrase was until now
+    assert operator.page.evaluate("came") is True
+    assert "release" not in operator.sent
+    staff.until_in_control()
+    staff.release()
+
+
 def test_what_is_chosen_and_pressed_is_seen_where_the_system_chooses_the_colours(person: Arrive) -> None:
     observer = person("observer")
     observer.page.emulate_media(forced_colors="active")
