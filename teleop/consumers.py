@@ -16,7 +16,6 @@ from msgspec import structs
 
 from robots import wire
 from robots.link import LinkRefused
-from robots.models import Role
 from robots.wire import Accepted, Ended, NotDone, Notice, Offers, Refusal, Refused, browser_message, kind_of
 from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
@@ -249,14 +248,14 @@ class RobotConsumer(RobotSocket):
     async def stands(self, standing: Standing) -> None:
         """Follow the lease: grip what is ours, let go what is not, say what is new."""
         self._standing = standing
-        before = self.rights
+        role_before = self.rights.role
         await super().stands(standing)
         if not self.may_look:
             return
-        if before.role != self.rights.role:
+        if role_before != self.rights.role:
             await self._welcome()
         await self._follow_lease(standing)
-        await self._follow_permit(before.role)
+        await self._follow_permit()
         if self.viewer:
             self.viewer.drives = self.grip is not None
         await self._tell_control()
@@ -334,17 +333,17 @@ class RobotConsumer(RobotSocket):
         self.grip = None
         await self.tell(notices.control_ended(ending))
 
-    async def _follow_permit(self, before: Role | None) -> None:
+    async def _follow_permit(self) -> None:
         """End control when the right to it ended; follow a changed limit.
 
-        Also when the role is a lower one than `before`: what was begun under the higher one ends with control.
+        Also when the role is a lower one than that in which control was got: what was begun in that ends with control.
         """
-        permit = self.rights.permit
+        permit, role = self.rights.permit, self.rights.role
         if self.grip is None:
             return
         if isinstance(permit, Refusal):
             await self._control_ended(EndReason.RIGHT, permit)
-        elif before is not None and self.rights.role is not None and self.rights.role < before:
+        elif role is not None and role < self.grip.holding.role:
             await self._control_ended(EndReason.RIGHT, ROLE_LOWERED)
         elif permit.max_share != self.grip.permit.max_share:
             self.grip.permit = permit

@@ -71,6 +71,7 @@ class Lease(models.Model):
     tab = models.CharField(max_length=64, blank=True)
     sign_in = models.CharField(max_length=64, blank=True)
     connection = models.CharField(max_length=64, blank=True)
+    role = models.CharField(max_length=16, blank=True)
     term_ends_at = models.DateTimeField(null=True, blank=True)
     seen_at = models.DateTimeField(null=True, blank=True)
 

@@ -9,7 +9,6 @@ from msgspec import Struct
 
 from fleet.accounts.models import User
 from robots.models import Robot, Role
-from robots.selectors import role_on
 from robots.wire import Refusal
 
 ROLE_LOWERED = Refusal(
@@ -74,13 +73,8 @@ def role_suffices(*, user: User, robot: Robot, role: Role | None, now: datetime)
 RULES: tuple[Rule, ...] = (account_is_active, robot_is_in_service, role_suffices)
 
 
-def control_permitted(*, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
-    """What all rules leave of the right to control, or the first refusal."""
-    return permitted_as(role_on(user, robot), user=user, robot=robot, now=now)
-
-
 def permitted_as(role: Role | None, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
-    """`control_permitted`, for whoever has looked up the role already."""
+    """What all rules leave of the right to control, or the first refusal."""
     permit = Permit()
     for rule in RULES:
         answer = rule(user=user, robot=robot, role=role, now=now)

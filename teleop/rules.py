@@ -13,6 +13,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
+from robots.models import Role
 from robots.wire import Refusal
 
 GRACE_S = 10.0  # how long after its page was lost a lease may be resumed
@@ -39,6 +40,7 @@ class Holding(Struct, frozen=True):
     user: UUID
     name: str
     tab: Tab
+    role: Role  # of its holder when it was given
     fence: int
     term_ends_at: datetime
     seen_at: datetime  # when its page was last known to be there

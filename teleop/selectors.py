@@ -136,6 +136,7 @@ def _holding(lease: Lease) -> Holding:
         user=session.user.id,
         name=session.user.display_name,
         tab=Tab(lease.tab, lease.sign_in, lease.connection),
+        role=Role(lease.role),
         fence=session.fence,
         term_ends_at=lease.term_ends_at,
         seen_at=lease.seen_at,

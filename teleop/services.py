@@ -22,13 +22,13 @@ from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.errors import cause_of
 from fleet.audit.models import Record
-from robots.models import Robot
-from robots.selectors import supervises
+from robots.models import Robot, Role
+from robots.selectors import role_on, supervises
 from robots.services import fence_next
 from robots.wire import NotDone, Refusal
 from teleop import rules
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
-from teleop.policy import Permit, control_permitted
+from teleop.policy import Permit, permitted_as
 from teleop.rules import Ask, Holding, Tab
 from teleop.selectors import asks_of, holding_of
 
@@ -68,14 +68,14 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
     """Give control of a robot that nobody else has. From the same person's other tab it moves here."""
     with change():
         robot, user = _robot(robot_id), _user(user_id)
-        permit = _permit(user=user, robot=robot, now=now)
+        role, permit = _permit(user=user, robot=robot, now=now)
         before = holding_of(robot_id)
         _require(rules.may_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
             lapsed = rules.lapse(before, now)
             reason = EndReason(lapsed) if lapsed else EndReason.MOVED
             _end_session(before, reason, robot, None if lapsed else user, now)
-        taken = _give(robot, user, tab, permit, before, highest_fence, now)
+        taken = _give(robot, user, tab, role, permit, before, highest_fence, now)
         _record("control.take", taken, robot, user)
     return taken
 
@@ -86,13 +86,13 @@ def lease_take_over(
     """Take control from its holder, as a supervisor or staff, for a reason that is kept."""
     with change():
         robot, user = _robot(robot_id), _user(user_id)
-        permit = _permit(user=user, robot=robot, now=now)
+        role, permit = _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
         refusal = rules.may_take_over(held, user=user_id, supervises=supervises(user, robot), now=now)
         before = _allowed(held, refusal)
         note = f"{user.display_name} took over: {reason}"
         _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
-        taken = _give(robot, user, tab, permit, before, highest_fence, now)
+        taken = _give(robot, user, tab, role, permit, before, highest_fence, now)
         _record(
             "control.take_over",
             taken,
@@ -115,10 +115,10 @@ def lease_hand_over(
         before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
         ask = _ask(robot_id, request_id, now)
         receiver = _user(ask.user)
-        permit = _permit(user=receiver, robot=robot, now=now)
+        role, permit = _permit(user=receiver, robot=robot, now=now)
         note = f"You handed over to {receiver.display_name}."
         _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
-        given = _give(robot, receiver, ask.tab, permit, before, highest_fence, now)
+        given = _give(robot, receiver, ask.tab, role, permit, before, highest_fence, now)
         _record(
             "control.hand_over",
             given,
@@ -137,7 +137,7 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
     """Start a fresh term."""
     with change():
         robot, user = _robot(robot_id), _user(user_id)
-        permit = _permit(user=user, robot=robot, now=now)
+        _, permit = _permit(user=user, robot=robot, now=now)
         held = holding_of(robot_id)
         before = _allowed(held, rules.may_renew(held, tab=tab, asks=asks_of(robot_id), now=now))
         ends = _term_end(permit, now)
@@ -281,11 +281,13 @@ def _ask(robot_id: UUID, request_id: int, now: datetime) -> Ask:
     return _allowed(ask, rules.must_ask(ask, now=now))
 
 
-def _permit(*, user: User, robot: Robot, now: datetime) -> Permit:
-    answer = control_permitted(user=user, robot=robot, now=now)
+def _permit(*, user: User, robot: Robot, now: datetime) -> tuple[Role, Permit]:
+    """Leave to control, and in which role."""
+    role = role_on(user, robot)
+    answer = permitted_as(role, user=user, robot=robot, now=now)
     if isinstance(answer, Refusal):
         raise ControlRefused(answer)
-    return answer
+    return _allowed(role, None), answer
 
 
 def _term_end(permit: Permit, now: datetime) -> datetime:
@@ -296,6 +298,7 @@ def _give(
     robot: Robot,
     user: User,
     tab: Tab,
+    role: Role,
     permit: Permit,
     before: Holding | None,
     highest_fence: int,
@@ -307,6 +310,7 @@ def _give(
         user=user.id,
         name=user.display_name,
         tab=tab,
+        role=role,
         fence=fence_next(robot, at_least=highest_fence),
         term_ends_at=_term_end(permit, now),
         seen_at=now,
@@ -320,6 +324,7 @@ def _give(
             "tab": tab.token,
             "sign_in": tab.sign_in,
             "connection": tab.connection,
+            "role": role,
             "term_ends_at": given.term_ends_at,
             "seen_at": now,
         },
@@ -336,6 +341,7 @@ def _free(robot_id: UUID, held: Holding, now: datetime, **still: Any) -> None:
         "tab": "",
         "sign_in": "",
         "connection": "",
+        "role": "",
         "term_ends_at": None,
         "seen_at": None,
     }

@@ -90,6 +90,36 @@ async def test_a_lower_role_ends_control_and_what_was_begun_under_the_higher_one
     assert told["refusal"] is None
 
 
+def set_role(role):
+    return in_database(lambda: RobotRole.objects.filter(user__username="supervisor").update(role=role))
+
+
+async def test_a_page_that_comes_back_after_its_role_became_a_lower_one_has_lost_control(open_page, bridge):
+    page = await open_page("supervisor")
+    await page.say("take")
+    fence = (await page.hears("control", state="yours"))["fence"]
+    await page.close()
+    await set_role("operator")
+    again = await open_page("supervisor")
+    await again.hears("notice", code="role_lowered")
+    assert "yours" not in [message.get("state") for message in [again.control, *again.inbox]]
+    assert (await bridge.hears(wire.Revoke)).fence == fence
+    ended = await eventually(Record.objects.filter(kind="control.end").first)
+    assert (ended.outcome, ended.parameters["why"]) == (EndReason.RIGHT, "role_lowered")
+
+
+async def test_a_role_that_rises_and_falls_back_to_that_of_the_take_ends_nothing(open_page, bridge):
+    await set_role("operator")
+    page = await open_page("supervisor")
+    await page.say("take")
+    await page.hears("control", state="yours")
+    for role in ("supervisor", "operator"):
+        await set_role(role)
+        await page.hears("welcome", role=role)
+    await page.hears_nothing("notice")
+    assert not bridge.all(wire.Revoke)
+
+
 async def test_disabling_the_robot_ends_control_and_says_so(driving, bridge):
     await revoked_in_time(bridge, lambda: Robot.objects.update(enabled=False))
     await driving.hears("notice", code="robot_disabled")

@@ -6,6 +6,7 @@ from uuid import UUID
 import msgspec
 import pytest
 
+from robots.models import Role
 from teleop import rules
 from teleop.rules import Ask, Holding, Phase, Tab
 
@@ -18,6 +19,7 @@ HELD = Holding(
     user=OLGA,
     name="Olga",
     tab=HER_TAB,
+    role=Role.OPERATOR,
     fence=5,
     term_ends_at=NOW + timedelta(minutes=15),
     seen_at=NOW,
