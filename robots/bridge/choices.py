@@ -32,6 +32,9 @@ class Switch(Protocol):
     def drive_to(self, topic: str) -> None:
         """Velocities go to this one of the attended topics from now on."""
 
+    def read_motions(self) -> None:
+        """Ask the robot for its motions. Returns at once; `Catalogue.read` follows for each action."""
+
 
 class Rules(Protocol):
     """What choices must know of the robot, and do to it: `Core`."""
@@ -77,7 +80,11 @@ class Choices:
             self._roles["motions"].clear()  # the default action's motions tell where the arm is, no other's
         self._listened: Mapping[str, str] | None = None
         self._asked: dict[str, _Choice] = {}
-        self._wanted = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
+        self._always = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
+        if "motions" in self._always:
+            # What a motion action performs that a bridge gave up, or left when it was killed, must be heard of.
+            self._always["motions"] |= self._roles["motions"].keys()
+        self._wanted = dict(self._always)
         self._connected: dict[str, Collection[str]] = dict(self._wanted)
         self._unanswered = Counter[str]()  # of `Switch.attend`, by use
         self._parted_s: float | None = None  # since then nobody answers for the chosen drive topic
@@ -247,12 +254,14 @@ class Choices:
             self._parted_s = None
             self._rules.halt(why, now_s)
             self._switch.drive_to(name)
+        elif use == "motions":
+            self._switch.read_motions()
 
     def _attend(self, use: str, busy: Collection[str]) -> None:
-        """Be connected where input goes or is about to go, and nowhere else."""
+        """Be connected where input goes or is about to go, and to every motion action; nowhere else."""
         asked = self._asked.get(use)
         begun = {asked.topic} if asked and asked.begun else set()
-        wanted = frozenset({self._defaults[use].name, self.topic(use), *busy, *begun})
+        wanted = self._always[use] | {self.topic(use), *busy, *begun}
         if wanted != self._wanted[use]:
             self._wanted[use] = wanted
             self._connected[use] = wanted & frozenset(self._connected[use])

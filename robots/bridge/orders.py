@@ -65,9 +65,6 @@ class Performer(Player, Voice, Switch, Arm, Protocol):
         Returns at once. Where the points are others than those of the list, the list is read again.
         """
 
-    def read_motions(self) -> None:
-        """Ask the robot for its motions. Returns at once; `Catalogue.read` follows for each action."""
-
 
 class _Look(NamedTuple):
     """A look ahead that was asked for, and is being put on record."""
@@ -174,8 +171,7 @@ class Orders:
         self.publishings.tick(self._rules.why_not_begin, now_s)
         self._watch_motion(now_s)
         self._watch_speech(now_s)
-        playing = {self.motions.topic} if self.motions.topic else set()
-        self.choices.tick({"speech": self.speaking.topics(now_s), "motions": playing}, now_s)
+        self.choices.tick({"speech": self.speaking.topics(now_s)}, now_s)
         self.catalogue.tell()
         self._move_head(sent, now_s)
 

@@ -100,11 +100,32 @@ def test_a_motion_is_performed_by_the_chosen_action_and_cancelled_there(bench):
     bench.core.revoke(1, "over", bench.now_s)
     bench.core.tick(bench.now_s)
     assert chosen(bench) == {}
-    assert ("motions", {"/play_motion"}) not in bench.base.attended  # its cancel must still get there
     [(goal_id, _)] = bench.base.played
-    bench.core.orders.motions.ended(goal_id, "cancelled", "", bench.now_s)
+    assert bench.base.cancelled_goals == [goal_id]
+
+
+def test_every_motion_action_of_the_list_is_listened_to_from_the_first_to_the_last(bench):
+    """What one of them performs that this bridge gave up, or one that was killed left, must be heard of."""
+    both = {"/play_motion", "/second_play"}
+    assert bench.core.orders.choices.connected("motions") == both
+    choose(bench, "motions", "/second_play")
+    bench.order(wire.Play(1, "nod"))
+    settled(bench)
+    bench.pass_time(2.2)
+    bench.recorded()
+    assert bench.sink.records[-1][1].outcome == "unheard"
+    bench.core.revoke(1, "over", bench.now_s)
     bench.core.tick(bench.now_s)
-    assert bench.base.attended[-1] == ("motions", {"/play_motion"})
+    assert chosen(bench) == {}
+    assert bench.core.orders.choices.connected("motions") == both
+    assert "motions" not in dict(bench.base.attended)  # nothing was left, and nothing joined late
+
+
+def test_motions_are_read_anew_where_they_are_chosen_and_where_input_goes_back(bench):
+    choose(bench, "motions", "/second_play")
+    assert bench.base.readings == 1
+    bench.core.revoke(1, "over", bench.now_s)
+    assert bench.base.readings == 2
 
 
 def test_the_old_drive_topic_gets_its_zero_before_the_new_one_gets_anything(bench):

@@ -16,7 +16,6 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from robots.bridge.config import Topic
 from robots.bridge.ros.master import Master
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.types import message_class, service_class
@@ -173,10 +172,10 @@ def reads(rosmaster):
     def read(action: str):
         told = Listed()
         topics = MotionTopics(
-            Topic(action, "play_motion_msgs/PlayMotionAction"), Master(rosmaster.uri, "/test"), told
+            {action}, "play_motion_msgs/PlayMotionAction", Master(rosmaster.uri, "/test"), told
         )
         topics.read()
-        topics.attend(())
+        topics.close()
         return told.offers[0]
 
     return read

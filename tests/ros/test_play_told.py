@@ -9,7 +9,6 @@ import pytest
 import rospy
 from actionlib_msgs.msg import GoalStatus
 
-from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.ros.master import Master
 from robots.bridge.ros.motions import ERRORS, MotionTopics
@@ -52,10 +51,10 @@ def heard():
 @pytest.fixture
 def motions(ros, rosmaster, heard):
     topics = MotionTopics(
-        Topic(ACTION, "play_motion_msgs/PlayMotionAction"), Master(rosmaster.uri, "/test"), heard
+        {ACTION}, "play_motion_msgs/PlayMotionAction", Master(rosmaster.uri, "/test"), heard
     )
     yield topics
-    topics.attend(())
+    topics.close()
 
 
 @contextmanager
@@ -116,7 +115,7 @@ def test_a_master_that_does_not_answer_takes_no_motion_from_the_list(ros, rosmas
     rospy.set_param(f"{ACTION}/motions", {"nod": {"joints": ["a"], "points": [{"positions": [0.5]}]}})
     with meddled(rosmaster) as master:
         topics = MotionTopics(
-            Topic(ACTION, "play_motion_msgs/PlayMotionAction"), Master(master.uri, "/test"), heard
+            {ACTION}, "play_motion_msgs/PlayMotionAction", Master(master.uri, "/test"), heard
         )
         try:
             topics.read()
@@ -130,7 +129,7 @@ def test_a_master_that_does_not_answer_takes_no_motion_from_the_list(ros, rosmas
             topics.read()
             assert heard.lists.get(timeout=PATIENCE_S) == []
         finally:
-            topics.attend(())
+            topics.close()
 
 
 def test_odd_names_are_listed_as_the_robot_spells_them_and_their_points_are_found(motions, heard):

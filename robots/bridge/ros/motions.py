@@ -46,30 +46,26 @@ class Watcher(Protocol):
 
 
 class MotionTopics:
-    """The motion actions of one robot: the default, and one chosen instead, of one type."""
+    """The motion actions of one robot: the default, and those that may be chosen instead, of one type."""
 
-    def __init__(self, default: Topic, master: Master, watcher: Watcher) -> None:
-        self._type = default.type
+    def __init__(self, names: Collection[str], type: str, master: Master, watcher: Watcher) -> None:
         self._master = master
         self._watcher = watcher
-        self._actions: dict[str, ActionTopics] = {}
-        self._errors = _errors(message_class(f"{default.type.removesuffix('Action')}Result"))
+        self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
         self._offers: dict[str, tuple[list[MotionOffer], str]] = {}  # by action; why there is none
-        self.attend({default.name})
+        self._actions = {
+            name: ActionTopics(Topic(name, type), self, joined=watcher.motions_joined) for name in names
+        }
 
-    def attend(self, names: Collection[str]) -> None:
-        """Be connected to these and no others. Asks the master."""
-        for name in set(names) - set(self._actions):
-            self._actions[name] = ActionTopics(
-                Topic(name, self._type), self, joined=self._watcher.motions_joined
-            )
-        for name in set(self._actions) - set(names):
-            self._actions.pop(name).close()
+    def close(self) -> None:
+        """Leave them."""
+        for action in self._actions.values():
+            action.close()
 
     def read(self) -> None:
         """Ask the robot what it offers: its service for the names, its parameters for the rest."""
-        for action in list(self._actions):
+        for action in self._actions:
             try:
                 parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
             except MasterError as error:  # what is known of them stays
@@ -101,12 +97,11 @@ class MotionTopics:
 
     def cancel(self, goal_id: str, action: str) -> None:
         """Cancel this goal and no other."""
-        if action in self._actions:
-            self._actions[action].cancel(goal_id)
+        self._actions[action].cancel(goal_id)
 
     def cancel_all(self) -> None:
         """The emergency stop: whatever is performed, whoever asked for it."""
-        for action in list(self._actions.values()):
+        for action in self._actions.values():
             action.cancel_all()
 
     def _parameters(self, action: str, motion: str = "") -> Any:

@@ -250,7 +250,8 @@ class RosBase:
         if topics.head:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
         if topics.motions:
-            self._motions = MotionTopics(topics.motions, self._master, self)
+            actions = self._core.orders.choices.connected("motions")  # all that may be chosen
+            self._motions = MotionTopics(actions, topics.motions.type, self._master, self)
         if topics.speech:
             self._speech = SpeechTopics(topics.speech, self)
         if topics.arm and topics.joint_states:
@@ -317,9 +318,6 @@ class RosBase:
                 self._drives.pop(name).unregister()
         elif use == "speech" and self._speech:
             self._speech.attend(topics)
-        elif use == "motions" and self._motions:
-            self._motions.attend(topics)
-            self.read_motions()
 
     def _await_listener(self, publisher: rospy.Publisher) -> None:
         """A moment, so that a robot whose velocities go elsewhere now does not seem to be away."""
