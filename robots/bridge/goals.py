@@ -117,9 +117,9 @@ class Goals(ABC, Generic[What]):
                 goal.cancel_sent_s = now_s
                 self._withdraw(goal.id, goal.topic)
 
-    def _busy(self, now_s: float) -> bool:
-        """Whether the robot does what others asked for."""
-        return any(now_s - told_s <= UNHEARD_S for told_s in self._others.values())
+    def _busy(self, now_s: float) -> set[str]:
+        """The topics on which the robot does what others asked for."""
+        return {topic for topic, told_s in self._others.items() if now_s - told_s <= UNHEARD_S}
 
     def _recorded(self, now_s: float) -> Goal[What] | None:
         """What is on record and waits to be sent; what could not be recorded, or was cancelled meanwhile, is over."""

@@ -132,7 +132,7 @@ class Motions(Goals[Piece]):
         super().__init__(log, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
-        self._strays_cancelled_s = -math.inf
+        self._strays: dict[str, float] = {}  # actions with a goal that nobody watches: cancelled last
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why the base must stand, and no other motion may begin: one runs."""
@@ -142,8 +142,10 @@ class Motions(Goals[Piece]):
             does = "performs" if self.begun else "is about to perform"
             text = f"The robot {does} “{goal.what.title}”, asked for by {who}."
             return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
-        if self._busy(now_s):
-            return Refusal("motion_running", "The robot performs a motion that others asked for.", "robot")
+        if busy := self._busy(now_s):
+            is_ours = not busy.isdisjoint(self._strays)
+            which = "this console left: it is being cancelled" if is_ours else "others asked for"
+            return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
         return None
 
     def begin(self, name: str, title: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
@@ -224,8 +226,10 @@ class Motions(Goals[Piece]):
         """What a bridge that was killed left, or this one gave up: nobody watches the space about that arm."""
         known = {self._current.id if self._current else None, self._ended}
         strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
-        if strays and now_s - self._strays_cancelled_s >= CANCEL_AGAIN_S:
-            self._strays_cancelled_s = now_s
+        if not strays:
+            self._strays.pop(action, None)
+        elif now_s - self._strays.get(action, -math.inf) >= CANCEL_AGAIN_S:
+            self._strays[action] = now_s
             for goal_id in strays:
                 self._withdraw(goal_id, action)
 

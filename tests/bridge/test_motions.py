@@ -464,14 +464,28 @@ def test_a_goal_of_an_earlier_bridge_which_nobody_watches_is_cancelled_until_the
     left = "fleet_bridge-left"
     passes(bench, left, 1.4)
     assert bench.base.cancelled_goals == [left] * 3
-    assert ask(bench).code == "motion_running"
+    refusal = ask(bench)
+    assert refusal.code == "motion_running"
+    assert refusal.text == "The robot performs a motion that this console left: it is being cancelled."
     bench.pass_time(2.2)
+    bench.core.orders.motions.running("/second_play", ["other"], bench.now_s)
+    assert ask(bench).text == "The robot performs a motion that others asked for."
+    bench.core.orders.motions.running("/second_play", [], bench.now_s)
     begun(bench)
+
+
+def test_what_was_left_on_one_action_keeps_nothing_on_another_from_being_cancelled(bench):
+    for _ in range(3):
+        bench.core.orders.motions.running("/play_motion", ["fleet_bridge-1"], bench.now_s)
+        bench.core.orders.motions.running("/second_play", ["fleet_bridge-2"], bench.now_s)
+        bench.pass_time(0.6)
+    assert bench.base.cancelled_goals == ["fleet_bridge-1", "fleet_bridge-2"] * 3
 
 
 def test_what_others_asked_for_is_left_alone(bench):
     passes(bench, "/play_motion-7-1.2", 1.4)
     assert bench.base.cancelled_goals == []
+    assert ask(bench).text == "The robot performs a motion that others asked for."
 
 
 def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
