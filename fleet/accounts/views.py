@@ -73,6 +73,8 @@ def sessions(request: HttpRequest) -> HttpResponse:
 def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
     """End one sign-in; what it holds open ends within a second."""
     ended = services.sign_in_end(user=person_of(request), sign_in_id=sign_in_id)
+    if not request.session.exists(request.session.session_key or ""):  # this one: it keeps no message
+        return redirect("sign-in")
     told = _("That session has ended.") if ended else _("That session had ended already.")
     messages.success(request, told)
     return redirect("sessions")

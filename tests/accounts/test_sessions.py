@@ -76,6 +76,23 @@ def test_nobody_ends_another_persons_sign_in(desk, observer, signed_in):
     assert _alive(theirs, observer)
 
 
+def test_ending_the_sign_in_of_this_very_page_leads_to_the_sign_in_page(desk, operator):
+    answer = desk.post(f"{PAGE}{_sign_in_of(desk).pk}/end/")
+    assert (answer.status_code, answer.headers["Location"]) == (302, "/accounts/sign-in/")
+    assert not _alive(desk, operator)
+
+
+def test_so_does_ending_another_one_when_this_one_is_ended_meanwhile(desk, phone, monkeypatch):
+    ending = _sign_in_of(phone).pk
+
+    def ended_meanwhile(**_which):
+        Session.objects.all().delete()
+        return False
+
+    monkeypatch.setattr(services, "sign_in_end", ended_meanwhile)
+    assert desk.post(f"{PAGE}{ending}/end/").headers["Location"] == "/accounts/sign-in/"
+
+
 @pytest.mark.parametrize("end", ["00000000-0000-0000-0000-000000000000/end/", "end-others/"])
 def test_ending_needs_a_form_of_ours(end, operator, signed_in):
     client = Client(enforce_csrf_checks=True)
