@@ -69,6 +69,7 @@ class Grip:
         self._task.cancel()
 
     async def _keep_granted(self) -> None:
+        faulty = False  # what lasts is logged once
         while True:
             try:
                 if (refusal := await self._why_over()) is not None:
@@ -77,8 +78,11 @@ class Grip:
                 if not self.is_settled:
                     self.is_settled = True
                     await self._settled()
+                faulty = False
             except Exception:
-                log.exception("control of robot %s was not renewed", self._room.robot_id)
+                if not faulty:
+                    log.exception("control of robot %s was not renewed", self._room.robot_id)
+                faulty = True
             self._again.clear()
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._again.wait(), RENEW_S)

@@ -174,6 +174,29 @@ async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, 
     await is_not_renewed(bridge)
 
 
+async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_again(
+    driving, bridge, monkeypatch, caplog
+):
+    monkeypatch.setattr(grip, "RENEW_S", 0.02)
+    tries = asyncio.Semaphore(0)
+    grant = grip.Grip._grant
+
+    async def fails(_grip):
+        tries.release()
+        raise RuntimeError("a fault of ours")
+
+    async def tried(times):
+        for _ in range(times):
+            await asyncio.wait_for(tries.acquire(), 5.0)
+
+    for logged in (1, 2):
+        monkeypatch.setattr(grip.Grip, "_grant", fails)
+        await tried(4)
+        assert caplog.text.count("was not renewed") == logged
+        monkeypatch.setattr(grip.Grip, "_grant", grant)
+        await bridge.hears(wire.Grant, count=len(bridge.all(wire.Grant)) + 1)
+
+
 async def test_a_look_at_others_rights_confirms_nobodys_control(driving, open_page, bridge, monkeypatch):
     """Each newcomer is looked up; that says nothing of whoever drives."""
     monkeypatch.setattr(grip, "CONFIRMED_S", 0.6)
