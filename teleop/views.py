@@ -47,7 +47,7 @@ def _stop(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     """Stop at once; JSON, or a page that needs nothing written: a full disk must not say that nothing was done."""
     outcomes = stopping.press_once(robots, user=person_of(request), through="page")
     unreached = [robot.name for robot, result in outcomes.items() if isinstance(result, Refusal)]
-    text = _("Stopped.")
+    text = _("Stopped.") if robots else _("There is no robot in service that you may stop.")
     if unreached:
         text = _("Not reached: %s. Use the red button on the robot.") % ", ".join(unreached)
     by_slug, status = stopping.told(outcomes)

@@ -382,6 +382,13 @@ async def test_stop_all_leaves_disabled_robots_out(browsers, robot, other_robot,
     await recorded("stop.press", 2)
 
 
+async def test_stop_all_of_nobodys_robots_does_not_say_that_anything_stopped(browsers, bridge):
+    answer = await post(browsers["stranger"], "/stop-all/")
+    told = {"text": "There is no robot in service that you may stop.", "robots": {}}
+    assert (answer.status_code, answer.json()) == (200, told)
+    assert not bridge.all(wire.LinkStop)
+
+
 async def test_a_form_without_scripts_is_answered_with_a_page(browsers, robot, bridge):
     address = f"/robots/{robot.slug}/stop/"
     answer = await post(browsers["observer"], address, "text/html,application/xhtml+xml,*/*;q=0.8")
