@@ -22,6 +22,8 @@ export function isErrand(t) {
   return t in labels();
 }
 
+const SPREAD_S = 0.2; // of what the server says of one term, rounded, in quick succession
+
 /** What is done by it; empty where the console itself has the words. */
 function doneText(t, { holder, remaining_s: remainingS }) {
   const texts = {
@@ -36,13 +38,14 @@ function doneText(t, { holder, remaining_s: remainingS }) {
   return texts[t] ?? "";
 }
 
-/** Whether `control` as it is now answers what was asked for. */
-function isDone(t, { state, asking = null }) {
+/** Whether `control` as it is now answers what was asked for. Of a term that goes on, less is left each time. */
+function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, remainedS) {
   switch (t) {
     case "take":
     case "take_over":
-    case "renew":
       return state === "yours";
+    case "renew":
+      return state === "yours" && remainingS > remainedS - SPREAD_S;
     case "release":
     case "hand_over":
       return state !== "yours";
@@ -59,6 +62,7 @@ export class Errands {
   #send;
   #tell;
   #waiting = new Map(); // by what was asked for: timers, and whether it was said to be late
+  #remainedS = 0; // of the term, when control was last heard of
 
   /**
    * @param {(message: object) => boolean} send whether there was a connection
@@ -84,7 +88,8 @@ export class Errands {
 
   /** @param {object} control as the server says it stands @returns {boolean} whether something was done by it */
   heard(control) {
-    const done = [...this.#waiting.keys()].filter((t) => isDone(t, control));
+    const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, this.#remainedS));
+    this.#remainedS = control.remaining_s ?? 0;
     for (const t of done) this.done(t, control);
     return done.length > 0;
   }

@@ -3,7 +3,7 @@
  * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
  */
 
-import { dim, make, makeButton, show } from "./dom.js";
+import { dim, make, makeButton, say, show } from "./dom.js";
 
 /** Text as it is compared: without accents, in small letters, the same in every browser's language. */
 function folded(text) {
@@ -54,6 +54,7 @@ export class SearchList {
   #field;
   #hits;
   #none;
+  #empty = make("p", { className: "quiet" });
   #settings;
   #items = [];
   #rows = [];
@@ -95,7 +96,8 @@ export class SearchList {
       () => this.#rows.filter((row) => !row.hidden),
     );
     root.classList.add("searchable");
-    root.replaceChildren(this.#field, this.#hits, this.#none);
+    this.#empty.hidden = true;
+    root.replaceChildren(this.#field, this.#hits, this.#none, this.#empty);
   }
 
   /** @param {object[]} items in their order; the focus stays in its row if that is still there */
@@ -110,6 +112,7 @@ export class SearchList {
     this.#filter();
     this.dimmed = this.#dimmed;
     show(this.#field, items.length > 0);
+    this.empty = this.#empty.textContent;
     if (held === undefined) return;
     const again = items.findIndex((item) => key(item) === key(held));
     this.#rows[again]?.querySelector("button")?.focus();
@@ -123,6 +126,12 @@ export class SearchList {
   set dimmed(dimmed) {
     this.#dimmed = dimmed;
     for (const button of this.#hits.querySelectorAll("button")) dim(button, dimmed);
+  }
+
+  /** @param {string} text what stands there while there are no items at all */
+  set empty(text) {
+    say(this.#empty, text);
+    show(this.#empty, text !== "" && this.#items.length === 0);
   }
 
   focus() {

@@ -44,6 +44,16 @@ describe("errands", () => {
     expect(told).toEqual([]);
   });
 
+  it("that keep control are not done by other news of the same term, such as that somebody asks", () => {
+    errands.heard({ state: "yours", remaining_s: 200 });
+    errands.send({ t: "renew" });
+    expect(errands.heard({ state: "yours", remaining_s: 190, requests: [{ id: 1 }] })).toBe(false);
+    expect(errands.heard({ state: "yours", remaining_s: 900 })).toBe(true);
+    errands.send({ t: "renew" }); // at once
+    expect(errands.heard({ state: "yours", remaining_s: 899.9 })).toBe(true);
+    expect(texts()).toEqual(["You keep control: 15:00 left.", "You keep control: 15:00 left."]);
+  });
+
   it("leave the words to the console where it has them", () => {
     errands.send({ t: "hand_over", request: 3 });
     expect(errands.heard({ state: "other", holder: "Ann" })).toBe(true);
@@ -73,11 +83,11 @@ describe("errands", () => {
     expect(told).toEqual([]);
     vi.advanceTimersByTime(1);
     expect(texts()).toEqual(["Take control: no answer within 0.75 s. It may still come."]);
-    expect(errands.heard({ state: "yours" })).toBe(true);
+    expect(errands.heard({ state: "yours", remaining_s: 900 })).toBe(true);
     expect(texts()).toHaveLength(2);
     errands.send({ t: "renew" });
     vi.advanceTimersByTime(60_000);
-    expect(errands.heard({ state: "yours" })).toBe(false);
+    expect(errands.heard({ state: "yours", remaining_s: 900 })).toBe(false);
     expect(texts()).toHaveLength(3);
   });
 

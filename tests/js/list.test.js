@@ -51,6 +51,20 @@ describe("a searchable list", () => {
     expect(root.querySelector("[role=status]").hidden).toBe(false);
   });
 
+  it("says what it is told to while there is nothing to search", () => {
+    const empty = root.lastElementChild;
+    list.empty = "Asking the robot…";
+    expect(empty.hidden).toBe(true);
+    list.items = [];
+    expect([empty.textContent, empty.hidden, field.hidden]).toEqual([
+      "Asking the robot…",
+      false,
+      true,
+    ]);
+    list.items = [{ name: "wave" }];
+    expect([empty.hidden, field.hidden]).toEqual([true, false]);
+  });
+
   it("acts on the only hit with Enter, and on none of several", () => {
     press("Enter");
     expect(act).not.toHaveBeenCalled();
