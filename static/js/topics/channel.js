@@ -15,7 +15,10 @@ class RefusedError extends Error {
   }
 }
 
-/** Events: "open", "refused" (detail: what nobody asked for), "late" (an answer). Open only while somebody looks. */
+/**
+ * Events: "open", "refused" (detail: what nobody asked for), "late" (an answer, while no other is late already).
+ * Open only while somebody looks.
+ */
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
@@ -62,12 +65,12 @@ export class TopicsChannel extends EventTarget {
         this.#forget(seq);
         reject(new RefusedError({ code, text }));
       };
-      const late = setTimeout(() => this.dispatchEvent(new CustomEvent("late")), LATE_MS);
+      const late = setTimeout(() => this.#late(seq), LATE_MS);
       const over = setTimeout(
         () => fail("no_answer", gettext("No answer came. Try again.")),
         PATIENCE_MS,
       );
-      this.#asked.set(seq, { resolve, reject, fail, timers: [late, over] });
+      this.#asked.set(seq, { resolve, reject, fail, timers: [late, over], isLate: false });
       if (!this.#socket?.send({ ...question, seq })) {
         fail("not_connected", gettext("There is no connection to the console."));
       }
@@ -102,6 +105,12 @@ export class TopicsChannel extends EventTarget {
   #lost() {
     const text = gettext("The connection was lost.");
     for (const { fail } of [...this.#asked.values()]) fail("not_connected", text);
+  }
+
+  #late(seq) {
+    const isFirst = [...this.#asked.values()].every(({ isLate }) => !isLate);
+    this.#asked.get(seq).isLate = true;
+    if (isFirst) this.dispatchEvent(new CustomEvent("late"));
   }
 
   #forget(seq) {

@@ -99,12 +99,13 @@ export class TopicsTab {
 
   show() {
     this.#isShown = true;
+    this.#sayEmpty(gettext("Asking the robot…"));
     this.#channel.open();
   }
 
   hide() {
     this.#isShown = false;
-    clearTimeout(this.#again);
+    this.#endAgain();
     this.#repeater.end();
     this.#parts["choose-dialog"].close();
     this.#channel.close();
@@ -125,7 +126,10 @@ export class TopicsTab {
     this.#channel.addEventListener("open", () => this.#publish.connected());
     this.#channel.addEventListener("late", () => this.#late());
     this.#channel.addEventListener("refused", ({ detail }) => this.#say(detail.text));
-    this.#parts["topics-refresh"].addEventListener("click", () => this.#refresh());
+    this.#parts["topics-refresh"].addEventListener("click", () => {
+      this.#endAgain();
+      this.#refresh();
+    });
     closable(this.#parts["choose-dialog"], this.#listening.signal);
     this.#choices.addEventListener("choose", ({ detail }) =>
       this.#choose(detail.use, detail.topic),
@@ -183,13 +187,29 @@ export class TopicsTab {
   }
 
   async #refresh() {
+    this.#sayEmpty(gettext("Asking the robot…"));
     const asked = [this.#readGraph(), this.#readParameters()];
     const { reason } = (await Promise.allSettled(asked)).find((answer) => answer.reason) ?? {};
+    if (!this.#isShown) return;
     this.#say(reason?.message ?? "");
+    this.#endAgain();
+    if (reason && !LASTING.has(reason.refusal?.code)) {
+      this.#again = setTimeout(() => this.#refresh(), AGAIN_MS);
+    } else {
+      this.#sayEmpty(
+        reason ? gettext("No answer. Why is at the top.") : gettext("The robot has none."),
+      );
+    }
+  }
+
+  #endAgain() {
     clearTimeout(this.#again);
     this.#again = null;
-    if (!this.#isShown || !reason || LASTING.has(reason.refusal?.code)) return;
-    this.#again = setTimeout(() => this.#refresh(), AGAIN_MS);
+  }
+
+  /** What stands where nothing is listed. */
+  #sayEmpty(text) {
+    for (const list of Object.values(this.#lists)) list.empty = text;
   }
 
   async #readGraph() {
@@ -221,7 +241,10 @@ export class TopicsTab {
   #offerTopics() {
     const use = this.#choosing;
     const offer = this.#offers.uses[use];
-    this.#lists.choices.items = candidates(this.#graph, offer, this.#role, this.#chosen[use]);
+    const { choices } = this.#lists;
+    const begins = choices.items.length === 0;
+    choices.items = candidates(this.#graph, offer, this.#role, this.#chosen[use]);
+    if (begins) choices.focus(); // the search was not there when the dialog opened
   }
 
   #choose(use, topic) {

@@ -46,6 +46,20 @@ describe("the channel of the topics", () => {
     expect(await second).toMatchObject({ seq: 2 });
   });
 
+  it("says once that answers are late, and again only after they came", async () => {
+    const late = vi.fn();
+    channel.addEventListener("late", late);
+    const asked = [channel.ask({ t: "topics" }), channel.ask({ t: "parameters" })];
+    vi.advanceTimersByTime(2000);
+    expect(late).toHaveBeenCalledTimes(1);
+    made[0].says('{"t": "graph", "seq": 1, "topics": []}');
+    made[0].says('{"t": "parameters", "seq": 2, "names": []}');
+    await Promise.all(asked);
+    channel.ask({ t: "topics" }).catch(() => {});
+    vi.advanceTimersByTime(750);
+    expect(late).toHaveBeenCalledTimes(2);
+  });
+
   it("hears nothing more of a socket that it has closed", async () => {
     channel.close();
     channel.open();
