@@ -33,6 +33,7 @@ CALM_S = 1.0  # between two pictures when nothing of note changed
 BUSY_S = 0.1  # and when it did
 
 _UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
+_NONE = Refusal("no_such_robot", "There is no robot in service that you may stop.", "account")
 
 
 class Visible(Struct, frozen=True):
@@ -82,7 +83,10 @@ class FleetConsumer(MessageSocket):
         """One message. A stop waits for nothing."""
         match fleet_message(raw):
             case wire.StopAll():
-                self._press_stop([robot.slug for robot in self._robots.values() if robot.enabled])
+                if slugs := [robot.slug for robot in self._robots.values() if robot.enabled]:
+                    self._press_stop(slugs)
+                elif await self.within_budget("stop"):
+                    await self.refuse("stop", _NONE)
             case wire.StopRobot(slug=slug) if slug in self._robots:
                 self._press_stop([slug])
             case wire.StopRobot():

@@ -141,6 +141,15 @@ async def test_stop_all_tells_of_each_robot_that_was_not_stopped(
     assert {refusal["code"] for refusal in refused} == {"bridge_down"}
 
 
+async def test_stop_all_of_no_robot_says_so(open_fleet, robot):
+    await in_database(lambda: Robot.objects.filter(pk=robot.pk).update(enabled=False))
+    for who in ("stranger", "observer"):
+        page = await open_fleet(who)
+        await page.say("stop_all")
+        told = await page.refused("no_such_robot")
+        assert told["refusal"]["text"] == "There is no robot in service that you may stop."
+
+
 async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
     page = await open_fleet("observer")
     await page.say("stop", slug=robot.slug)
