@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import socket
 import threading
 import time
@@ -10,13 +11,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from types import SimpleNamespace
 
 import pytest
 
-from robots.bridge.ros.errands import Errands
+from robots.bridge.ros import node
+from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tcpros import Conversation, first_told
+from tests.bridge.support import CONFIG
 from tests.ros.meddling import answer_of
 
 
@@ -84,6 +89,29 @@ def test_a_publisher_that_tells_its_address_in_another_shape_is_one_that_cannot_
     with answering(answer_of(where)) as uri:
         heard = first_told(Conversation.read_header, "/scan", {"/base": uri}, "/test")
     assert heard == (None, {"/base": "does not offer TCPROS"})
+
+
+def test_what_is_asked_for_without_pause_is_done_at_once_and_once_more_when_it_may_be_again():
+    done: queue.SimpleQueue[float] = queue.SimpleQueue()
+    seldom = Seldom(lambda: done.put(time.monotonic()), 0.5)
+    began_s = time.monotonic()
+    for _ in range(100):
+        seldom.do()
+    _, second_s = done.get(timeout=10), done.get(timeout=10)
+    assert second_s - began_s >= 0.5
+    assert done.empty()
+
+
+def test_a_node_that_comes_and_goes_has_the_robots_motions_read_no_faster(monkeypatch):
+    monkeypatch.setattr(node, "JOINED_GAP_S", 0.5)
+    base = RosBase(CONFIG)
+    readings: queue.SimpleQueue[float] = queue.SimpleQueue()
+    base._motions = SimpleNamespace(read=lambda: readings.put(time.monotonic()))
+    began_s = time.monotonic()
+    base.motions_joined()
+    readings.get(timeout=10)
+    base.motions_joined()
+    assert readings.get(timeout=10) - began_s >= 0.5
 
 
 def test_an_errand_that_fails_keeps_no_other_from_being_done():

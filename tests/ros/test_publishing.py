@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
+import queue
 
 import pytest
+import rospy
 from std_msgs.msg import String
 
 from robots.bridge.ros import publishing
 from robots.bridge.ros.publishing import Sender
-from tests.ros.support import until
+from robots.bridge.ros.tcpros import connect_to_publisher
+from tests.ros.support import PATIENCE_S, until
 
 _numbers = itertools.count()
 
@@ -23,6 +26,37 @@ def sender(ros):
 
 def topic(sender):
     return sender.publisher.resolved_name
+
+
+class Connected(rospy.SubscribeListener):
+    """Told of each connection, after whoever was told of it before."""
+
+    def __init__(self) -> None:
+        self.news: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def peer_subscribe(self, topic_name, _all, _peer) -> None:
+        self.news.put(topic_name)
+
+
+@pytest.mark.parametrize(
+    ("node", "told"), [("/lab", 1), ("/first", 1), ("/fleet_bridge", 0), ("/fleet_inspector_lab_1", 0)]
+)
+def test_who_begins_to_listen_is_told_of_but_for_the_consoles_own_nodes(ros, node, told):
+    joined, connected = [], Connected()
+    sender = Sender(f"/sent_{next(_numbers)}", String, lambda: joined.append(True))
+    sender.publisher.impl.add_subscriber_listener(connected)
+
+    def listening(node):
+        return connect_to_publisher(topic(sender), rospy.get_node_uri(), node)
+
+    try:
+        with listening("/first"):
+            connected.news.get(timeout=PATIENCE_S)
+            with listening(node):  # maybe the first, begun again
+                connected.news.get(timeout=PATIENCE_S)
+                assert len(joined) == 1 + told
+    finally:
+        sender.close()
 
 
 def test_a_message_reaches_each_who_begins_to_listen_in_time(ros, sender):

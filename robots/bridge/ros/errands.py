@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
+import time
 from collections.abc import Callable
 
 from robots.bridge.ros.master import MasterError
@@ -39,3 +41,24 @@ class Errands:
                 log.warning("the robot was asked in vain: %s", error)
             except Exception:  # of whatever a hostile master answers; the next one is done
                 log.exception("something that was asked of the robot failed")
+
+
+class Seldom:
+    """Does something at once, and no oftener than every `gap_s`: what is asked for meanwhile is done once, after it."""
+
+    def __init__(self, what: Callable[[], None], gap_s: float) -> None:
+        self._what = what
+        self._gap_s = gap_s
+        self._due_s = -math.inf  # when it was begun last, or will be next
+        self._lock = threading.Lock()
+
+    def do(self) -> None:
+        """Returns at once."""
+        with self._lock:
+            now_s = time.monotonic()
+            if self._due_s > now_s:
+                return
+            self._due_s = max(now_s, self._due_s + self._gap_s)
+            timer = threading.Timer(self._due_s - now_s, self._what)
+            timer.daemon = True
+            timer.start()

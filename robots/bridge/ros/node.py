@@ -33,7 +33,7 @@ from robots.bridge.orders import Swept
 from robots.bridge.ros.convert import planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
-from robots.bridge.ros.errands import Errands
+from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.map_place import MapPlace
 from robots.bridge.ros.master import Master, MasterError, SystemState, is_own
 from robots.bridge.ros.motions import MotionTopics
@@ -50,6 +50,7 @@ log = logging.getLogger(__name__)
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
+JOINED_GAP_S = 5.0  # reading many motions may be 0.2 s of work, and who joins may go and come again
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
@@ -74,6 +75,7 @@ class RosBase:
         self._speech: SpeechTopics | None = None
         self._connecting = Errands("topics")
         self._reading = Errands("motions")
+        self._joined = Seldom(self._read_joined, JOINED_GAP_S)
         self._looking_up = Errands("motion")  # of its own: a list may take seconds
         self._watcher = MasterWatcher(self._master, self)
         self._described = False
@@ -418,6 +420,10 @@ class RosBase:
 
     def motions_joined(self) -> None:
         """The robot's motions began anew, maybe with others."""
+        self._joined.do()
+
+    def _read_joined(self) -> None:
+        """On a thread for it."""
         if self._motions is not None:  # else they are being joined, and read after that
             self._reading.do(self._motions.read)
 

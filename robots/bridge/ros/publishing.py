@@ -61,14 +61,16 @@ def publish(publisher: rospy.Publisher, message: Any) -> None:
 class Sender(rospy.SubscribeListener):  # type: ignore[misc]
     """A topic whose newest message waits a moment for its listeners, if it has none yet.
 
-    `joined` is called, on a thread of rospy's, whenever somebody begins to listen.
+    `joined` is called, on a thread of rospy's, whenever somebody else than the console itself begins to listen.
     """
 
     def __init__(self, topic: str, kind: type[Any], joined: Callable[[], None] = lambda: None) -> None:
         self._joined = joined
         self._lock = threading.Lock()
         self._waiting: tuple[Any, float] | None = None  # message, and until when
-        self.publisher = rospy.Publisher(topic, kind, subscriber_listener=self, queue_size=5)
+        self._heard_by: list[Any] = []  # when somebody began to listen last
+        with self._lock:  # somebody may begin to listen before it is there
+            self.publisher = rospy.Publisher(topic, kind, subscriber_listener=self, queue_size=5)
 
     def send(self, message: Any) -> None:
         """To who listens now, else to who begins to within `PATIENCE_S`."""
@@ -99,4 +101,7 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
                     peer(self._waiting[0])
                 finally:
                     self.publisher.impl.release()
-        self._joined()
+            before, self._heard_by = self._heard_by, heard_by(self.publisher)
+            is_joined = any(connection not in before for connection in self._heard_by)
+        if is_joined:
+            self._joined()
