@@ -20,7 +20,7 @@ from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.master import Master, MasterError
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.tcpros import Conversation, first_told
+from robots.bridge.ros.tcpros import Conversation, connect, first_told
 from tests.bridge.support import CONFIG
 from tests.ros.meddling import answer_of
 
@@ -89,6 +89,20 @@ def test_a_publisher_that_tells_its_address_in_another_shape_is_one_that_cannot_
     with answering(answer_of(where)) as uri:
         heard = first_told(Conversation.read_header, "/scan", {"/base": uri}, "/test")
     assert heard == (None, {"/base": "does not offer TCPROS"})
+
+
+def test_a_connection_on_which_nothing_can_be_said_is_closed_though_nobody_has_it(monkeypatch):
+    def fails(*_message) -> None:
+        raise TimeoutError("timed out")
+
+    monkeypatch.setattr(Conversation, "send", fails)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        with pytest.raises(TimeoutError) as caught:
+            connect("127.0.0.1", listener.getsockname()[1], {})
+        connection, _ = listener.accept()
+        with connection:
+            connection.settimeout(1.0)
+            assert connection.recv(1) == b"", caught  # which still holds whatever was not closed
 
 
 def test_what_is_asked_for_without_pause_is_done_at_once_and_once_more_when_it_may_be_again():

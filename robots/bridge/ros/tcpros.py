@@ -75,9 +75,14 @@ class Conversation:
 def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) -> Conversation:
     """Connect, and say who we are and what we want; `read_header` hears the answer. All of it within `timeout_s`."""
     until_s = time.monotonic() + timeout_s
-    conversation = Conversation(socket.create_connection((host, port), timeout_s), until_s)
     pairs = [f"{key}={value}".encode() for key, value in fields.items()]
-    conversation.send(b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs))
+    connection = socket.create_connection((host, port), timeout_s)
+    conversation = Conversation(connection, until_s)
+    try:
+        conversation.send(b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs))
+    except OSError:
+        connection.close()
+        raise
     return conversation
 
 
