@@ -28,7 +28,7 @@ _VELOCITY = "velocities move the base: they go through the gate only"
 # What is chosen for driving has passed the gate, so that only the first group keeps it away.
 _OVERRIDING = {
     "controllers, and what configures or loads them, take commands past the gate": "control command trajectory mux "
-    "reconfigure param rosapi nodelet bond script setpoint _pid_",
+    "reconfigure param rosapi nodelet bond _script urscript setpoint _pid_",
     "the lab's own joystick wins over the console, and must": "_joy joystick joypad gamepad teleop _tab_ _tabs_",
     "locks and emergency stops are the robot's own": "_lock locks locked unlock interlock pause brake breaker stop "
     "halt emergency closing_loop safety deadman collision",

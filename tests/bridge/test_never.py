@@ -20,7 +20,7 @@ OVERRIDING = words("""
     /arm_controller/state /gripper/commands /arm/trajectory /mux/select /camera/reconfigure_server
     /camera/parameter_updates /lab/joy /joysticks /the_joypads /gamepads /teleoperation /tab_7 /base/lock /doorlocks
     /unlocked /unlock /interlocks /base_breaker /halt /enable_software_runstop /collision_monitor/enabled
-    /joys /joyvel /tabs /rosapi/set_param /manager/load_nodelet /manager/bond /ur_driver/URScript /left/setpoint /pid
+    /joys /joyvel /tabs /rosapi/set_param /manager/load_nodelet /manager/bond /ur_driver/URScript /script_command /run_script /scripts /left/setpoint /pid
     /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
     /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers
 """)
@@ -154,6 +154,8 @@ def test_what_the_robots_description_names_takes_no_other_input():
         "/initialpose",
         "/lamp",
         "/physics",
+        "/speech_description",
+        "/speech/transcript",
     ],
 )
 def test_other_words_mean_nothing_of_the_kind(name):
