@@ -19,9 +19,7 @@ _CLOSE_S = 0.2
 # The largest report is far above any: what the robot has to tell must not cut off its driver, nor who stops it.
 _ALIKE: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
-DOWN = Refusal(
-    "bridge_down", "The robot's bridge is not running; staff start it (`manage.py run_fleet`).", "robot"
-)
+DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
 
 
 def open_link(address: LinkAddress) -> connect:
@@ -74,6 +72,6 @@ def why_down(error: Exception) -> Refusal:
         return DOWN
     if isinstance(error, gaierror):
         return Refusal(
-            "bridge_unresolvable", f"The name of the bridge's host cannot be resolved ({error}).", "robot"
+            "bridge_unresolvable", f"The name of the bridge’s host cannot be resolved ({error}).", "robot"
         )
-    return Refusal("bridge_unreachable", f"The robot's bridge cannot be reached ({error}).", "robot")
+    return Refusal("bridge_unreachable", f"The robot’s bridge cannot be reached ({error}).", "robot")

@@ -50,7 +50,7 @@ _BUSY = Refusal("busy", "The robot's bridge has too much to answer: wait a momen
 
 _STRANGE = Refusal(
     "other_robot",
-    "At this robot's bridge address another robot's bridge answers: staff must correct the address.",
+    "At this robot’s bridge address another robot’s bridge answers: staff must correct the address.",
     "robot",
 )
 

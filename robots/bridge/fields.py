@@ -74,7 +74,7 @@ def _elements(given: Any, path: str) -> Sequence[Any]:
     if isinstance(given, Mapping):
         wanted = [str(number) for number in range(len(given))]
         if set(given) != set(wanted):
-            raise BadField(path, f"{path}: an array's elements are numbered from 0, without a gap.")
+            raise BadField(path, f"{path}: an array’s elements are numbered from 0, without a gap.")
         return [given[number] for number in wanted]
     if not isinstance(given, list | tuple):
         raise BadField(path, f"{path}: here stands an array, not {_named(given)}.")

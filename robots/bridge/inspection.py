@@ -90,10 +90,10 @@ Report = Ready | Done | wire.Inspected | wire.Seen
 
 _report = msgspec.json.Decoder(Report)
 
-_SILENT = Refusal("inspector_silent", "The robot's inspector did not answer in time: ask again.", "robot")
+_SILENT = Refusal("inspector_silent", "The robot’s inspector did not answer in time: ask again.", "robot")
 _NOT_KNOWN = Refusal(
     "inspector_silent",
-    "The robot's inspector did not answer in time: whether it was carried out is not known.",
+    "The robot’s inspector did not answer in time: whether it was carried out is not known.",
     "robot",
 )
 

@@ -53,7 +53,7 @@ class Catalogue:
         motions: Sequence[wire.MotionOffer] = ()
         text = "This robot has no recorded motions."
         if "motions" in uses:
-            not_read = ((), "The robot's motions have not been read yet.")
+            not_read = ((), "The robot’s motions have not been read yet.")
             motions, text = self._motions.get(self._choices.topic("motions"), not_read)
         return wire.Offers(
             list(motions), text, self._languages, uses, self._publishable, self._publishable_from

@@ -33,7 +33,7 @@ from robots.bridge.stick import COMMAND_LIFE_S
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
-ENDED = Refusal("bridge_ended", "It was not done: the robot's bridge ended.", "robot")
+ENDED = Refusal("bridge_ended", "It was not done: the robot’s bridge ended.", "robot")
 LEFT = Refusal("link_lost", "It was not done: the page that asked for it was left.", "lease")
 OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
 

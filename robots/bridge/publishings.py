@@ -15,7 +15,7 @@ from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 NOT_SENT = Refusal(
-    "inspector_silent", "Nothing was published: the robot's inspector is gone. Ask again.", "robot"
+    "inspector_silent", "Nothing was published: the robot’s inspector is gone. Ask again.", "robot"
 )
 HALTED = Refusal(
     "halted", "It was not done: control ended, or the robot was stopped, before it was on record.", "robot"

@@ -92,7 +92,7 @@ def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterato
     try:
         gate = gate_of(msgspec.msgpack.decode(next(frames), type=GateProfile))
     except (StopIteration, msgspec.MsgspecError) as error:
-        raise BadRecording(f"{path.name} does not begin with a gate's profile") from error
+        raise BadRecording(f"{path.name} does not begin with a gate’s profile") from error
     arguments = {method: _kinds(getattr(Gate, method)) for method in _methods()}
     for number, frame in enumerate(frames, 1):
         try:

@@ -66,10 +66,10 @@ class Store:
         except FileNotFoundError:
             if last_fence == 0:
                 return Persisted(False, "", "", 0)
-            return Persisted(True, "", "the bridge's state file is missing", last_fence)
+            return Persisted(True, "", "the bridge’s state file is missing", last_fence)
         except (OSError, msgspec.DecodeError) as error:
             log.error("state file %s cannot be read: %s", self._path, error)
-            return Persisted(True, "", "the bridge's state file cannot be read", last_fence)
+            return Persisted(True, "", "the bridge’s state file cannot be read", last_fence)
         return msgspec.structs.replace(found, fence=max(found.fence, last_fence))
 
     def save(self, state: Persisted) -> None:

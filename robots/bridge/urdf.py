@@ -39,14 +39,14 @@ class Tree:
     def __init__(self, text: str) -> None:
         """BadDescription if `text` is no URDF."""
         if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
-            raise BadDescription("the robot's description is too large, or declares more than elements")
+            raise BadDescription("the robot’s description is too large, or declares more than elements")
         try:
             elements = ElementTree.fromstring(text).findall("joint")  # noqa: S314 - no declarations, see above
             if len(elements) > MOST_JOINTS:
-                raise BadDescription(f"the robot's description has more than {MOST_JOINTS} joints")
+                raise BadDescription(f"the robot’s description has more than {MOST_JOINTS} joints")
             self._above = dict(map(_joint, elements))
         except (ElementTree.ParseError, KeyError, ValueError) as error:
-            raise BadDescription(f"the robot's description makes no sense: {error}") from error
+            raise BadDescription(f"the robot’s description makes no sense: {error}") from error
 
     def moving(self, links: Sequence[str]) -> set[str]:
         """The joints that move any of `links`. BadDescription if a link hangs on nothing."""
@@ -78,9 +78,9 @@ class Tree:
             chain.append(joint)
             link = joint.parent
             if len(chain) > len(self._above):
-                raise BadDescription("the robot's description goes round in a circle")
+                raise BadDescription("the robot’s description goes round in a circle")
         if not chain:
-            raise BadDescription(f"the robot's description has no link {link!r} that hangs on another")
+            raise BadDescription(f"the robot’s description has no link {link!r} that hangs on another")
         return chain
 
 

@@ -354,7 +354,7 @@ def told(bench):
 
 def test_motions_are_told_when_they_changed_and_when_somebody_asks(bench):
     read = bench.core.orders.catalogue.read
-    assert bench.core.orders.catalogue.now().motions_text == "The robot's motions have not been read yet."
+    assert bench.core.orders.catalogue.now().motions_text == "The robot’s motions have not been read yet."
     read("/play_motion", [NOD], "")
     read("/play_motion", [NOD], "")
     assert [offers.motions for offers in told(bench)] == [[NOD]]

@@ -477,7 +477,7 @@ def test_a_camera_that_falls_silent_means_blind_speed_after_half_a_second():
     looker.stand(0.1, looks=False)
     verdict = looker.decide(1.0)
     assert (verdict.velocity.vx, verdict.code) == (pytest.approx(0.3), "depth_stale")
-    assert verdict.text == "held to 0.3 m/s: the depth camera's picture is 0.6 s old"
+    assert verdict.text == "held to 0.3 m/s: the depth camera’s picture is 0.6 s old"
     assert looker.decide(-0.2).velocity.vx == pytest.approx(-0.2)
     assert looker.sensor().text == "nothing new for 0.6 s"
 
@@ -535,7 +535,7 @@ def test_pictures_that_the_odometry_cannot_place_do_not_count():
     for stamp_s in (looker.stamp_s - 3600.0, math.nan):
         looker.gate.observe_depth(frame, stamp_s, looker.now_s)
     assert looker.decide(1.0).code == "depth_missing"
-    assert looker.sensor().text == "its stamps do not match the odometry's"
+    assert looker.sensor().text == "its stamps do not match the odometry’s"
     looker.gate.observe_bad_depth("its pictures are 'rgb8'")
     assert looker.sensor().text == "its pictures are 'rgb8'"
     why = "held to 0.3 m/s: no picture of the depth camera has come yet (its pictures are 'rgb8')"

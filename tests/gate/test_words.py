@@ -13,6 +13,21 @@ from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 
 @pytest.mark.parametrize(
+    ("age_s", "text"),
+    [
+        (0.28, "0.3 s"),
+        (59.9, "59.9 s"),
+        (61.2, "61 s"),
+        (119.0, "119 s"),
+        (120.0, "2 min"),
+        (870.1, "15 min"),
+    ],
+)
+def test_a_long_time_has_no_tenths(age_s, text):
+    assert words.age(age_s) == text
+
+
+@pytest.mark.parametrize(
     ("degrees", "side"),
     [
         (0, "ahead"),

@@ -86,7 +86,7 @@ class DepthCamera:
         self._forget_another_frame(trail)
         base = trail.pose_at(stamp_s) if math.isfinite(stamp_s) else None
         if base is None:
-            self.complaint = "its stamps do not match the odometry's"
+            self.complaint = "its stamps do not match the odometry’s"
             return
         if not self.freshness.advances(stamp_s, arrival_s):
             return

@@ -355,15 +355,15 @@ class Gate:
         if age_s is None:
             return Fault("odometry_missing", "no odometry has come yet", "odometry")
         if age_s > ODOMETRY_STALE_S:
-            return Fault("odometry_stale", f"odometry is {age_s:.1f} s old", "odometry")
+            return Fault("odometry_stale", f"odometry is {words.age(age_s)} old", "odometry")
         for laser in self._lasers.values():
             age_s = laser.freshness.age_s(now_s)
             if age_s is None:
                 return Fault("scan_missing", f"no scan of the {laser.word} has come yet", laser.name)
             if age_s >= LASER_STALE_S:
-                return Fault("scan_stale", f"{laser.word} is {age_s:.1f} s old", laser.name)
+                return Fault("scan_stale", f"{laser.word} is {words.age(age_s)} old", laser.name)
             if not laser.is_paired(self._trail):
-                text = f"the stamps of the {laser.word} do not match the odometry's"
+                text = f"the stamps of the {laser.word} do not match the odometry’s"
                 return Fault("scan_unpaired", text, laser.name)
         return None
 
@@ -398,7 +398,7 @@ class Gate:
             share = late_share(age_s)
             if share < 1.0:
                 slowed = wanted.scaled(share)
-                text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {age_s:.1f} s old"
+                text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {words.age(age_s)} old"
                 wanted, code = slowed, "scan_late"
         return wanted, code, text
 
@@ -445,7 +445,7 @@ class Gate:
         if age_s is None:
             return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]
         if age_s > DEPTH_STALE_S:
-            return [self._blind("depth_stale", f"the depth camera's picture is {age_s:.1f} s old{why}")]
+            return [self._blind("depth_stale", f"the depth camera’s picture is {words.age(age_s)} old{why}")]
         return self._head_hold(self._depth, wanted)
 
     def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[Hold]:
@@ -462,7 +462,7 @@ class Gate:
         mps = max(
             braking.speed_within(sight_m, self.profile.parameters.latency_s, linear), self.profile.blind_mps
         )
-        text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera's view"
+        text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
         return [Hold("head_away", text, mps)]
 
     def _blind(self, code: str, why: str) -> Hold:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from robots.bridge.gate import words
+
 LASER_LATE_S = 0.22  # one missed scan of a 10 Hz laser is not late
 LASER_HALT_S = 0.28  # with one tick more, zero is sent within 0.35 s of the last scan
 LASER_STALE_S = 0.5
@@ -46,7 +48,7 @@ class Freshness:
         if self.within(limit_s, now_s):
             return ""
         age_s = self.age_s(now_s)
-        return why or ("nothing has come yet" if age_s is None else f"nothing new for {age_s:.1f} s")
+        return why or ("nothing has come yet" if age_s is None else f"nothing new for {words.age(age_s)}")
 
 
 def late_share(age_s: float) -> float:

@@ -101,7 +101,7 @@ class Laser:
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
         if not text and not self.is_paired(trail):
-            text = "its stamps do not match the odometry's"
+            text = "its stamps do not match the odometry’s"
         return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
 
 

@@ -30,6 +30,13 @@ def figure(number: float) -> str:
     return f"{number:.1f}" if number >= 0.095 else f"{number:.2f}"
 
 
+def age(age_s: float) -> str:
+    """How old, or how long: "0.6 s", "75 s", "14 min"."""
+    if age_s < 60.0:
+        return f"{age_s:.1f} s"
+    return f"{age_s:.0f} s" if age_s < 120.0 else f"{age_s / 60.0:.0f} min"
+
+
 def what_is_left(asked: Velocity, allowed: Velocity) -> str:
     """How the allowed twist differs from the one asked for: "slowed from 0.8 to 0.2 m/s"."""
     speed, allowed_speed = math.hypot(asked.vx, asked.vy), math.hypot(allowed.vx, allowed.vy)
