@@ -17,6 +17,7 @@ from robots.bridge.ros.inspector.definitions import (
     parsed,
 )
 
+HEADER, POSE = "std_msgs/Header", "geometry_msgs/Pose"
 LEVEL = "lab_msgs/Level"
 BREAK = f"{'=' * 80}\nMSG: "
 
@@ -66,6 +67,15 @@ def test_a_type_that_is_installed_in_another_version_is_read_in_its_publishers_w
     assert not definition.known
     here = installed("std_msgs/String")
     assert here is not None and here.md5 != definition.md5
+
+
+def test_every_message_within_a_definition_has_its_sum() -> None:
+    header, pose, stamped = (installed(kind) for kind in (HEADER, POSE, f"{POSE}Stamped"))
+    assert header is not None and pose is not None and stamped is not None
+    assert {header.md5, pose.md5, stamped.md5} < stamped.sums
+    assert parsed(LEVEL, f"float64 level\n{BREAK}{POSE}\nbool unused\n").sums == {
+        parsed(LEVEL, "float64 level\n").md5
+    }
 
 
 def test_and_not_at_all_if_it_says_none(tmp_path: Path) -> None:

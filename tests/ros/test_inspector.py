@@ -651,8 +651,9 @@ VECTOR_TEXT = f"{'=' * 80}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfl
     [
         TWIST_TEXT + VECTOR_TEXT,  # the bytes, and so the md5 sum, of a geometry_msgs/Twist
         f"string why\ngeometry_msgs/Twist[] how\n{'=' * 80}\nMSG: geometry_msgs/Twist\n{TWIST_TEXT}{VECTOR_TEXT}",
+        f"string why\nHow[] how\n{'=' * 80}\nMSG: lab_msgs/How\n{TWIST_TEXT}{VECTOR_TEXT}",
     ],
-    ids=["renamed", "wrapped"],
+    ids=["renamed", "wrapped", "renamed and wrapped"],
 )
 def test_a_velocity_is_one_whatever_its_type_is_called(inspector, text):
     kind = generated("lab_msgs/Order", text)

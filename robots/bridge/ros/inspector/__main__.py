@@ -270,9 +270,9 @@ def _refusal(error: Exception) -> wire.Refusal:
 
 
 def _require_harmless(definition: Definition) -> None:
-    """Whatever its type is called: a twist within it, or a twist's bytes, make it one."""
+    """Whatever types are called: a twist within it, or a twist's bytes anywhere in it, make it one."""
     why = why_never_sent(definition.type, definition.fields)
-    if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum == definition.md5), None):
+    if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
         why = why_never_sent(twin, ())
     if why:
         text = f"Nobody may publish {definition.type}, for what its messages hold: {why}."

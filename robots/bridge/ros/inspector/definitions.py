@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -52,21 +52,41 @@ class Definition:
         """How its messages lie in bytes."""
         return Layout(self.fields)
 
+    @cached_property
+    def sums(self) -> frozenset[str]:
+        """The md5 sums of the message itself and of every message within it."""
+        context, _ = _loaded(self.type, self.text)
+        specs = map(context.get_registered, _types_within(self.fields))
+        return frozenset({self.md5, *(compute_md5(context, spec) for spec in specs)})
+
 
 def parsed(type_name: str, text: str, known: bool = False) -> Definition:
     """The definition that `text` is, with its own md5 sum. Raises Declined."""
     if len(text) > LARGEST_TEXT or not _TYPE.fullmatch(type_name):
         raise _bad(type_name, "it is too long, or its type has no proper name")
-    context = genmsg.MsgContext.create_default()
     try:
-        own, *embedded = EMBEDDED.split(text)
-        for name, words in zip(embedded[::2], embedded[1::2], strict=True):
-            load_msg_from_string(context, words, name)
-        spec = load_msg_from_string(context, own, type_name)
+        context, spec = _loaded(type_name, text)
         fields = list(_Tree(context).fields(spec, DEEPEST))  # before the sum, which trusts that it ends
         return Definition(type_name, compute_md5(context, spec), text, known, fields)
     except (genmsg.InvalidMsgSpec, KeyError, ValueError, IndexError) as error:
         raise _bad(type_name, str(error)) from error
+
+
+def _loaded(type_name: str, text: str) -> tuple[genmsg.MsgContext, genmsg.MsgSpec]:
+    context = genmsg.MsgContext.create_default()
+    own, *embedded = EMBEDDED.split(text)
+    for name, words in zip(embedded[::2], embedded[1::2], strict=True):
+        load_msg_from_string(context, words, name)
+    return context, load_msg_from_string(context, own, type_name)
+
+
+def _types_within(fields: Iterable[Field]) -> set[str]:
+    """The types of the messages that these fields hold, at any depth."""
+    found: set[str] = set()
+    for field_ in fields:
+        if not is_builtin(field_.type):
+            found |= {field_.type} | _types_within(field_.fields)
+    return found
 
 
 class _Tree:
