@@ -20,9 +20,9 @@ OVERRIDING = words("""
     /arm_controller/state /gripper/commands /arm/trajectory /mux/select /camera/reconfigure_server
     /camera/parameter_updates /lab/joy /joysticks /the_joypads /gamepads /teleoperation /tab_7 /base/lock /doorlocks
     /unlocked /unlock /interlocks /base_breaker /halt /enable_software_runstop /collision_monitor/enabled
-    /joys /joyvel /tabs /rosapi/set_param /manager/load_nodelet /manager/bond /ur_driver/URScript /script_command /run_script /scripts /left/setpoint /pid
+    /joys /joyvel /tabs /rosapi/set_param /manager/load_nodelet /manager/bond /ur_driver/URScript /left/setpoint /pid
     /pause_all /brakes /base/stop /estops /is_emergency /closing_loop /safety_zone /deadman_switch
-    /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers
+    /fleet_bridge/set_logger_level /fleet_inspector_lab_7_1/get_loggers /script_command /run_script /scripts
 """)
 CHAIN = words("""
     /nav_vel /basevelocity /velocities /cmdvel /twisted /top_speed /planner/goal /planner/cancel_all /frontScan
