@@ -5,3 +5,7 @@ from django.utils.translation import gettext_lazy as _
 class TeleopConfig(AppConfig):
     name = "teleop"
     verbose_name = _("Control")
+
+    def ready(self) -> None:
+        """Importing connects the receiver."""
+        from teleop import signals  # noqa: F401

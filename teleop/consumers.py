@@ -6,7 +6,6 @@ import asyncio
 import logging
 from collections.abc import Callable
 from functools import partial
-from hashlib import sha256
 from typing import Any
 from uuid import UUID
 
@@ -24,7 +23,7 @@ from teleop.models import EndReason
 from teleop.orders import BUSY, Orders, not_held
 from teleop.policy import ROLE_LOWERED, Permit
 from teleop.robot_socket import RobotSocket
-from teleop.rules import NO_LEASE, Phase, Tab, lapse, open_asks, phase
+from teleop.rules import NO_LEASE, Phase, Tab, fingerprint, lapse, open_asks, phase
 from teleop.services import ControlRefused
 from teleop.socket import CloseCode, Errands, beside
 from teleop.standing import Ending, Registered, Standing, control_for, gist
@@ -151,7 +150,7 @@ class RobotConsumer(RobotSocket):
     async def _hello(self, hello: wire.Hello) -> None:
         if self.tab is not None:
             raise ControlRefused(Refusal("hello_twice", "This page has said hello already.", "wire"))
-        self.tab = Tab(hello.tab, sha256(self.person[1].encode()).hexdigest(), self.id)
+        self.tab = Tab(hello.tab, fingerprint(self.person[1]), self.id)
         await self._welcome()
         await self.room.look_for(self)
         holding = self._standing.holding if self._standing else None

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from enum import Enum
+from hashlib import sha256
 from uuid import UUID
 
 from msgspec import Struct
@@ -19,6 +20,11 @@ from robots.wire import Refusal
 GRACE_S = 10.0  # how long after its page was lost a lease may be resumed
 LATE_S = 5.0  # a page that its web process did not confirm for so long counts as lost
 ASK_S = 120.0  # a question for control that nobody answered lapses after this
+
+
+def fingerprint(session_key: str) -> str:
+    """Of a sign-in session, as a lease keeps it: nobody is signed in by that."""
+    return sha256(session_key.encode()).hexdigest()
 
 
 class Tab(Struct, frozen=True):

@@ -203,6 +203,20 @@ def lease_end(
         _end_session(held, reason, _robot(robot_id), by, now, note=note, why=why)
 
 
+def leases_end_with(sign_in: str, *, user_id: UUID, refusal: Refusal, now: datetime) -> None:
+    """End what was taken with a sign-in that is over (its `rules.fingerprint`): no page could come back to it."""
+    taken = Lease.objects.filter(sign_in=sign_in).exclude(session=None)
+    for robot_id, session in list(taken.values_list("robot_id", "session_id")):
+        lease_end(
+            robot_id=robot_id,
+            session=session,
+            reason=EndReason.RIGHT,
+            refusal=refusal,
+            user_id=user_id,
+            now=now,
+        )
+
+
 # --- asking -------------------------------------------------------------------------------------
 
 

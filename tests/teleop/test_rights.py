@@ -61,6 +61,18 @@ async def test_signing_out_elsewhere_ends_control(driving, bridge, browsers, end
     assert await driving.is_closed() == CloseCode.SIGNED_OUT
 
 
+async def test_signing_out_frees_the_robot_at_once_though_the_page_has_gone_before(
+    driving, browsers, operator
+):
+    await driving.close()
+    await eventually(ControlSession.objects.filter(lease__connection="").first)  # its page may come back
+    await in_database(lambda: browsers["operator"].post("/accounts/sign-out/"))
+    session = await in_database(ControlSession.objects.get)
+    assert session.end_reason == EndReason.RIGHT
+    ended = await in_database(lambda: Record.objects.get(kind="control.end"))
+    assert (ended.actor_id, ended.parameters["why"]) == (str(operator.pk), "signed_out")
+
+
 async def test_a_closed_account_loses_control(driving, bridge, operator):
     def close():
         operator.is_active = False
