@@ -44,7 +44,7 @@ DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must
 _IDLE = Verdict(STILL, STILL, "idle", "")
 # Refusals that come while the stick is out: what asks for motion since then does not count once they are over.
 _HALTING = {
-    "motion_running": "the robot performed a motion",
+    "motion_running": "nothing drives during a motion",
     "not_recorded": "what the robot did could not be recorded",
 }
 

@@ -109,13 +109,12 @@ export class Face {
 
   #showGate(verdict, cut) {
     const { words, limits } = this.#parts;
-    const standing = limitsOf(verdict);
+    const standing = cut ? [] : limitsOf(verdict);
     fill(
       limits,
       standing.map(({ text }) => text),
     );
-    for (const [i, { holds }] of standing.entries())
-      mark(limits.children[i], "held", holds && !cut);
+    for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
     const text = cut ? "" : verdictText(verdict);
     say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
     if (text) this.#announcer.say(text, `${verdict.code} ${verdict.side}`);

@@ -6,6 +6,8 @@ import { timeText } from "./times.js";
 
 const SHOWN_MS = 5000;
 const SHOWN_AT_MOST = 4;
+const SHOWN_WHERE_LOW = 2; // more would cover what one presses
+const LOW = "(max-height: 34.9375em)";
 const KEPT = 100;
 const ANNOUNCED_MS = 1500; // then a screen reader has it, and finds it on the page once
 const LEAST_MS = 1000; // for what was held until its time was nearly over
@@ -154,7 +156,8 @@ export class Notices {
   }
 
   #begin(key, entry) {
-    if (this.#shown.size >= SHOWN_AT_MOST) this.#oldest.end();
+    const most = matchMedia(LOW).matches ? SHOWN_WHERE_LOW : SHOWN_AT_MOST;
+    if (this.#shown.size >= most) this.#oldest.end();
     const item = new Shown(entry, (hadFocus) => this.#ended(key, hadFocus));
     this.#shown.set(key, { item, entry });
     this.#parts.notices.prepend(item.element);

@@ -44,7 +44,7 @@ export function stopText(stop) {
   if (stop.state === "clear") return "";
   if (stop.state === "stopping") return gettext("Stopping");
   if (!standstillText(stop)) return gettext("Stopped");
-  return interpolate(gettext("Standstill after %s ms"), [Math.round(stop.standstill_ms)]);
+  return interpolate(gettext("Standstill after %s\u00a0ms"), [Math.round(stop.standstill_ms)]);
 }
 
 function stopBanner(stop) {
@@ -65,7 +65,8 @@ function stopBanner(stop) {
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
  * @param {object | null} now.state the robot's newest `State`
  * @param {number} now.sinceViewMs age of that state
- * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first
+ * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
+ *   nothing else keeps the robot from driving
  * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, info
  */
 export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
@@ -99,7 +100,7 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
     const text = `${state.text} ${waits()}`.trim();
     return { level: "warning", title: phaseTitle(state.phase), text };
   }
-  if (asksNeutral) {
+  if (asksNeutral && !state.motion) {
     return {
       level: "info",
       title: gettext("Let the stick return to the middle"),

@@ -57,7 +57,7 @@ describe("the face of the control page", () => {
     face.show(LIVE);
     expect(parts["stop-state"].textContent).toBe("Stop sent");
     face.show({ ...LIVE, state: STOPPED });
-    expect(parts["stop-state"].textContent).toBe("Standstill after 300 ms");
+    expect(parts["stop-state"].textContent).toBe("Standstill after 300\u00a0ms");
     face.show(LIVE);
     expect(parts["stop-state"].textContent).toBe("");
   });
@@ -72,6 +72,15 @@ describe("the face of the control page", () => {
     vi.advanceTimersByTime(4000);
     face.show(old);
     expect(parts["stop-state"].textContent).toBe(""); // that of before would seem to be the answer
+  });
+
+  it("tells no limit of a robot that it does not hear", () => {
+    const limits = ["held to 0.3 m/s: the camera's picture is 1.2 s old"];
+    const state = { ...STATE, verdict: { ...STATE.verdict, limits } };
+    face.show({ ...LIVE, state });
+    expect(parts.limits.textContent).toBe(limits[0]);
+    face.show({ ...LOST, state });
+    expect(parts.limits.textContent).toBe("");
   });
 
   it("calls a connection by what came of it: one that is open and silent is none", () => {

@@ -156,6 +156,13 @@ describe("notices", () => {
     expect(parts["log-none"].hidden).toBe(true);
   });
 
+  it("are never more than two at once where the window is low", () => {
+    vi.stubGlobal("matchMedia", (query) => ({ matches: query === "(max-height: 34.9375em)" }));
+    for (const text of ["One.", "Two.", "Three."]) notices.add({ level: "info", code: text, text });
+    expect(texts()).toEqual(["Three.", "Two."]);
+    vi.unstubAllGlobals();
+  });
+
   it("are in the log with the newest first, also where the newest is a repeat", () => {
     notices.add({ level: "info", code: "one", text: "One." });
     notices.add({ level: "info", code: "two", text: "Two." });

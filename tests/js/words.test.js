@@ -66,6 +66,15 @@ describe("the banner", () => {
     expect(banner({ ...WELL, asksNeutral: true }).text).toBe("");
     expect(banner({ ...WELL, state })).toBeNull();
   });
+
+  it("leaves the stick where it is while a motion runs: the motion is told already", () => {
+    const state = { ...ONLINE, neutral_needed: "nothing drives during a motion" };
+    const runs = { ...state, motion: { number: 1, motion: "wave" } };
+    expect(banner({ ...WELL, state: runs, asksNeutral: true })).toBeNull();
+    expect(banner({ ...WELL, state: { ...state, motion: null }, asksNeutral: true }).text).toBe(
+      "Nothing drives during a motion.",
+    );
+  });
 });
 
 describe("the verdict in words", () => {
