@@ -106,11 +106,13 @@ def test_nothing_is_too_small_for_a_finger_nor_jumps_under_it_when_control_is_ta
     operator.take("tiago-2")
     assert places_on_tabs(operator) == before
     keep = operator.part("actions").get_by_role("button", name="Keep")
-    place = box_of(keep)
+    places = box_of(keep), places_on_tabs(operator)
     staff.watch("tiago-2")
     staff.press("Ask for control")
-    operator.page.get_by_role("button", name="Hand over to Staff").wait_for()
-    assert box_of(keep) == place
+    hand_over = operator.page.get_by_role("button", name="Hand over to Staff")
+    hand_over.wait_for()
+    assert (box_of(keep), places_on_tabs(operator)) == places
+    assert not overlap(box_of(hand_over), box_of(operator.page.locator(".motions .hit").first))
     assert too_small(operator) == []
     operator.page.locator("summary").click()
     assert too_small(operator) == []
@@ -120,12 +122,12 @@ def test_nothing_is_too_small_for_a_finger_nor_jumps_under_it_when_control_is_ta
 
 
 def places_on_tabs(person: Person) -> list[dict[str, float]]:
-    """Where stick, stop and the first motion are; on the way nothing is too small."""
+    """Where stick, stop, the first motion and the first phrase are; on the way nothing is too small."""
     places = []
     for tab, names in {
         "motions": [".motions .hit"],
         "speech": [".phrases .hit"],
-        "centre": [".zone"],
+        "centre": [".zone", ".motions .hit", ".phrases .hit"],
     }.items():
         person.page.evaluate("tab => { location.hash = tab }", tab)
         person.page.locator(f".control[data-tab={tab}]").wait_for()
