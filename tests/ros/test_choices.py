@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import msgspec
 import pytest
-from actionlib_msgs.msg import GoalID
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist
 
 from robots import wire
@@ -164,6 +164,16 @@ def test_motions_are_offered_in_the_robots_own_words_and_those_of_the_chosen_act
         offers(hand, lambda offers: offers.motions_text == "/second_play offers no motions.")
         choose(hand, "motions", None)
         offers(hand, lambda offers: len(offers.motions) == len(told.motions))
+
+
+def test_what_a_bridge_left_under_way_on_an_action_that_is_not_chosen_is_cancelled(ros, hand):
+    left = GoalStatus(goal_id=GoalID(id="fleet_bridge-left"), status=GoalStatus.ACTIVE)
+    with (
+        ros.listen("/second_play/cancel", GoalID) as cancels,
+        ros.speak("/second_play/status", GoalStatusArray) as statuses,
+    ):
+        statuses.publish(GoalStatusArray(status_list=[left]))
+        assert cancels.next().id == "fleet_bridge-left"
 
 
 def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simulator, tmp_path):
