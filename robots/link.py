@@ -43,10 +43,10 @@ _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a messag
 _LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
-_SILENT = Refusal("bridge_silent", "The robot's bridge did not answer in time.", "robot")
+_SILENT = Refusal("bridge_silent", "The robot’s bridge did not answer in time.", "robot")
 _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
-_FAULTY = Refusal("link_fault", "The console failed to follow the robot's bridge; it tries again.", "wire")
-_BUSY = Refusal("busy", "The robot's bridge has too much to answer: wait a moment.", "wire")
+_FAULTY = Refusal("link_fault", "The console failed to follow the robot’s bridge; it tries again.", "wire")
+_BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
 
 _STRANGE = Refusal(
     "other_robot",

@@ -171,7 +171,7 @@ class Core:
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
         """A velocity from the holder's tools: as if the stick had asked for it."""
         if order.sent_ms is None:
-            text = "A velocity needs sent_ms, the sender's monotonic clock: old ones are not carried out."
+            text = "A velocity needs sent_ms, the sender’s monotonic clock: old ones are not carried out."
             return Refusal("invalid", text, "wire")
         limits = self.config.gate.limits
         stick = stick_of(velocity, limits, grant.max_share, self.config.reverse_steering)
@@ -249,7 +249,7 @@ class Core:
             self._joined_s = now_s
         elif was_joined and not joined:
             self._joined_s = float("inf")
-            self.halt("the robot's ROS master was lost", now_s)
+            self.halt("the robot’s ROS master was lost", now_s)
 
     def odometry(
         self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float

@@ -29,21 +29,21 @@ _VELOCITY = "velocities move the base: they go through the gate only"
 _OVERRIDING = {
     "controllers, and what configures or loads them, take commands past the gate": "control command trajectory mux "
     "reconfigure param rosapi nodelet bond _script urscript setpoint _pid_",
-    "the lab's own joystick wins over the console, and must": "_joy joystick joypad gamepad teleop _tab_ _tabs_",
-    "locks and emergency stops are the robot's own": "_lock locks locked unlock interlock pause brake breaker stop "
+    "the lab’s own joystick wins over the console, and must": "_joy joystick joypad gamepad teleop _tab_ _tabs_",
+    "locks and emergency stops are the robot’s own": "_lock locks locked unlock interlock pause brake breaker stop "
     "halt emergency closing_loop safety deadman collision",
     "what the console calls its own is its own": "fleet_bridge fleet_inspector",
 }
 _CHAIN = {
     _VELOCITY: "_vel_ _vels_ velocit cmdvel basevel twist speed _drive_ steer throttle gazebo",
     "what turns wheels and motors goes past the gate": "cmd wheel motor servo effort torque _pwm_ _jog",
-    "goals and cancels of actions go through the console's own orders": "goal cancel",
+    "goals and cancels of actions go through the console’s own orders": "goal cancel",
     "the gate sees by scans and ranges": "scan laser lidar hokuyo _sick_ sonar range ultraso bumper cliff",
     "the gate sees by depth pictures and clouds": "depth points cloud disparity camera xtion realsense kinect astra",
     "the gate reckons with odometry": "odom encoder _imu gyro _ekf_ _ukf_ set_pose _reset_",
     "the gate reckons with where the joints are": "joint",
     "frames and clocks tie together what the gate sees": "_tf clock _time_ robot_description robot_state_publisher",
-    "the robot's power is its own, and who docks it drives": "power battery batteries charg dock shutdown reboot",
+    "the robot’s power is its own, and who docks it drives": "power battery batteries charg dock shutdown reboot",
 }
 
 _POINTS = {"what a motion sweeps is judged by its points": "play_motion"}
@@ -52,7 +52,7 @@ _SENT_TYPES = {
     _VELOCITY: r"geometry_msgs/(Accel|Wrench).*|(ackermann|gazebo)_msgs/.*|.*/\w*(Twist|Velocit|CmdVel|Speed)\w*",
     "controllers take commands past the gate": r"(trajectory_msgs|control_msgs|controller_manager_msgs|bond)/.*|"
     r".*/\w*JointTrajectory\w*",
-    "goals, cancels and what answers them go through the console's own orders": r"actionlib_msgs/.*|"
+    "goals, cancels and what answers them go through the console’s own orders": r"actionlib_msgs/.*|"
     r".*/\w+Action(Goal|Result|Feedback)?",
     "joysticks win over the console, and must": r".*/\w*Joy\w*",
     "the gate sees by scans and ranges": r".*/\w*(LaserScan|LaserEcho|Bumper)\w*|.*/Range",
@@ -61,8 +61,8 @@ _SENT_TYPES = {
     "the gate reckons with odometry": r".*/\w*Odom\w*|.*/Imu",
     "the gate reckons with where the joints are": r".*/\w*JointState\w*",
     "frames and clocks tie together what the gate sees": r"(tf|tf2_msgs)/.*|.*/TransformStamped|rosgraph_msgs/Clock",
-    "the robot's power is its own": r".*/BatteryState|power_msgs/.*",
-    "what is spoken goes through the console's own orders": r"sound_play/.*",
+    "the robot’s power is its own": r".*/BatteryState|power_msgs/.*",
+    "what is spoken goes through the console’s own orders": r"sound_play/.*",
 }
 _CALLED_TYPES = {
     _VELOCITY: r".*/\w*(Twist|Velocit|CmdVel|Speed)\w*|gazebo_msgs/.*",
@@ -70,7 +70,7 @@ _CALLED_TYPES = {
     r"topic_tools|nodelet|rosapi)/.*|.*/\w*(Controller|Reconfigure|SetParam)\w*",
     "the gate sees by depth pictures and clouds": r".*/\w*SetCameraInfo",
     "the gate reckons with odometry": r"robot_localization/.*|.*/\w*Odom\w*",
-    "the robot's power is its own": r"power_msgs/.*",
+    "the robot’s power is its own": r"power_msgs/.*",
 }
 
 # Whose bytes, under whatever name, reach the same listeners: ROS compares md5 sums, not the names of types.

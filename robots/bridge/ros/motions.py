@@ -23,7 +23,7 @@ ERRORS = {  # PlayMotionResult's codes in words
     "MISSING_CONTROLLER": "the controller of these joints does not run",
     "TRAJECTORY_ERROR": "the controller does not take this motion",
     "GOAL_NOT_REACHED": "the joints did not get to where they should",
-    "PLANNER_OFFLINE": "the robot's motion planner does not run",
+    "PLANNER_OFFLINE": "the robot’s motion planner does not run",
     "NO_PLAN_FOUND": "the robot found no way to its first posture without a collision",
     "OTHER_ERROR": "the robot does not say why",
 }

@@ -163,7 +163,7 @@ class RosBase:
             self._reading.do(motions.read)
         elif self._config.topics.motions:
             self.motions_read(
-                self._config.topics.motions.name, [], "The robot's ROS master was not there yet."
+                self._config.topics.motions.name, [], "The robot’s ROS master was not there yet."
             )
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:

@@ -88,7 +88,7 @@ class MasterWatcher:
                 return
             except Exception as error:  # without this thread the robot's loss would not be noticed
                 log.exception("watching the robot's master failed")
-                self._node.tell(RosStatus("waiting", f"Watching the robot's ROS master failed ({error})."))
+                self._node.tell(RosStatus("waiting", f"Watching the robot’s ROS master failed ({error})."))
             self._ending.wait(RETRY_S)
 
     def _join_and_stay(self) -> None:
@@ -123,7 +123,7 @@ class MasterWatcher:
 
     def _require_name(self) -> None:
         if self._begun and rospy.is_shutdown():
-            raise NodeLost("Another node took this bridge's name on the robot's master.", name_taken=True)
+            raise NodeLost("Another node took this bridge’s name on the robot’s master.", name_taken=True)
 
     def _require_no_namesake(self) -> None:
         """One that is only silent may be a busy computer in mid-drive: it is not taken for dead at once."""
@@ -132,14 +132,14 @@ class MasterWatcher:
         if alive:
             self._silent_since_s = None
             raise Namesake(
-                f"Another console's bridge on {_host(uri)} drives this robot; stop that one first."
+                f"Another console’s bridge on {_host(uri)} drives this robot; stop that one first."
             )
         if alive is None:
             now_s = monotonic()
             self._silent_since_s = self._silent_since_s or now_s
             if now_s - self._silent_since_s < SILENCE_S:
                 raise Namesake(
-                    f"Another console's bridge on {_host(uri)} has this robot and does not answer now. "
+                    f"Another console’s bridge on {_host(uri)} has this robot and does not answer now. "
                     "If it stays silent, this one takes over."
                 )
         self._silent_since_s = None

@@ -197,7 +197,7 @@ class Definitions:
         if told.md5 != md5:
             raise Declined(
                 "definition_differs",
-                f"The publisher's definition of {type_name} is not the one of its md5 sum: "
+                f"The publisher’s definition of {type_name} is not the one of its md5 sum: "
                 "what its messages hold cannot be told.",
                 type=type_name,
                 claimed_md5=md5,
