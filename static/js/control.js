@@ -73,6 +73,7 @@ class ControlPage {
   #state = null;
   #gone = null;
   #viewMs = -Infinity;
+  #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
   #freeMs = 0; // when the stick was last not asked to return to the middle
   #timer;
   #endings = [];
@@ -177,7 +178,10 @@ class ControlPage {
       this.#stopAsked = this.#state?.stop.number ?? 0;
       this.#clear.ask();
     });
-    on(document, "visibilitychange", () => document.hidden && this.#zero("hidden"));
+    on(document, "visibilitychange", () => {
+      this.#hiddenMs = performance.now();
+      if (document.hidden) this.#zero("hidden");
+    });
     on(window, "blur", () => this.#zero("blurred"));
 
     const host = {
@@ -378,7 +382,8 @@ class ControlPage {
     if (!asksNeutral || !this.#drives) this.#freeMs = now;
     const cut = this.#isCut();
     this.#picture.stale = cut;
-    const silent = this.#state !== null && isSilent(now - this.#viewMs);
+    if (document.hidden) this.#hiddenMs = now;
+    const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));
     mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);
     this.#face.show({
       connected: this.#socket.open,

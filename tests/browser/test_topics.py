@@ -14,6 +14,24 @@ from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
+# A page behind another browser tab: it draws nothing. Counts how often the page says that it is cut off.
+HIDDEN = """() => {
+    const draw = window.requestAnimationFrame;
+    const held = [];
+    let isHidden;
+    Object.defineProperty(document, "hidden", { get: () => isHidden });
+    window.hide = (hides) => {
+        isHidden = hides;
+        window.requestAnimationFrame = hides ? (act) => held.push(act) : draw;
+        document.dispatchEvent(new Event("visibilitychange"));
+        if (!hides) held.forEach((act) => draw(act));
+    };
+    const page = document.querySelector("[data-page=control]");
+    window.cuts = 0;
+    const count = () => { window.cuts += "cut" in page.dataset; };
+    new MutationObserver(count).observe(page, { attributeFilter: ["data-cut"] });
+    hide(true);
+}"""
 
 
 def topics_of(person: Person) -> None:
@@ -69,6 +87,21 @@ def test_driving_goes_elsewhere_and_back_with_one_press(person: Arrive) -> None:
     drive.get_by_text("default", exact=True).wait_for()
     operator.release()
     assert operator.complaints == []
+
+
+def test_who_comes_back_from_another_browser_tab_finds_the_focus_where_it_was(person: Arrive) -> None:
+    observer = person("observer")
+    observer.watch(ROBOT)
+    topics_of(observer)
+    search = observer.part("topic-list").get_by_role("searchbox")
+    search.focus()
+    observer.page.evaluate(HIDDEN)
+    observer.page.wait_for_timeout(3500)  # pictures that are not drawn are not acknowledged: no more come
+    observer.heard.pop("view")
+    observer.page.evaluate("hide(false)")
+    observer.until(lambda: "view" in observer.heard, "pictures again")
+    assert observer.page.evaluate("cuts") == 0
+    expect(search).to_be_focused()
 
 
 def test_a_type_that_is_installed_nowhere_is_watched_and_plotted(
