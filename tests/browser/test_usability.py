@@ -20,14 +20,15 @@ from tests.browser.people import Person, robot_side
 
 STICK_PERIOD_MS = 30
 PATIENCE_S = 60.0
+TRIES = 3  # a busy machine may interrupt the driver of the course, which is not the page's doing
 SLOWER_AT_MOST = 1.15  # by joystick on the page, behind the gate, than by keys at the robot
 DRIVEN, BESIDE = (PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START) for number in (1, 2))
 
 
-@pytest.fixture(scope="module")
-def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+@contextmanager
+def started(folder: Path) -> Iterator[Stack]:
     """Two robots at the same start, each in an office of its own: one behind the gate, one driven without."""
-    stack = Stack(tmp_path_factory.mktemp("usability"), robots=(DRIVEN, BESIDE))
+    stack = Stack(folder, robots=(DRIVEN, BESIDE))
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
         stack.launch()
@@ -75,7 +76,22 @@ class Tasks:
         self.person.part(name).click()
 
 
-def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> None:
+@pytest.mark.timeout(TRIES * 120)
+def test_the_usability_tasks(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> None:
+    for _ in range(TRIES):
+        folder = tmp_path_factory.mktemp("usability")
+        with started(folder) as stack:
+            ratio, seized = do_tasks(stack, browser, folder / "contacts")
+        print(
+            f"the course: {ratio:.2f} times as long as by keys without gate, the stick seized {seized} times"
+        )
+        if seized == 1:
+            break
+    assert ratio <= SLOWER_AT_MOST
+
+
+def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int]:
+    """How much longer the course took than by keys without gate, and how often the stick had to be seized for it."""
     without_gate_s = driven_by_keys(stack.robots[BESIDE.slug])
     print(f"the course by keys, without gate: {without_gate_s:.1f} s")
     person = Person(stack, browser, "operator")
@@ -110,7 +126,6 @@ def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> 
         with tasks.task("drive the course through the door"):
             seized = follow_course(tasks)
         person.until_still()
-        contacts = tmp_path / "contacts"
         with (
             robot_side(stack.robots[DRIVEN.slug], "person", contacts) as world,
             tasks.task("try to hit the person"),
@@ -122,9 +137,7 @@ def test_the_usability_tasks(stack: Stack, browser: Browser, tmp_path: Path) -> 
             person.until(lambda: person.control["state"] == "free", "control to be free")
     finally:
         person.leave()
-    ratio = tasks.seconds["drive the course through the door"] / without_gate_s
-    print(f"the course: {ratio:.2f} times as long as by keys without gate, the stick seized {seized} times")
-    assert ratio <= SLOWER_AT_MOST or seized > 1  # a busy machine interrupted the driver, not the page
+    return tasks.seconds["drive the course through the door"] / without_gate_s, seized
 
 
 def fold_arm(tasks: Tasks) -> None:
@@ -135,7 +148,9 @@ def fold_arm(tasks: Tasks) -> None:
         # A press right after an end counts as a cancel, and is refused as that.
         return bool(person.state["motion"]) or person.heard["refused"]["of"] in ("play", "play_cancel")
 
+    deadline = time.monotonic() + PATIENCE_S
     while person.state["arm"]:
+        assert time.monotonic() < deadline, f"not folded: {person.heard['refused']}"
         person.heard["refused"] = {"of": None}
         tasks.press("Play Home")
         person.until(answered, "the motion, or why not")
