@@ -167,7 +167,7 @@ def test_the_watcher_outlives_whatever_fails_in_it(rosmaster, soon, monkeypatch)
     monkeypatch.setattr(watcher, "register_again", lambda _: None)
     node = Failing()
     with watching(rosmaster.uri, node):
-        node.until("waiting: Watching the robot's ROS master failed (of what a master answered).")
+        node.until("waiting: Watching the robot’s ROS master failed (of what a master answered).")
         node.until("begun again")
         node.until("surveyed")
 
