@@ -42,7 +42,7 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     operator.until_still()
     assert operator.last_drive == (0, 0, 0)
     standstill_ms = operator.state["stop"]["standstill_ms"]
-    assert f"{standstill_ms:.0f} ms" in operator.part("stop-state").inner_text()
+    assert f"{standstill_ms:.0f}\u00a0ms" in operator.part("stop-state").inner_text()
     assert operator.sent.count("stop") == 1
 
     # The finger that is still down moves nothing, not even after the stop was cleared.
