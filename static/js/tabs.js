@@ -98,12 +98,21 @@ export class Tabs extends EventTarget {
     event.preventDefault();
     event.stopPropagation();
     this.#links.get(tab).focus();
-    location.hash = tab;
+    this.#go(tab);
   }
 
   /** After a click the keys belong to driving again. */
   #clicked(event) {
     const link = event.target.closest("[role=tab]");
-    if (link && event.detail > 0) link.blur();
+    if (!link || event.ctrlKey || event.shiftKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    if (event.detail > 0) link.blur();
+    this.#go(link.hash.slice(1));
+  }
+
+  /** At once: browsers tell of a new hash some time later, and a key may be pressed before. */
+  #go(tab) {
+    location.hash = tab;
+    this.#follow();
   }
 }

@@ -54,6 +54,21 @@ describe("the tabs", () => {
     expect(changes).toHaveLength(2);
   });
 
+  it("are changed by the click itself: the next key already meets the new one", () => {
+    tabs.begin();
+    const click = (more) =>
+      link("drive").dispatchEvent(
+        new MouseEvent("click", { bubbles: true, cancelable: true, detail: 1, ...more }),
+      );
+    expect(click({ ctrlKey: true })).toBe(true); // the browser opens it elsewhere
+    expect(root.dataset.tab).toBe("centre");
+    expect(click({})).toBe(false);
+    expect(root.dataset.tab).toBe("drive");
+    expect(location.hash).toBe("#drive");
+    window.dispatchEvent(new Event("hashchange")); // as the browser tells, later
+    expect(changes).toHaveLength(2);
+  });
+
   it("stay where they are when the address names something else", () => {
     tabs.begin();
     goTo("#drive");
@@ -77,6 +92,7 @@ describe("the tabs", () => {
     const press = (key) =>
       link("centre").dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
     press("ArrowRight");
+    expect(root.dataset.tab).toBe("drive");
     expect(location.hash).toBe("#drive");
     expect(document.activeElement).toBe(link("drive"));
     expect(reached).toBe(false);
