@@ -1,4 +1,4 @@
-"""What holds for one robot: its profile's description, with the robot's own entries laid over it.
+"""What holds for one robot: its profile's description, with the robot's own entries laid over it. `of` says it all.
 
 Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved
 through the admin or `robots.services` never is.
@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec import Struct
 
 from robots.bridge.config import ArmSource, DepthSource, Topic, Topics
 from robots.bridge.gate.values import DepthView, GateProfile, Limits, Parameters
@@ -87,16 +88,52 @@ def _topics(profile: RobotProfile, drive_topic: str, rest: object) -> Topics:
 # --- of a robot ----------------------------------------------------------------------------------
 
 
+class Effective(Struct, frozen=True):
+    """What holds for one robot."""
+
+    topics: Topics
+    gate: GateProfile
+    stick: tuple[StickStep, ...]
+    default_share: float  # the speed share that a page begins with
+
+
+def of(robot: Robot) -> Effective:
+    """What holds for this robot; of limits and parameters the more careful of the profile's and its own."""
+    profile, own = robot.profile, overrides(robot)
+    expected = profile_topics(profile)
+    interface = _own_topics(robot, own, expected)
+    body = footprint(profile)
+    gate = GateProfile(
+        limits=_limits(profile, own),
+        radius_m=body.radius_m,
+        outline=None if body.outline is None else tuple(body.outline),
+        scan_poses={scan.topic: scan.pose for scan in interface.scans},
+        sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
+        sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
+        # What the profile expects to be watched stays a limit where one robot lost its camera.
+        has_depth=interface.depth is not None or expected.depth is not None,
+        blind_mps=_lower(profile, own, "blind_mps"),
+        parameters=_careful(_own_parameters(robot, own), profile_parameters(profile)),
+        has_arm=interface.arm is not None or expected.arm is not None,
+        depth=_depth_view(interface.depth),
+    )
+    return Effective(interface, gate, stick(robot), _default_share(robot, gate.limits))
+
+
 def overrides(robot: Robot) -> Overrides:
     """The robot's own entries."""
     return parsed(Overrides, robot.overrides)
 
 
 def topics(robot: Robot) -> Topics:
-    """The robot's ROS interface."""
-    merged = {**robot.profile.topics, **overrides(robot).topics}
-    own = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
-    return first_of(lambda given: _taken_away(given, profile_topics(robot.profile)), own)
+    """The robot's ROS interface alone, whatever the rest of its entry says."""
+    return _own_topics(robot, overrides(robot), profile_topics(robot.profile))
+
+
+def _own_topics(robot: Robot, own: Overrides, expected: Topics) -> Topics:
+    merged = {**robot.profile.topics, **own.topics}
+    given = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
+    return first_of(lambda given: _taken_away(given, expected), given)
 
 
 def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
@@ -127,9 +164,8 @@ def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
         yield f"depth.own_m: {given.own_m:g} is above the profile's {profile.own_m:g}; only tighten"
 
 
-def parameters(robot: Robot) -> Parameters:
-    """The gate's parameters for this robot: of profile and robot the more careful, one by one."""
-    theirs, own = profile_parameters(robot.profile), _own_parameters(robot)
+def _careful(own: Parameters, theirs: Parameters) -> Parameters:
+    """The more careful of the two, one by one."""
     careful = {
         name: (min if name in CAREFUL_WHEN_SMALL else max)(getattr(own, name), getattr(theirs, name))
         for name in Parameters.__struct_fields__
@@ -137,25 +173,24 @@ def parameters(robot: Robot) -> Parameters:
     return Parameters(**careful)
 
 
-def _own_parameters(robot: Robot) -> Parameters:
-    own = {**robot.profile.gate, **overrides(robot).gate}
-    return first_of(parameter_problems, parsed(Parameters, own))
+def _own_parameters(robot: Robot, own: Overrides) -> Parameters:
+    return first_of(parameter_problems, parsed(Parameters, {**robot.profile.gate, **own.gate}))
 
 
-def limits(robot: Robot) -> Limits:
-    """The profile's limits, where the robot's own are not lower."""
-    own = overrides(robot).limits
-    return Limits(**{name: _lower(robot.profile, own, name) for name in Limits.__struct_fields__})
+def _limits(profile: RobotProfile, own: Overrides) -> Limits:
+    return Limits(**{name: _lower(profile, own, name) for name in Limits.__struct_fields__})
 
 
-def blind_mps(robot: Robot) -> float:
-    """Speed (m/s) where no sensor watches."""
-    return _lower(robot.profile, overrides(robot).limits, "blind_mps")
+def _lower(profile: RobotProfile, own: Overrides, name: str) -> float:
+    """The lower of the two, so that lowering a profile later reaches robots with entries of their own."""
+    theirs: float = getattr(profile, name)
+    mine: float | None = getattr(own.limits, name)
+    return theirs if mine is None else min(mine, theirs)
 
 
-def default_share(robot: Robot) -> float:
-    """The speed share a page begins with; above neither the largest share of this robot nor `BEGINNER_MPS`."""
-    fastest_mps = _fastest_mps(limits(robot))
+def _default_share(robot: Robot, limits: Limits) -> float:
+    """Above neither the largest share of this robot nor `BEGINNER_MPS`."""
+    fastest_mps = _fastest_mps(limits)
     beginner = BEGINNER_MPS / fastest_mps if fastest_mps > BEGINNER_MPS else 1.0
     return min(_asked_share(robot), robot.max_share, beginner)
 
@@ -164,33 +199,8 @@ def _asked_share(robot: Robot) -> float:
     return robot.profile.default_share if robot.default_share is None else robot.default_share
 
 
-def _fastest_mps(given: Limits) -> float:
+def _fastest_mps(given: Limits | RobotProfile) -> float:
     return max(given.forward_mps, given.reverse_mps, given.lateral_mps)
-
-
-def outline(robot: Robot) -> tuple[tuple[float, float], ...] | None:
-    """The convex footprint, counter-clockwise; None for a disc."""
-    corners = footprint(robot.profile).outline
-    return None if corners is None else tuple(corners)
-
-
-def gate_profile(robot: Robot) -> GateProfile:
-    """What the gate knows of this robot beforehand."""
-    interface = topics(robot)
-    return GateProfile(
-        limits=limits(robot),
-        radius_m=footprint(robot.profile).radius_m,
-        outline=outline(robot),
-        scan_poses={scan.topic: scan.pose for scan in interface.scans},
-        sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
-        sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
-        # What the profile expects to be watched stays a limit where one robot lost its camera.
-        has_depth=interface.depth is not None or profile_topics(robot.profile).depth is not None,
-        blind_mps=blind_mps(robot),
-        parameters=parameters(robot),
-        has_arm=interface.arm is not None or profile_topics(robot.profile).arm is not None,
-        depth=_depth_view(interface.depth),
-    )
 
 
 def _depth_view(source: DepthSource | None) -> DepthView | None:
@@ -200,13 +210,6 @@ def _depth_view(source: DepthSource | None) -> DepthView | None:
 def stick(robot: Robot) -> tuple[StickStep, ...]:
     """What is done to stick positions: the robot's own steps in place of its profile's."""
     return profile_stick(robot.profile) if robot.stick is None else _stick(robot.stick)
-
-
-def _lower(profile: RobotProfile, own: Tightening, name: str) -> float:
-    """The lower of the two, so that lowering a profile later reaches robots with entries of their own."""
-    theirs: float = getattr(profile, name)
-    mine: float | None = getattr(own, name)
-    return theirs if mine is None else min(mine, theirs)
 
 
 # --- checks at the door --------------------------------------------------------------------------
@@ -222,7 +225,7 @@ def check_overrides(robot: Robot) -> None:
     with _under("topics"):
         topics(robot)
     with _under("gate"):
-        tuned = _own_parameters(robot)
+        tuned = _own_parameters(robot, own)
     lines = [*_loosened_limits(own.limits, robot.profile)]
     lines += loosened_parameters(tuned, profile_parameters(robot.profile))
     if lines:
@@ -252,13 +255,14 @@ def _loosened_limits(own: Tightening, profile: RobotProfile) -> Iterator[str]:
 
 def check_profile_share(profile: RobotProfile) -> None:
     """Nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
-    _check_share(profile.default_share, max(profile.forward_mps, profile.reverse_mps, profile.lateral_mps))
+    _check_share(profile.default_share, _fastest_mps(profile))
 
 
 def check_robot_share(robot: Robot) -> None:
     """Nobody begins faster than `BEGINNER_MPS` on this robot. One out of service may stay as it is."""
     if robot.enabled:
-        _check_share(min(_asked_share(robot), robot.max_share), _fastest_mps(limits(robot)))
+        limits = _limits(robot.profile, overrides(robot))
+        _check_share(min(_asked_share(robot), robot.max_share), _fastest_mps(limits))
 
 
 def _check_share(share: float, fastest_mps: float) -> None:

@@ -347,29 +347,13 @@ class Robot(models.Model):
     def problems(self) -> str:
         """What keeps the entry, as it was loaded, from being driven; "" if nothing does.
 
-        A saved entry is right, but an edit of its profile may make it wrong later. Judged once for what it says now:
-        everybody's right to drive is looked up twice a second, and depends on it.
+        A saved entry is right, but an edit of its profile may make it wrong later.
         """
-        content = repr([_values(self), _values(self.profile)])
-        judged = _judged.get(self.id)
-        if judged is None or judged[0] != content:
-            judged = _judged[self.id] = content, self._judge()
-        return judged[1]
-
-    def _judge(self) -> str:
         try:
-            effective.gate_profile(self)
-            effective.stick(self)
+            effective.of(self)
         except described.Problems as problems:
             return str(problems)
         return ""
-
-
-_judged: dict[uuid.UUID, tuple[str, str]] = {}  # by robot: content of its entry and profile, and the problems
-
-
-def _values(entry: models.Model) -> list[object]:
-    return [value for name, value in vars(entry).items() if name != "_state"]
 
 
 def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:

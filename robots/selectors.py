@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 from uuid import UUID
@@ -14,10 +14,10 @@ from django.shortcuts import get_object_or_404
 
 from fleet.audit.models import Record
 from robots import effective
-from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, SonarSource
-from robots.bridge.gate.values import Limits as GateLimits
+from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, Topics
+from robots.bridge.gate.values import GateProfile
 from robots.bridge.never import admissible
-from robots.bridge.stick import StickStep, in_words
+from robots.bridge.stick import in_words
 from robots.described import Problems
 from robots.models import Allowance, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.phrases import FALLBACK_LANGUAGE
@@ -26,7 +26,7 @@ from robots.wire import Limits, RobotFacts, SonarPose
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
-DISC_CORNERS = 32  # a disc is drawn as a polygon
+DISC_CORNERS = 32  # of the polygon that a disc is drawn as
 
 
 def role_on(user: User, robot: Robot) -> Role | None:
@@ -88,10 +88,12 @@ def first_language(owner: Robot | RobotProfile) -> str:
 
 
 def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
-    """The allow-list of a robot, whose own entries replace those of its kind.
+    """The allow-list of a robot, whose own entries replace those of its kind. `Problems` if its entry is wrong."""
+    return _admitted(robot, effective.topics(robot))
 
-    What no list admits is left out: an edit of the profile may have made it so. `Problems` if the entry is wrong.
-    """
+
+def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
+    """What no list admits is left out: an edit of the profile may have made it so."""
     kinds = Q(profile=robot.profile_id)
     entries = Allowance.objects.filter(kinds | Q(robot=robot))
     by_name = {
@@ -100,7 +102,7 @@ def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
         )
         for entry in sorted(entries, key=lambda entry: entry.robot_id is not None)
     }
-    return admissible((by_name[key] for key in sorted(by_name)), effective.topics(robot))
+    return admissible((by_name[key] for key in sorted(by_name)), topics)
 
 
 def last_editor(entry: Robot | RobotProfile) -> str:
@@ -139,7 +141,8 @@ def require_link_settings(robot: Robot) -> None:
 
 
 def bridge_config(robot: Robot) -> BridgeConfig:
-    """Everything the robot's bridge is told."""
+    """Everything the robot's bridge is told. `Problems` if its entry is wrong."""
+    known = effective.of(robot)
     return BridgeConfig(
         robot_id=str(robot.id),
         slug=robot.slug,
@@ -147,52 +150,27 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         master_uri=robot.master_uri.rstrip("/"),
         advertised_address=robot.advertised_address or None,
         host_aliases=robot.host_aliases,
-        topics=effective.topics(robot),
-        gate=effective.gate_profile(robot),
+        topics=known.topics,
+        gate=known.gate,
         reverse_steering=robot.profile.reverse_steering,
         link=link_address(robot),
-        allowed=allowed_on(robot),
-        stick=effective.stick(robot),
+        allowed=_admitted(robot, known.topics),
+        stick=known.stick,
         state_dir=str(settings.FLEET_VAR / "bridges"),
         last_fence=robot.fence,
     )
 
 
 def robot_facts(robot: Robot) -> RobotFacts:
-    """What a page needs to know of the robot once. If its entry is wrong (`Robot.problems`), what its columns say: the
-    page must work, to say so and to stop.
+    """What a page needs to know of the robot once. If its entry is wrong, what its columns say: the page must work, to
+    say so and to stop.
     """
-    if robot.problems:
-        return _facts(
-            robot,
-            limits=robot.profile,
-            share=robot.profile.default_share,
-            footprint=[],
-            sonars=[],
-            has_head=False,
-            steps=(),
-        )
-    return _facts(
-        robot,
-        limits=effective.limits(robot),
-        share=effective.default_share(robot),
-        footprint=_drawn_footprint(robot),
-        sonars=effective.topics(robot).sonars,
-        has_head=effective.topics(robot).head is not None,
-        steps=effective.stick(robot),
-    )
-
-
-def _facts(
-    robot: Robot,
-    *,
-    limits: GateLimits | RobotProfile,
-    share: float,
-    footprint: list[tuple[float, float]],
-    sonars: list[SonarSource],
-    has_head: bool,
-    steps: Sequence[StickStep],
-) -> RobotFacts:
+    try:
+        known = effective.of(robot)
+    except Problems:
+        known = None
+    limits = known.gate.limits if known else robot.profile
+    sonars = known.topics.sonars if known else []
     return RobotFacts(
         slug=robot.slug,
         name=robot.name,
@@ -200,21 +178,21 @@ def _facts(
         practice=robot.practice,
         holonomic=robot.profile.holonomic,
         limits=Limits(limits.forward_mps, limits.reverse_mps, limits.lateral_mps, limits.turn_radps),
-        footprint=footprint,
-        default_share=share,
+        footprint=_drawn(known.gate) if known else [],
+        default_share=known.default_share if known else robot.profile.default_share,
         max_share=robot.max_share,
         reverse_steering=robot.profile.reverse_steering,
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
-        has_head=has_head,
+        has_head=known is not None and known.topics.head is not None,
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
-        stick=in_words(steps),
+        stick=in_words(known.stick if known else ()),
     )
 
 
-def _drawn_footprint(robot: Robot) -> list[tuple[float, float]]:
-    footprint = effective.footprint(robot.profile)
-    if footprint.outline is not None:
-        return footprint.outline
-    radius_m = footprint.radius_m or 0.0
+def _drawn(body: GateProfile) -> list[tuple[float, float]]:
+    """The footprint's outline; a disc is drawn as a polygon."""
+    if body.outline is not None:
+        return list(body.outline)
+    radius_m = body.radius_m or 0.0
     angles = [2.0 * math.pi * corner / DISC_CORNERS for corner in range(DISC_CORNERS)]
     return [(round(radius_m * math.cos(angle), 4), round(radius_m * math.sin(angle), 4)) for angle in angles]

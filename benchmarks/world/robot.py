@@ -21,4 +21,4 @@ def tiago_profile() -> GateProfile:
 
     profile = RobotProfile()
     fill(profile, next(file for file in profile_files() if file.slug == "tiago"))
-    return effective.gate_profile(Robot(profile=profile))
+    return effective.of(Robot(profile=profile)).gate
