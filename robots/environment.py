@@ -36,6 +36,7 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
     environment["ROS_MASTER_URI"] = config.master_uri
     environment["ROS_HOME"] = str(Path(config.state_dir) / "ros")
     environment["PYTHONUNBUFFERED"] = "1"
+    environment["PYTHONFAULTHANDLER"] = "1"  # the log says where a crash was
     if config.advertised_address:
         variable = "ROS_IP" if is_address(config.advertised_address) else "ROS_HOSTNAME"
         environment[variable] = config.advertised_address

@@ -30,6 +30,10 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
 
 
+# What Python was doing when a signal such as SIGSEGV ended it, to the log. Whoever a child starts inherits it.
+LAST_WORDS = {"PYTHONFAULTHANDLER": "1"}
+
+
 class Ended(BaseException):
     """Somebody asked us to end."""
 
@@ -90,7 +94,7 @@ class Child:
             self.process = subprocess.Popen(  # noqa: S603 - our own commands
                 [*TIED_TO_US, str(os.getpid()), *command],
                 cwd=REPOSITORY,
-                env=dict(env),
+                env=dict(env) | LAST_WORDS,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,

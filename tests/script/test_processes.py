@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +18,14 @@ def test_a_child_runs_its_command_as_it_is() -> None:
     child = Child("speller", ["/usr/bin/test", "a b", "=", "a b"], env={})
     assert child.wait(ENDED_S)
     assert child.fate() == "ended with status 0"
+
+
+def test_a_child_that_crashes_says_where(tmp_path: Path) -> None:
+    crash = "import ctypes\ndef here(): ctypes.string_at(0)\nhere()"
+    child = Child("crasher", [sys.executable, "-c", crash], env={}, log=tmp_path / "log")
+    assert child.wait(ENDED_S)
+    assert child.fate() == "was ended by SIGSEGV"
+    assert "in here" in child.last_lines()
 
 
 def test_a_child_whose_parent_is_gone_already_does_not_begin() -> None:
