@@ -10,8 +10,8 @@ import ctypes.util
 import os
 from pathlib import Path
 
+from robots.addresses import is_address
 from robots.bridge.config import BridgeConfig
-from robots.described import is_address
 
 LIBRARY = "nss_wrapper"
 # One thread for linear algebra: with several, the gate's p99 rose from 0.05 to 17 ms.

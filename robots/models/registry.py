@@ -1,4 +1,4 @@
-"""The registry: kinds of robots, robots, who may do what with them, what they say, and how their bridges fare."""
+"""The registry proper: kinds of robots, robots, and who may do what with them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ from django.utils.text import format_lazy
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from robots import described, effective, phrases
+from robots import addresses, described, effective
 from robots.bridge import stick
-from robots.bridge.config import Topics
-from robots.bridge.never import USE_TYPES, why_never
+from robots.bridge.never import USE_TYPES
 
 T = TypeVar("T")
 
-_topic_name = RegexValidator(
+topic_name = RegexValidator(
     r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$",
     _("Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _."),
 )
@@ -134,7 +133,7 @@ class RobotProfile(models.Model):
     drive_topic = models.CharField(
         _("drive topic"),
         max_length=200,
-        validators=[_topic_name],
+        validators=[topic_name],
         help_text=_(
             "Where velocities are published. On TIAGo this chooses what wins over the console. "
             "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every "
@@ -270,7 +269,7 @@ class Robot(models.Model):
         _("drive topic"),
         max_length=200,
         blank=True,
-        validators=[_topic_name],
+        validators=[topic_name],
         help_text=_("Empty: the profile's. See there what the choice means."),
     )
     default_share = models.FloatField(
@@ -331,10 +330,10 @@ class Robot(models.Model):
     def clean(self) -> None:
         """Check addresses, aliases, and that nothing is looser than the profile."""
         errors: dict[str, list[str]] = {}
-        _collect(errors, "master_uri", described.check_master_uri, self.master_uri)
-        _collect(errors, "advertised_address", described.check_advertised_address, self.advertised_address)
-        _collect(errors, "host_aliases", described.check_aliases, self.host_aliases)
-        _collect(errors, "bridge_address", described.check_bridge_address, self.bridge_address)
+        _collect(errors, "master_uri", addresses.check_master_uri, self.master_uri)
+        _collect(errors, "advertised_address", addresses.check_advertised_address, self.advertised_address)
+        _collect(errors, "host_aliases", addresses.check_aliases, self.host_aliases)
+        _collect(errors, "bridge_address", addresses.check_bridge_address, self.bridge_address)
         if self.profile_id is not None:
             _collect(errors, "overrides", effective.check_overrides, self)
             _collect(errors, "stick", effective.stick, self)
@@ -391,279 +390,3 @@ class RobotRole(models.Model):
             "role": self.role,
             "robot": self.robot,
         }
-
-
-class OfProfileOrRobot(models.Model):
-    """What a whole kind of robot has, or one robot in addition."""
-
-    profile = models.ForeignKey(
-        RobotProfile,
-        null=True,
-        blank=True,
-        on_delete=models.CASCADE,
-        related_name="%(class)ss",
-        verbose_name=_("profile"),
-    )
-    robot = models.ForeignKey(
-        Robot,
-        null=True,
-        blank=True,
-        on_delete=models.CASCADE,
-        related_name="%(class)ss",
-        verbose_name=_("robot"),
-    )
-
-    class Meta:
-        abstract = True
-        constraints = [
-            models.CheckConstraint(
-                condition=models.Q(profile__isnull=False) ^ models.Q(robot__isnull=False),
-                name="%(class)s_of_profile_or_robot",
-                violation_error_message=_("Name either a profile or a robot."),
-            )
-        ]
-
-    @property
-    def owner(self) -> RobotProfile | Robot:
-        """Whose it is."""
-        owner = self.profile or self.robot
-        if owner is None:
-            raise ValueError(f"this {self._meta.verbose_name} belongs to no profile and to no robot")
-        return owner
-
-
-def check_phrase_language(code: str) -> None:
-    if why := phrases.why_no_language(code):
-        raise ValidationError(why)
-
-
-def check_phrase_text(text: str) -> None:
-    if why := phrases.why_no_phrase(text):
-        raise ValidationError(why)
-
-
-class Phrase(OfProfileOrRobot):
-    """A ready-made message."""
-
-    text = models.TextField(
-        _("text"),
-        validators=[check_phrase_text],
-        help_text=_("One line, at most 500 characters, in its own script."),
-    )
-    language = models.CharField(
-        _("language"),
-        max_length=35,
-        validators=[check_phrase_language],
-        help_text=_("Such as en-GB (BCP 47)."),
-    )
-    order = models.PositiveIntegerField(_("order"), default=0, help_text=_("Small numbers come first."))
-    tags = models.CharField(
-        _("tags"),
-        max_length=phrases.LONGEST_TAGS,
-        blank=True,
-        help_text=_("Words to find it by, separated by commas."),
-    )
-
-    class Meta(OfProfileOrRobot.Meta):
-        ordering = ["order", "id"]
-        verbose_name = _("phrase")
-        verbose_name_plural = _("phrases")
-
-    def __str__(self) -> str:
-        return f"{self.language}: \u2068{self.text}\u2069"  # it runs its own way, its full stop too
-
-    def clean(self) -> None:
-        """Languages and tags in their usual form."""
-        self.language = phrases.in_usual_case(self.language)
-        tags = phrases.tags_in(self.tags)
-        if why := phrases.why_no_tags(tags):
-            raise ValidationError(why)
-        self.tags = phrases.tags_text(tags)
-
-    @property
-    def line(self) -> phrases.Line:
-        """As in a file."""
-        return phrases.Line(self.text, self.language, phrases.tags_in(self.tags))
-
-
-class Allowance(OfProfileOrRobot):
-    """An entry of the allow-list: what is not there, nobody may. `robots.bridge.never` says what may not be there."""
-
-    class What(models.TextChoices):
-        """What is done with the name."""
-
-        CHOOSE = "choose", _("choose: input goes to this topic or action")
-        PUBLISH = "publish", _("publish on this topic")
-        CALL = "call", _("call this service (staff only)")
-        SET = "set", _("set this parameter (staff only)")
-
-    class Use(models.TextChoices):
-        """Whose input."""
-
-        DRIVE = "drive", _("driving")
-        SPEECH = "speech", _("speech")
-        MOTIONS = "motions", _("motions")
-
-    TYPED = (What.PUBLISH, What.CALL)
-
-    what = models.CharField(_("what"), max_length=8, choices=What.choices)
-    use = models.CharField(
-        _("input"),
-        max_length=8,
-        choices=Use.choices,
-        blank=True,
-        help_text=_(
-            "Of what is chosen: which input goes there. For driving it decides what wins over the console. "
-            "On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab's joystick and "
-            "every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and "
-            "/tab_vel (100, not masked by emergency_brake) and a controller's own topic are refused here."
-        ),
-    )
-    name = models.CharField(
-        _("name"),
-        max_length=200,
-        validators=[_topic_name],
-        help_text=_("Of the topic, action, service or parameter, in full."),
-    )
-    type = models.CharField(
-        _("type"),
-        max_length=120,
-        blank=True,
-        validators=[
-            RegexValidator(
-                r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$",
-                _("Write package and type, such as std_msgs/String."),
-            )
-        ],
-        help_text=_(
-            "What is published or called needs it, such as std_msgs/String or std_srvs/Trigger; else leave it empty."
-        ),
-    )
-    role = models.CharField(
-        _("lowest role"),
-        max_length=16,
-        choices=[choice for choice in Role.choices if choice[0] != Role.OBSERVER.value],
-        default=Role.OPERATOR,
-        help_text=_("The lowest that may. Services and parameters are for staff, whatever is chosen here."),
-    )
-
-    class Meta(OfProfileOrRobot.Meta):
-        ordering = ["what", "use", "name"]
-        constraints = [
-            *OfProfileOrRobot.Meta.constraints,
-            models.UniqueConstraint(
-                fields=["profile", "what", "use", "name"], name="one_allowance_per_profile_and_name"
-            ),
-            models.UniqueConstraint(
-                fields=["robot", "what", "use", "name"], name="one_allowance_per_robot_and_name"
-            ),
-        ]
-        verbose_name = _("allow-list entry")
-        verbose_name_plural = _("allow-list entries")
-
-    def __str__(self) -> str:
-        return f"{self.what} {self.name}"
-
-    def clean(self) -> None:
-        """Fill in what follows from the rest; refuse what no allow-list admits."""
-        if self.what in (self.What.CALL, self.What.SET):
-            self.role = Role.STAFF
-        errors: dict[str, str] = {}
-        if (self.what == self.What.CHOOSE) != bool(self.use):
-            errors["use"] = (
-                gettext("Say which input goes there.")
-                if not self.use
-                else gettext("Only for what is chosen: leave it empty.")
-            )
-        if self.what in self.TYPED and not self.type:
-            errors["type"] = gettext("What is published or called needs its type.")
-        if self.what == self.What.SET and self.type:
-            errors["type"] = gettext("A parameter has no type: leave it empty.")
-        if errors:
-            raise ValidationError(errors)
-        self._judge()
-
-    def _judge(self) -> None:
-        topics = self._topics()
-        if self.use and not self.type and topics is not None:
-            default = getattr(topics, self.use)
-            self.type = default.type if default else ""
-        if why := self.why_nothing:
-            told = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
-            raise ValidationError({"name": told})
-
-    @property
-    def why_nothing(self) -> str:
-        """Why it counts for nothing: its owner was edited since, or no list of today's console admits it."""
-        if self.what in self.TYPED and not self.type:
-            return gettext("it names no type")
-        topics = self._topics()
-        return (topics and why_never(self.what, self.name, self.type, topics, self.use)) or ""
-
-    def _topics(self) -> Topics | None:
-        """Of its owner; of one whose own entry is wrong, nothing can be said."""
-        try:
-            if self.robot is not None:
-                return effective.topics(self.robot)
-            return effective.profile_topics(self.profile) if self.profile is not None else None
-        except described.Problems:
-            return None
-
-
-class BridgeStatus(models.Model):
-    """How a robot's bridge process fares, written by the supervisor on every change."""
-
-    class State(models.TextChoices):
-        """Life of a bridge process as its supervisor sees it."""
-
-        STARTING = "starting", _("starting")
-        RUNNING = "running", _("running")
-        BACKING_OFF = "backing_off", _("ended, starts again soon")
-        REFUSED = "refused", _("refused to start")
-        DISABLED = "disabled", _("disabled")
-        STOPPED = "stopped", _("ended with the supervisor")
-
-    robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="bridge")
-    state = models.CharField(max_length=16, choices=State.choices)
-    detail = models.CharField(max_length=500, blank=True)
-    pid = models.PositiveIntegerField(null=True, blank=True)
-    since = models.DateTimeField()
-
-    class Meta:
-        verbose_name_plural = "bridge statuses"
-
-    def __str__(self) -> str:
-        return f"{self.robot}: {self.state}"
-
-
-class RobotMap(models.Model):
-    """What a robot's map was from one time to another, as a picture. One that stays the same is one row."""
-
-    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
-    digest = models.CharField(max_length=64)  # of what it shows and where
-    first_seen_at = models.DateTimeField()
-    last_seen_at = models.DateTimeField()
-    resolution_m = models.FloatField()  # of a cell, a pixel
-    origin_x_m = models.FloatField()  # lower left corner, in the map's frame
-    origin_y_m = models.FloatField()
-    origin_yaw = models.FloatField()
-    width = models.PositiveIntegerField()  # cells
-    height = models.PositiveIntegerField()
-    picture = models.BinaryField()  # PNG
-
-    class Meta:
-        indexes = [models.Index(fields=["robot", "first_seen_at"], name="robots_map_of_a_time")]
-
-    def __str__(self) -> str:
-        return f"map of {self.robot} from {self.first_seen_at}"
-
-
-class BridgePulse(models.Model):
-    """What a robot's bridge writes to see whether it could write a record."""
-
-    robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
-    at = models.DateTimeField(null=True)  # of the newest one
-    settled = models.BigIntegerField(default=0)  # up to this record, whatever needs an end has one
-
-    def __str__(self) -> str:
-        return f"{self.robot}: {self.at}"
