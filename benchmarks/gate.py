@@ -22,6 +22,7 @@ from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
+from robots.bridge.records import Records
 from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, TakenMap
 from robots.bridge.speech import Utterance
 from robots.bridge.store import Persisted
@@ -246,9 +247,8 @@ class _Path:
         profile = clutter.gate.profile
         config = BridgeConfig("0", "bench", "Bench", "", None, {}, topics, profile, "turn", LinkAddress(), "")
         left = Persisted(False, "", "", 0)
-        self._core = Core(
-            config, self._base, clutter.gate, DriveLog(_NoRecords()), left, lambda _ended: None, _NoTopics()
-        )
+        drives = DriveLog(Records(_NoRecords()))
+        self._core = Core(config, self._base, clutter.gate, drives, left, lambda _ended: None, _NoTopics())
         self._core.ros_status(RosStatus("connecting", ""), 0.0)
         self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
 from robots import wire
 from robots.bridge.config import BridgeConfig, Topic
-from robots.bridge.drives import Asker, DriveLog, not_recorded
+from robots.bridge.records import Asked, Asker, Records
 from robots.wire import Refusal
 
 NAMES = {"drive": "driving", "speech": "speech", "motions": "motions"}
@@ -49,28 +48,25 @@ class Rules(Protocol):
         """Zero now, and a neutral stick before anything moves again."""
 
 
-@dataclass
-class _Choice:
+@dataclass(eq=False)
+class _Choice(Asked):
     """A topic that was asked for, or chosen."""
 
     topic: str
-    asker: Asker
-    number: Future[int]
-    since_s: float
     begun: bool = False  # it is on record, and being connected
 
 
 class Choices:
     """The topics of one robot that take a holder's input, by use; an action's name where the type is an action's."""
 
-    def __init__(self, config: BridgeConfig, switch: Switch, log: DriveLog, rules: Rules) -> None:
+    def __init__(self, config: BridgeConfig, switch: Switch, records: Records, rules: Rules) -> None:
         topics = config.topics
         offered = {"drive": topics.drive, "speech": topics.speech, "motions": topics.motions}
         self.gone: dict[str, wire.ChoiceEnd] = {}  # by use: what ended by itself, until the next choice
         self._made: dict[str, _Choice] = {}  # other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
         self._switch = switch
-        self._log = log
+        self._records = records
         self._rules = rules
         self._roles: dict[str, dict[str, str]] = {use: {} for use in self._defaults}
         for allowed in config.allowed:
@@ -142,8 +138,8 @@ class Choices:
             asker.answer(None)
             return
         parameters = {"use": use, "from": self.topic(use), "to": name}
-        number = self._log.request(asker.holder, "topic.choose", parameters, now_s)
-        self._asked[use] = _Choice(name, asker, number, now_s)
+        number = self._records.request(asker.holder, "topic.choose", parameters, now_s)
+        self._asked[use] = _Choice(asker, number, now_s, name)
 
     def tick(self, busy: Mapping[str, Collection[str]], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
@@ -208,8 +204,7 @@ class Choices:
 
     def _recorded(self, use: str, choice: _Choice, now_s: float) -> None:
         """Connect, unless something came in between."""
-        error = choice.number.exception()
-        refusal = not_recorded(error) if error else self._why_not_now(use, choice.asker, now_s)
+        refusal = choice.unrecorded or self._why_not_now(use, choice.asker, now_s)
         if refusal is None:
             choice.begun = True
         else:
@@ -246,7 +241,7 @@ class Choices:
     def _end(self, use: str, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
-        self._log.outcome(made.number, made.asker.holder, "topic.choose", outcome, parameters, now_s)
+        self._records.outcome(made, "topic.choose", outcome, parameters, now_s)
 
     def _send_to(self, use: str, name: str, why: str, now_s: float) -> None:
         """A base gets its zero first, where it got its speed."""
@@ -277,7 +272,7 @@ class Choices:
         choice.asker.answer(refusal)
         outcome = refusal.code if refusal else "chosen"
         parameters = {"use": use, "to": choice.topic}
-        self._log.outcome(choice.number, choice.asker.holder, "topic.choose", outcome, parameters, now_s)
+        self._records.outcome(choice, "topic.choose", outcome, parameters, now_s)
 
     def _why_unheard(self, topic: Topic) -> Refusal | None:
         """Nobody listens there, as far as the last survey of the robot's topics tells, or to another type."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from robots import wire
 from robots.bridge.commands import Stick, stick_of, velocity_of
 from robots.bridge.config import BridgeConfig, SonarSource
-from robots.bridge.drives import WAITING, Asker, DriveLog, unrecorded
+from robots.bridge.drives import WAITING, DriveLog
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
@@ -28,6 +28,7 @@ from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
 from robots.bridge.publishings import Publisher
+from robots.bridge.records import Asker, unrecorded
 from robots.bridge.stick import COMMAND_LIFE_S
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
@@ -119,7 +120,7 @@ class Core:
         self._battery_percent: float | None = None
         self._charging: bool | None = None
         self._skew_s: float | None = None
-        self.orders = Orders(config, base, gate, drives, self, publisher, announce)
+        self.orders = Orders(config, base, gate, drives.records, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -193,7 +194,7 @@ class Core:
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
             grant = self.grants.current
-            self._drives.stopped(holder_of(grant) if grant else None, self.stop_state.number, now_s)
+            self._drives.records.stopped(holder_of(grant) if grant else None, self.stop_state.number, now_s)
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
         """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since."""
@@ -430,7 +431,7 @@ class Core:
 
     def _watch_records(self, now_s: float) -> None:
         """What cannot be recorded does not go on, nor does what waited for its record begin late."""
-        why = self._drives.overdue(now_s)
+        why = self._drives.records.overdue(now_s)
         if why is None:
             self._unrecorded = None
         elif self._unrecorded is None:

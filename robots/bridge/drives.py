@@ -1,7 +1,7 @@
 """The drive log: a drive starts on record before the robot moves and ends at standstill.
 
-Records are committed by the sink in one worker thread; the control loop asks `may_move` and never
-waits. Gate interventions are kept as one record when they begin and one when they end.
+The control loop asks `may_move` and never waits. Gate interventions are kept as one record when they begin and one when
+they end.
 
 What flickers is one intervention: it is over when its rule has held nothing back for `MERGE_S`. Another rule that holds
 back meanwhile is named in the end's record, and gets records of its own once the first is over. So there are never more
@@ -11,25 +11,15 @@ than two records a second; only a stop after which the stick must return to neut
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
 
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.path import Path, Track
-from robots.bridge.sink import (
-    DriveSummary,
-    GateStart,
-    GateSummary,
-    Holder,
-    Parameters,
-    Place,
-    RecordSink,
-    TakenMap,
-)
-from robots.bridge.writer import Writer
+from robots.bridge.records import Records, unrecorded
+from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Place
 from robots.wire import Refusal
 
 _STANDSTILL_S = 0.5
@@ -37,17 +27,6 @@ MERGE_S = 1.0  # a pause of the same intervention, if it is shorter
 SIMPLIFIED_AT_ONCE = 120  # samples: a minute of them, so that a long drive takes no memory
 # Not interventions: nothing is held back that the robot could do.
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
-
-Answer = Callable[[Refusal | None], None]  # to what was asked: why not, or None once it is on its way
-
-
-class Asker(NamedTuple):
-    """Who asked for something, through which link, and how they are told whether it is done."""
-
-    holder: Holder
-    link: int
-    answer: Answer
-
 
 WAITING = Refusal("recording", "The drive is being put on record.", "audit")
 
@@ -89,18 +68,13 @@ class DriveLog:
     `map_to_odom` tells where the odometry frame is in the map's, if that is known.
     """
 
-    def __init__(self, sink: RecordSink, map_to_odom: Callable[[], Pose | None] = lambda: None) -> None:
-        self._sink = sink
+    def __init__(self, records: Records, map_to_odom: Callable[[], Pose | None] = lambda: None) -> None:
+        self.records = records
+        self._sink = records.sink
         self._map_to_odom = map_to_odom
-        self._writer = Writer(sink.pulse)
         self._pose: Pose | None = None
         self._drive: _Drive | None = None
         self._intervention: _Intervention | None = None
-
-    def open(self, on_done: Callable[[], object], now_s: float) -> None:
-        """Before anything is asked for. `on_done` is called on the worker's thread once what was asked for is done."""
-        self._writer.on_done = on_done
-        self._writer.keep(self._sink.settle, now_s)
 
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
         """None once the drive's start is committed; until then why not. Begins it on the first call."""
@@ -110,14 +84,10 @@ class DriveLog:
             self._begin(holder, now_s)
         return None if self._committed else WAITING
 
-    def overdue(self, now_s: float) -> str | None:
-        """Why nothing could be recorded for so long that nothing may go on."""
-        return self._writer.overdue(now_s)
-
     @property
     def why_not(self) -> Refusal | None:
         """Why no drive begins: what was to be recorded last was not. One under way goes on until that is overdue."""
-        trouble = self._writer.trouble
+        trouble = self.records.trouble
         return unrecorded(trouble.why) if trouble is not None and not self._committed else None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
@@ -152,14 +122,14 @@ class DriveLog:
     def tick(self, now_s: float, still: bool, busy: bool = False) -> None:
         """Once per period. `still`: zero is sent and odometry shows standstill; `busy`: something else goes on."""
         drive = self._drive
-        self._writer.tick(now_s, watched=busy or drive is not None)
+        self.records.tick(now_s, watched=busy or drive is not None)
         if drive is None or not drive.number.done():
             return
         if not self._committed:
             self._drive = None
             return
         if len(drive.track.fresh) >= SIMPLIFIED_AT_ONCE:
-            self._writer.aside(partial(drive.path.extend, drive.track.taken()))
+            self.records.aside(partial(drive.path.extend, drive.track.taken()))
         if not still:
             drive.still_since_s = None
             return
@@ -170,32 +140,6 @@ class DriveLog:
             else:
                 self.end("standstill", "standstill", now_s)
 
-    def request(self, holder: Holder, kind: str, parameters: Parameters, now_s: float) -> Future[int]:
-        """Put on record what is asked of the robot besides driving; its number, once it is committed."""
-        return self._writer.ask(lambda: self._sink.request(holder, kind, parameters), now_s)
-
-    def outcome(
-        self,
-        request: Future[int],
-        holder: Holder,
-        kind: str,
-        outcome: str,
-        parameters: Parameters,
-        now_s: float,
-    ) -> None:
-        """Put on record what came of it; of what is not on record itself nothing came."""
-        self._writer.keep(
-            lambda: self._sink.outcome(request.result(), holder, kind, outcome, parameters), now_s, of=request
-        )
-
-    def stopped(self, holder: Holder | None, number: int, now_s: float) -> None:
-        """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""
-        self._writer.keep(lambda: self._sink.stopped(holder, number), now_s)
-
-    def keep_map(self, taken: TakenMap) -> None:
-        """Keep the robot's map, between two records."""
-        self._writer.aside(partial(self._sink.keep_map, taken))
-
     def end(self, outcome: str, ended_by: str, now_s: float) -> None:
         """End the drive under way, if any."""
         drive = self._drive
@@ -203,7 +147,7 @@ class DriveLog:
             return
         self._end_intervention(now_s)
         self._drive = None
-        self._writer.aside(partial(drive.path.extend, drive.track.taken(last=True)))
+        self.records.aside(partial(drive.path.extend, drive.track.taken(last=True)))
         track, end = drive.track, self._place
 
         def write() -> None:
@@ -221,12 +165,12 @@ class DriveLog:
             )
             self._sink.end_drive(drive.number.result(), drive.holder, summary)
 
-        self._writer.keep(write, now_s, of=drive.number)
+        self.records.keep(write, now_s, of=drive.number)
 
     def close(self, now_s: float) -> None:
         """End what is open and wait for the records."""
         self.end("bridge_ended", "the bridge ended", now_s)
-        self._writer.close()
+        self.records.close()
 
     @property
     def _committed(self) -> bool:
@@ -240,7 +184,7 @@ class DriveLog:
 
     def _begin(self, holder: Holder, now_s: float) -> None:
         start = self._place
-        number = self._writer.ask(lambda: self._sink.begin_drive(holder, start), now_s)
+        number = self.records.ask(lambda: self._sink.begin_drive(holder, start), now_s)
         self._drive = _Drive(holder, now_s, number, Track(now_s))
         if self._pose is not None:
             self._drive.track.moved(self._pose, STILL, now_s)
@@ -249,7 +193,7 @@ class DriveLog:
         drive.interventions += 1
         number, holder = drive.number.result(), drive.holder
         start = GateStart(verdict, now_s - drive.started_s, self._pose)
-        begun = self._writer.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)
+        begun = self.records.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)
         self._intervention = _Intervention(holder, now_s, begun, verdict, now_s, self._pose)
 
     def _end_intervention(self, now_s: float) -> None:
@@ -259,25 +203,12 @@ class DriveLog:
         summary = GateSummary(
             current.held_s - current.began_s, sorted(current.also), current.nearest, current.held_at
         )
-        self._writer.keep(
+        self.records.keep(
             lambda: self._sink.end_gate(current.number.result(), current.holder, summary),
             now_s,
             of=current.number,
         )
 
 
-def not_recorded(error: BaseException) -> Refusal:
-    """What to answer where a record could not be committed."""
-    return Refusal("not_recorded", f"It was not done, for it cannot be recorded ({error}).", "audit")
-
-
 def _distance_m(verdict: Verdict) -> float:
     return math.inf if verdict.distance_m is None else verdict.distance_m
-
-
-def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:
-    """Why the robot stands. `ended`: what else was under way, in words."""
-    text = f"The robot stands still: what it does cannot be recorded ({why})."
-    if ended:
-        text += f" Ended: {', '.join(ended)}."
-    return Refusal("not_recorded", text, "audit")

@@ -8,12 +8,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection
-from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 from uuid import uuid4
 
-from robots.bridge.drives import Asker, DriveLog, not_recorded
+from robots.bridge.records import Asked, Asker, Records
 from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
@@ -23,15 +22,12 @@ OURS = "fleet_bridge-"  # how ids begin, of this bridge and of those before it
 What = TypeVar("What")
 
 
-@dataclass
-class Goal(Generic[What]):
+@dataclass(eq=False)
+class Goal(Asked, Generic[What]):
     """Something that was asked for; it has an id once it is sent."""
 
     what: What
     topic: str  # an action's name, if an action performs it
-    asker: Asker
-    since_s: float
-    number: Future[int]  # of its start on record
     id: str | None = None
     heard_s: float = math.inf  # when it was on record, was sent, or the robot spoke of it
     cancelled: Refusal | None = None  # why; its code is the outcome
@@ -49,8 +45,8 @@ class Goals(ABC, Generic[What]):
     `withdraw` has the robot cancel the goal of an id, on a topic.
     """
 
-    def __init__(self, log: DriveLog, withdraw: Callable[[str, str], None]) -> None:
-        self._log = log
+    def __init__(self, records: Records, withdraw: Callable[[str, str], None]) -> None:
+        self._records = records
         self._withdraw = withdraw
         self._current: Goal[What] | None = None
         self._ended: str | None = None  # the last one, of which an older word may still come
@@ -126,11 +122,8 @@ class Goals(ABC, Generic[What]):
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return None
-        if error := goal.number.exception():
-            self.deny(not_recorded(error), now_s)
-            return None
-        if goal.cancelled is not None:
-            self.deny(goal.cancelled, now_s)
+        if refusal := goal.unrecorded or goal.cancelled:
+            self.deny(refusal, now_s)
             return None
         if math.isinf(goal.heard_s):
             goal.heard_s = now_s
@@ -156,11 +149,12 @@ class Goals(ABC, Generic[What]):
             self._ended = goal.id
             if outcome == "cancelled" and goal.cancelled is not None:
                 outcome, text = goal.cancelled.code, goal.cancelled.text
-            self._over(goal, outcome, text, now_s)
+            self._tell(goal, outcome, text)
+            self._record(goal, outcome, text, now_s)
 
     @abstractmethod
-    def _over(self, goal: Goal[What], outcome: str, text: str, now_s: float) -> None:
-        """Put on record, and tell pages, how it ended."""
+    def _tell(self, goal: Goal[What], outcome: str, text: str) -> None:
+        """Tell pages how it ended."""
 
     @abstractmethod
     def _record(self, goal: Goal[What], outcome: str, text: str, now_s: float) -> None:

@@ -14,10 +14,10 @@ import msgspec
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import Asker, DriveLog
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
+from robots.bridge.records import Asker, Records
 from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
@@ -128,8 +128,8 @@ class Piece:
 class Motions(Goals[Piece]):
     """The motion under way, if any."""
 
-    def __init__(self, player: Player, log: DriveLog) -> None:
-        super().__init__(log, player.cancel)
+    def __init__(self, player: Player, records: Records) -> None:
+        super().__init__(records, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
         self._strays: dict[str, float] = {}  # actions with a goal that nobody watches: cancelled last
@@ -150,8 +150,8 @@ class Motions(Goals[Piece]):
 
     def begin(self, name: str, title: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
         """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
-        number = self._log.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._current = Goal(Piece(name, title), action, asker, now_s, number)
+        number = self._records.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
+        self._current = Goal(asker, number, now_s, Piece(name, title), action)
         return self._current
 
     def told(self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float) -> None:
@@ -233,11 +233,10 @@ class Motions(Goals[Piece]):
             for goal_id in strays:
                 self._withdraw(goal_id, action)
 
-    def _over(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
+    def _tell(self, goal: Goal[Piece], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)
-        self._record(goal, outcome, text, now_s)
 
     def _record(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
         duration_s = round(now_s - goal.since_s, 2)
         figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
-        self._log.outcome(goal.number, goal.asker.holder, "motion.end", outcome, figures, now_s)
+        self._records.outcome(goal, "motion.end", outcome, figures, now_s)

@@ -7,8 +7,7 @@ after that. Nothing here waits, and nothing that ended begins again by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from msgspec import structs
 
@@ -16,7 +15,6 @@ from robots import wire
 from robots.bridge import choices, twists
 from robots.bridge.choices import Choices, Switch
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drives import Answer, Asker, DriveLog, not_recorded
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import STILL, Velocity
@@ -26,6 +24,7 @@ from robots.bridge.motions import Motions, Player
 from robots.bridge.never import admissible
 from robots.bridge.offers import Catalogue
 from robots.bridge.publishings import HALTED, Publisher, Publishings
+from robots.bridge.records import Asked, Asker, Records, Reply, taken_due
 from robots.bridge.room import Arm, Room
 from robots.bridge.sink import Holder
 from robots.bridge.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
@@ -66,13 +65,6 @@ class Performer(Player, Voice, Switch, Arm, Protocol):
         """
 
 
-class _Look(NamedTuple):
-    """A look ahead that was asked for, and is being put on record."""
-
-    number: Future[int]
-    asker: Asker
-
-
 class Orders:
     """The orders of one robot's holder."""
 
@@ -81,27 +73,27 @@ class Orders:
         config: BridgeConfig,
         performer: Performer,
         gate: Gate,
-        log: DriveLog,
+        records: Records,
         rules: Rules,
         publisher: Publisher,
         announce: Callable[[wire.Offers], None],
     ) -> None:
         config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
-        self.motions = Motions(performer, log)
-        self.speaking = Speaking(performer, log)
-        self.choices = Choices(config, performer, log, rules)
+        self.motions = Motions(performer, records)
+        self.speaking = Speaking(performer, records)
+        self.choices = Choices(config, performer, records, rules)
         self.catalogue = Catalogue(config, self.choices, announce)
-        self.publishings = Publishings(publisher, log)
+        self.publishings = Publishings(publisher, records)
         self._config = config
         self._publisher = publisher
         self._performer = performer
         self._room = Room(gate, performer)
-        self._log = log
+        self._records = records
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
-        self._looks: list[_Look] = []
+        self._looks: list[Asked] = []  # ahead, being put on record
 
-    def take(self, order: wire.Order, link: int, now_s: float, answer: Answer) -> None:
+    def take(self, order: wire.Order, link: int, now_s: float, answer: Reply) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
         refusal = self._rules.grants.refuse_drive(order.fence or 0, link, now_s)
         grant = self._rules.grants.current
@@ -223,8 +215,8 @@ class Orders:
         if refusal is not None:
             asker.answer(refusal)
             return
-        number = self._log.request(asker.holder, "head.look_ahead", {}, now_s)
-        self._looks.append(_Look(number, asker))
+        number = self._records.request(asker.holder, "head.look_ahead", {}, now_s)
+        self._looks.append(Asked(asker, number, now_s))
 
     def _forget_looks(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """What is not on record yet will not be done."""
@@ -232,11 +224,11 @@ class Orders:
         for look in looks:
             self._tell_look(look, refusal, now_s)
 
-    def _tell_look(self, look: _Look, refusal: Refusal | None, now_s: float) -> None:
+    def _tell_look(self, look: Asked, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
         look.asker.answer(refusal)
         outcome = refusal.code if refusal else "sent"
-        self._log.outcome(look.number, look.asker.holder, "head.look_ahead", outcome, {}, now_s)
+        self._records.outcome(look, "head.look_ahead", outcome, {}, now_s)
 
     def _why_no_look(self, now_s: float) -> Refusal | None:
         if self._head is None:
@@ -262,12 +254,9 @@ class Orders:
 
     def _take_look(self, now_s: float) -> bool:
         """Answer what is on record now. Whether there was a look that nothing forbids."""
-        due = [look for look in self._looks if look.number.done()]
-        self._looks = [look for look in self._looks if look not in due]
         granted = False
-        for look in due:
-            error = look.number.exception()
-            refusal = not_recorded(error) if error else self._rules.why_not_begin(look.asker, now_s)
+        for look in taken_due(self._looks):
+            refusal = look.unrecorded or self._rules.why_not_begin(look.asker, now_s)
             refusal = refusal or self._why_no_look(now_s)
             granted = granted or refusal is None
             self._tell_look(look, refusal, now_s)

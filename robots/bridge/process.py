@@ -24,6 +24,7 @@ from robots.bridge.leasing import Leasing
 from robots.bridge.link import LinkServer
 from robots.bridge.maps import Maps
 from robots.bridge.reception import Reception
+from robots.bridge.records import Records
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
 from robots.bridge.store import AlreadyRunning, Store
@@ -45,7 +46,8 @@ class Bridge:
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: Store) -> None:
         left = store.load(config.last_fence)
         self._base = RosBase(config)
-        self._drives = DriveLog(sink, self._base.map_to_odom)
+        self._records = Records(sink)
+        self._drives = DriveLog(self._records, self._base.map_to_odom)
         gate = Gate(config.gate)
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000
@@ -53,7 +55,7 @@ class Bridge:
         self._core = Core(
             config, self._base, gate, self._drives, left, self._announce, self._inspection, stops_before
         )
-        self._maps = Maps(config, self._drives.keep_map)
+        self._maps = Maps(config, self._records.keep_map)
         self._leasing = Leasing(self._core, store, left.fence)
         door = Reception(self._core, self._leasing, self._inspection)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed)
@@ -68,7 +70,7 @@ class Bridge:
         self._watch_for_the_end()
         await self._links.start()
         loop = asyncio.get_running_loop()
-        self._drives.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
+        self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._node_lost)
         gc.collect()
         gc.freeze()  # what is loaded stays: keeps the collector's pauses short

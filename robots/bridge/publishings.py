@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
 import msgspec
 
 from robots import wire
-from robots.bridge.drives import Asker, DriveLog, not_recorded
+from robots.bridge.records import Asked, Asker, Records, taken_due
 from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
@@ -41,20 +40,17 @@ class Publisher(Protocol):
         """What is sent at a rate may go on: to be said all the time, for it pauses where nobody says so."""
 
 
-@dataclass
-class _Publishing:
+@dataclass(eq=False)
+class _Publishing(Asked):
     order: wire.Publish
-    asker: Asker
-    number: Future[int]
-    since_s: float
 
 
 class Publishings:
     """What is published for the holder, by topic."""
 
-    def __init__(self, publisher: Publisher, log: DriveLog) -> None:
+    def __init__(self, publisher: Publisher, records: Records) -> None:
         self._publisher = publisher
-        self._log = log
+        self._records = records
         self._waiting: list[_Publishing] = []  # for their records
         self._running: dict[str, _Publishing] = {}  # at a rate
 
@@ -66,16 +62,13 @@ class Publishings:
             "rate_hz": order.rate_hz,
             "fields": msgspec.json.encode(order.fields).decode(),
         }
-        number = self._log.request(asker.holder, "publish.start", parameters, now_s)
-        self._waiting.append(_Publishing(order, asker, number, now_s))
+        number = self._records.request(asker.holder, "publish.start", parameters, now_s)
+        self._waiting.append(_Publishing(asker, number, now_s, order))
 
     def tick(self, why_not: Callable[[Asker, float], Refusal | None], now_s: float) -> None:
         """Send what is on record now; what could not be recorded, or may not begin any more, is not sent."""
-        due = [waiting for waiting in self._waiting if waiting.number.done()]
-        self._waiting = [waiting for waiting in self._waiting if not waiting.number.done()]
-        for publishing in due:
-            error = publishing.number.exception()
-            refusal = not_recorded(error) if error else why_not(publishing.asker, now_s)
+        for publishing in taken_due(self._waiting):
+            refusal = publishing.unrecorded or why_not(publishing.asker, now_s)
             refusal = refusal or self._send(publishing, now_s)
             publishing.asker.answer(refusal)
             if refusal is not None:
@@ -141,4 +134,4 @@ class Publishings:
             "topic": publishing.order.topic,
             "duration_s": round(now_s - publishing.since_s, 2),
         }
-        self._log.outcome(publishing.number, publishing.asker.holder, "publish.end", outcome, figures, now_s)
+        self._records.outcome(publishing, "publish.end", outcome, figures, now_s)

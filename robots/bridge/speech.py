@@ -15,8 +15,8 @@ from typing import Protocol
 from msgspec import Struct
 
 from robots import wire
-from robots.bridge.drives import Asker, DriveLog
 from robots.bridge.goals import Goal, Goals
+from robots.bridge.records import Asker, Records
 from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
@@ -101,8 +101,8 @@ class _Saying:
 class Speaking(Goals[_Saying]):
     """The text that is being said, if any."""
 
-    def __init__(self, voice: Voice, log: DriveLog) -> None:
-        super().__init__(log, voice.hush)
+    def __init__(self, voice: Voice, records: Records) -> None:
+        super().__init__(records, voice.hush)
         self._voice = voice
         self._sent: dict[str, float] = {}  # to topics that tell nothing: when
         self.last: wire.SpeechEnd | None = None  # how the last one ended, for pages
@@ -127,8 +127,8 @@ class Speaking(Goals[_Saying]):
         """Put it on record; it is sent, and the question answered, once that is done."""
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
-        number = self._log.request(asker.holder, "speech.start", parameters, now_s)
-        self._current = Goal(_Saying(utterance), topic, asker, now_s, number)
+        number = self._records.request(asker.holder, "speech.start", parameters, now_s)
+        self._current = Goal(asker, number, now_s, _Saying(utterance), topic)
 
     def start(self, connected: Collection[str], now_s: float) -> None:
         """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
@@ -175,13 +175,12 @@ class Speaking(Goals[_Saying]):
             saying = goal.what
             saying.word = word_said(saying.utterance.text, said, saying.word[1] if saying.word else 0)
 
-    def _over(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
+    def _tell(self, goal: Goal[_Saying], outcome: str, text: str) -> None:
         self.last = wire.SpeechEnd(goal.number.result(), outcome, text)
-        self._record(goal, outcome, text, now_s)
 
     def _record(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
         figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
-        self._log.outcome(goal.number, goal.asker.holder, "speech.end", outcome, figures, now_s)
+        self._records.outcome(goal, "speech.end", outcome, figures, now_s)
 
 
 def _short(text: str) -> str:

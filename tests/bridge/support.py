@@ -30,6 +30,7 @@ from robots.bridge.gate.values import (
 )
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
+from robots.bridge.records import Records
 from robots.bridge.sink import (
     DriveSummary,
     GateStart,
@@ -278,7 +279,8 @@ class Bench:
         self.gate = OpenGate(config.gate)
         self.sink = MemorySink()
         self.publisher = MemoryPublisher(lambda: self.now_s)
-        self.drives = DriveLog(sink or self.sink, lambda: self.map_to_odom)
+        self.records = Records(sink or self.sink)
+        self.drives = DriveLog(self.records, lambda: self.map_to_odom)
         self.told: list[Ended | wire.Offers] = []  # to every link
         state = left or Persisted(False, "", "", 0)
         self.core = Core(config, self.base, self.gate, self.drives, state, self.told.append, self.publisher)  # type: ignore[arg-type]
@@ -333,7 +335,7 @@ class Bench:
     def recorded(self) -> None:
         """Wait until the records handed in so far are in."""
         done = threading.Event()
-        self.drives._writer.aside(done.set)
+        self.records.aside(done.set)
         assert done.wait(10)
 
     def driving(self, x: float = 0.5) -> Bench:

@@ -270,7 +270,7 @@ def test_a_stop_that_is_pressed_again_is_on_record_once(bench: Bench) -> None:
 
 def test_what_an_earlier_bridge_left_open_is_settled_before_anything_else(bench: Bench) -> None:
     bench.sink.fails = "locked"
-    bench.drives.open(lambda: None, bench.now_s)
+    bench.records.open(lambda: None, bench.now_s)
     driven_while_away(bench, 1.0)
     bench.sink.fails = None
     bench.pass_time(1.0)

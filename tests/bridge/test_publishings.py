@@ -2,6 +2,8 @@
 
 import json
 import threading
+from concurrent.futures import Future
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -10,9 +12,12 @@ from robots import wire
 from robots.bridge.commands import stick_of, velocity_of
 from robots.bridge.config import Allowed
 from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.publishings import Publishings
+from robots.bridge.records import Asker
+from robots.bridge.sink import Holder
 from robots.bridge.twists import velocity_from
 from robots.wire import Refusal
-from tests.bridge.support import CONFIG, Bench, Outcome
+from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome
 
 NOTES = Allowed("publish", "/notes", "std_msgs/String")
 SERVICE = Allowed("call", "/diary", "std_msgs/String")  # of a service: nothing that is published
@@ -394,7 +399,7 @@ def test_a_stick_position_for_a_velocity_asks_for_that_velocity(steering, veloci
 
 def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
     told = threading.Event()
-    bench.drives.open(told.set, bench.now_s)
+    bench.records.open(told.set, bench.now_s)
     bench.order(note())
     assert told.wait(10.0)
     bench.core.recorded(bench.now_s)
@@ -421,3 +426,24 @@ def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench
 def test_what_is_given_twice_or_unknown_or_out_of_the_plane_is_no_velocity(fields, path):
     type_name = "geometry_msgs/Twist" if "linear" in fields else "geometry_msgs/TwistStamped"
     assert velocity_from(fields, type_name).figures == {"path": path}
+
+
+class Arriving(Future):
+    """A record's number that the worker brings just after it was looked for the first time."""
+
+    looks = 0
+
+    def done(self):
+        self.looks += 1
+        return self.looks > 1
+
+
+def test_what_comes_on_record_while_that_is_looked_for_is_sent_a_tick_later():
+    number, publisher, answers = Arriving(), MemoryPublisher(lambda: 0.0), []
+    number.set_result(1)
+    records = SimpleNamespace(request=lambda *_told: number, outcome=lambda *_told: None)
+    publishings = Publishings(publisher, records)
+    publishings.begin(note(), Asker(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
+    for now_s in (0.05, 0.1):
+        publishings.tick(lambda _asker, _now_s: None, now_s)
+    assert (publisher.published, answers) == ([note()], [None])

@@ -331,7 +331,7 @@ def locked_database() -> Iterator[None]:
 def bench(sink: AuditSink, holder: Holder) -> Iterator[Bench]:
     """A robot that can be driven, on record in the database."""
     bench = Bench(sink=sink).online()
-    bench.drives.open(lambda: None, bench.now_s)
+    bench.records.open(lambda: None, bench.now_s)
     bench.recorded()
     grant = Grant(1, 60.0, holder.session, holder.holder, holder.holder_id, 1.0)
     bench.core.grant(grant, 1, bench.now_s)
