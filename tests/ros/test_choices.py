@@ -12,6 +12,8 @@ from geometry_msgs.msg import Twist
 
 from robots import wire
 from robots.bridge.config import Allowed, Topic
+from robots.bridge.ros.inspector.graph import graph
+from robots.bridge.ros.master import Master
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.types import message_class
 from tests.bridge.support import CONFIG
@@ -24,6 +26,7 @@ ALLOWED = (
     Allowed("choose", "/my_vel", "geometry_msgs/Twist", "drive"),  # the robot has no such input itself
     Allowed("choose", "/second_tts", TTS, "speech"),
     Allowed("choose", "/second_play", PLAY, "motions"),
+    Allowed("choose", "/third_play", PLAY, "motions"),
 )
 WAIT = {"no_listener", "base_moving"}
 _numbers = itertools.count(1)
@@ -157,13 +160,38 @@ def test_motions_are_offered_in_the_robots_own_words_and_those_of_the_chosen_act
     told = offers(hand, lambda offers: offers.motions)
     wave = next(offer for offer in told.motions if offer.name == "wave")
     assert (wave.title, wave.usage, wave.duration_s) == ("Wave", "demo", 5.5)
-    assert told.uses["motions"] == wire.UseOffer("/play_motion", PLAY, {"/second_play": "operator"})
+    chooseable = {"/second_play": "operator", "/third_play": "operator"}
+    assert told.uses["motions"] == wire.UseOffer("/play_motion", PLAY, chooseable)
     assert told.languages == ["en-GB"]
     with ros.listen("/second_play/goal", message_class("play_motion_msgs/PlayMotionActionGoal")):
         choose(hand, "motions", "/second_play")
         offers(hand, lambda offers: offers.motions_text == "/second_play offers no motions.")
         choose(hand, "motions", None)
         offers(hand, lambda offers: len(offers.motions) == len(told.motions))
+
+
+def test_an_action_of_another_type_is_told_as_such_though_the_bridge_advertises_its_goals(
+    ros, rosmaster, hand
+):
+    tts = {part: message_class(f"{TTS}{part}") for part in ("Goal", "Result", "Feedback")}
+    with (  # in the order of actionlib's servers
+        ros.speak("/third_play/status", GoalStatusArray),
+        ros.speak("/third_play/result", tts["Result"], listeners=0),
+        ros.speak("/third_play/feedback", tts["Feedback"], listeners=0),
+        ros.listen("/third_play/goal", tts["Goal"]),
+        ros.listen("/third_play/cancel", GoalID),
+    ):
+
+        def refusal():
+            answer = answered(hand, wire.Choose(1, "motions", "/third_play", seq=next(_numbers)))
+            assert isinstance(answer, wire.Refused)
+            return None if answer.refusal.code in WAIT else answer.refusal
+
+        refused = until(refusal, "its type")
+        assert (refused.code, refused.figures["found"]) == ("wrong_type", f"{TTS}Goal")
+        shown = graph(Master(rosmaster.uri, "/test"), seq=1)
+        assert {action.name: action.type for action in shown.actions}["/third_play"] == TTS
+        assert {topic.name: topic.type for topic in shown.topics}["/third_play/goal"] == f"{TTS}Goal"
 
 
 def test_what_a_bridge_left_under_way_on_an_action_that_is_not_chosen_is_cancelled(ros, hand):

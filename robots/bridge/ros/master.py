@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import socket
 import xmlrpc.client
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
@@ -88,8 +89,9 @@ class Master:
     def system_state(self) -> SystemState:
         """Publishers, subscribers and types of all topics, and who provides the services."""
         publishers, subscribers, services = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
-        types = self._told(list[tuple[str, str]], "getTopicTypes")
-        return SystemState(dict(publishers), dict(subscribers), dict(types), dict(services))
+        types = dict(self._told(list[tuple[str, str]], "getTopicTypes"))
+        types.update(_goal_types(dict(publishers), types))
+        return SystemState(dict(publishers), dict(subscribers), types, dict(services))
 
     def call(self, method: str, *arguments: object) -> Any:
         """One call of the master (or slave) API; returns its value."""
@@ -116,6 +118,19 @@ class Master:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError as error:
             raise MasterError(f"No ROS master answers at {self.uri} ({method}: {error}).") from error
+
+
+def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> dict[str, str]:
+    """The types of the goals that actions take, by what these tell of themselves.
+
+    For any topic the master says what was advertised last: for goals, that is who sends them, and so maybe us.
+    """
+    results = {topic: types.get(topic, "") for topic in publishers if topic.endswith("/result")}
+    return {
+        f"{topic.removesuffix('result')}goal": f"{kind.removesuffix('Result')}Goal"
+        for topic, kind in results.items()
+        if kind.endswith("ActionResult")
+    }
 
 
 class DeathWatch:
