@@ -577,6 +577,7 @@ class UseOffer(Struct, frozen=True):
     topic: str
     type: str
     chooseable: dict[str, str] = {}  # topics that may be chosen instead, and from which role on
+    refusal: Refusal | None = None  # why nothing may go where it goes now: nobody on the robot takes it
 
 
 class Offers(Struct, frozen=True, tag_field="t", tag="offers"):

@@ -103,9 +103,9 @@ class Choices:
 
     @property
     def uses(self) -> dict[str, wire.UseOffer]:
-        """What there is to choose, for pages."""
+        """What there is to choose, for pages, and where nobody takes the input."""
         return {
-            use: wire.UseOffer(topic.name, topic.type, dict(self._roles[use]))
+            use: wire.UseOffer(topic.name, topic.type, dict(self._roles[use]), self.refuse(use, None))
             for use, topic in self._defaults.items()
         }
 

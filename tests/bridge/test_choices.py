@@ -343,6 +343,22 @@ def test_pages_are_told_what_may_be_chosen(bench):
     assert offers.publishable == {"/notes": "std_msgs/String"}
 
 
+def test_pages_are_told_beforehand_where_nobody_takes_the_input(bench):
+    def refused(use):
+        refusal = told(bench)[-1].uses[use].refusal
+        return refusal and refusal.code
+
+    bench.core.orders.choices.surveyed({**LISTENED, "/tts/goal": f"{PLAY}Goal"}, bench.now_s)
+    bench.core.tick(bench.now_s)
+    assert [refused(use) for use in ("speech", "motions")] == ["wrong_type", None]
+    choose(bench, "speech", "/second_tts")
+    bench.core.tick(bench.now_s)
+    assert refused("speech") is None
+    bench.core.orders.choices.surveyed({"/key_vel": TWIST}, bench.now_s)
+    bench.core.tick(bench.now_s)
+    assert [refused(use) for use in ("drive", "speech", "motions")] == [None, "no_listener", "no_listener"]
+
+
 # --- offers ------------------------------------------------------------------------------------------
 
 NOD = wire.MotionOffer("nod", "Nod", "demo", "", 1.5)
