@@ -37,6 +37,7 @@ PROBE_TIMEOUT_S = 20.0
 SKEW_S = 0.5  # above it the robot's and the console's clocks disagree
 NEEDED = ("odometry", "scan")  # kinds without which the robot does not move
 QUIET = ("battery", "charging", "speech", "motions")  # may say nothing for long
+_findings = msgspec.json.Decoder(Findings)
 
 
 class Check(Struct, frozen=True):
@@ -89,7 +90,7 @@ def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
         timeout=PROBE_TIMEOUT_S,
         check=True,
     )
-    return msgspec.json.decode(done.stdout, type=Findings)
+    return _findings.decode(done.stdout)
 
 
 def plan_for(config: BridgeConfig) -> Plan:

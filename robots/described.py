@@ -83,6 +83,12 @@ class StickChain(Struct, frozen=True):
     stick: tuple[StickStep, ...]
 
 
+# msgspec learns a type as it first meets one of it, and another thread that meets one meanwhile crashes the process.
+# So each is learned here, before there are threads.
+for _kind in (Footprint, Overrides, StickChain, Topics, Parameters):
+    msgspec.json.Decoder(_kind)
+
+
 class Problems(ValueError):
     """What is wrong with a structured part; one line for each place."""
 

@@ -64,6 +64,9 @@ class _Hello(Struct, tag_field="t", tag="bridge_hello"):
     slug: str
 
 
+_hello = msgspec.json.Decoder(_Hello)
+
+
 class LinkRefused(wire.NotDone):
     """The bridge said no, or is not there."""
 
@@ -481,7 +484,7 @@ def _understood(raw: str | bytes, *, foreign_too: bool) -> wire.LinkReport | Non
 
 def _require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:
     """Raise unless this, a bridge's first word, is of the bridge of `robot_id`."""
-    said = msgspec.json.decode(hello, type=_Hello)
+    said = _hello.decode(hello)
     if said.robot != robot_id:
         place = address.unix_path or f"{address.host}:{address.port}"
         _note_stranger(place, robot_id, said.slug)

@@ -53,6 +53,10 @@ class _Described(Struct):
     points: list[_Time] = []
 
 
+for _kind in (_Recorded, _Described):  # learned before there are threads: see robots/described.py
+    msgspec.json.Decoder(_kind)
+
+
 def recorded(parameters: Any, listed: Collection[str] | None = None) -> dict[str, Motion | None]:
     """A robot's motions by name, from play_motion's parameters; None: it has one of which no points are known.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from copy import deepcopy
 from typing import Any
 
@@ -13,6 +15,30 @@ from robots.models import Robot, RobotProfile
 from robots.shipped import profile_files
 
 pytestmark = pytest.mark.django_db
+
+# As in a web process that has just begun, with several pages waiting for it.
+FIRST_USES = """
+import sys, threading
+from robots import described
+from robots.described import Footprint, Overrides, Parameters, Problems, StickChain, Topics
+
+sys.setswitchinterval(1e-6)
+together = threading.Barrier(4)
+
+def parse():
+    for kind in (Footprint, Overrides, Parameters, StickChain, Topics):
+        together.wait()
+        try:
+            described.parsed(kind, {name: 1.0 for name in kind.__struct_fields__})
+        except Problems:
+            pass
+
+threads = [threading.Thread(target=parse) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+"""
 
 
 def complaint(entry: Robot | RobotProfile, field: str) -> str:
@@ -31,6 +57,11 @@ def test_every_shipped_profile_is_valid() -> None:
     }
     for profile in RobotProfile.objects.all():
         profile.full_clean()
+
+
+def test_threads_that_parse_their_first_at_once_crash_nothing() -> None:
+    for _ in range(2):
+        assert subprocess.run([sys.executable, "-c", FIRST_USES], check=False).returncode == 0
 
 
 def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
