@@ -11,8 +11,8 @@ is the only *binary* frame, so that the web process knows it without decoding it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct
@@ -938,35 +938,52 @@ class Seen(Struct, frozen=True, tag_field="t", tag="seen"):
     shown: msgspec.Raw  # a `Shown`, handed on untouched
 
 
+BrowserReport = Welcome | Control | Notice | Accepted | Refused | Stopped | BridgeGone | Offers | View | Pong
+TopicsReport = Answer | Shown | BridgeGone | Notice | Pong
+FleetReport = Fleet | Refused | Pong
 LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Accepted | Refused | Offers | Inspected | Seen
 
 
 # --- doors ------------------------------------------------------------------------------------
 
-_browser = msgspec.json.Decoder(BrowserMessage)
-_fleet = msgspec.json.Decoder(FleetMessage)
-_topics = msgspec.json.Decoder(TopicsMessage)
-_request = msgspec.json.Decoder(LinkRequest)
-_report = msgspec.json.Decoder(LinkReport)
+T = TypeVar("T")
 _encoder = msgspec.json.Encoder()
 
 
-def _decode(decoder: msgspec.json.Decoder[Any], raw: str | bytes) -> Any:
-    if len(raw) > LARGEST_MESSAGE_BYTES:
-        raise WireError(
-            Refusal(
-                "too_large",
-                f"The message has {len(raw)} bytes; at most {LARGEST_MESSAGE_BYTES} are taken.",
-                "wire",
-                {"bytes": len(raw), "limit_bytes": LARGEST_MESSAGE_BYTES},
+class Door(Generic[T]):
+    """Takes what somebody said: decoded and validated in one step, or `WireError`. `messages` is what fits, a union."""
+
+    def __init__(self, messages: Any) -> None:
+        self._decoder = msgspec.json.Decoder(messages)
+
+    def __call__(self, raw: str | bytes) -> T:
+        if len(raw) > LARGEST_MESSAGE_BYTES:
+            raise WireError(
+                Refusal(
+                    "too_large",
+                    f"The message has {len(raw)} bytes; at most {LARGEST_MESSAGE_BYTES} are taken.",
+                    "wire",
+                    {"bytes": len(raw), "limit_bytes": LARGEST_MESSAGE_BYTES},
+                )
             )
-        )
-    try:
-        return decoder.decode(raw)
-    except msgspec.ValidationError as error:
-        raise WireError(Refusal("invalid", f"The message does not fit: {error}", "wire")) from error
-    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
-        raise WireError(Refusal("not_json", f"Not a JSON message: {error}", "wire")) from error
+        try:
+            message: T = self._decoder.decode(raw)
+        except msgspec.ValidationError as error:
+            raise WireError(Refusal("invalid", f"The message does not fit: {error}", "wire")) from error
+        except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+            raise WireError(Refusal("not_json", f"Not a JSON message: {error}", "wire")) from error
+        return message
+
+
+browser_message = Door[BrowserMessage](BrowserMessage)
+topics_message = Door[TopicsMessage](TopicsMessage)
+fleet_message = Door[FleetMessage](FleetMessage)
+link_request = Door[LinkRequest](LinkRequest)
+
+# What comes back through the same doors: of any size, and what does not fit is a `msgspec.DecodeError`.
+browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
+topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
+link_report: Callable[[str | bytes], LinkReport] = msgspec.json.Decoder(LinkReport).decode  # text frames
 
 
 class _Heading(Struct):
@@ -984,36 +1001,6 @@ def heading(raw: str | bytes) -> tuple[str, int | None]:
     except (msgspec.DecodeError, UnicodeError, RecursionError):
         return "", None
     return found.t, found.seq
-
-
-def browser_message(raw: str | bytes) -> BrowserMessage:
-    """Decode what a browser sent, or raise `WireError`."""
-    message: BrowserMessage = _decode(_browser, raw)
-    return message
-
-
-def topics_message(raw: str | bytes) -> TopicsMessage:
-    """Decode what somebody who looks at topics sent, or raise `WireError`."""
-    message: TopicsMessage = _decode(_topics, raw)
-    return message
-
-
-def fleet_message(raw: str | bytes) -> FleetMessage:
-    """Decode what the fleet page sent, or raise `WireError`."""
-    message: FleetMessage = _decode(_fleet, raw)
-    return message
-
-
-def link_request(raw: str | bytes) -> LinkRequest:
-    """Decode what a web process sent to a bridge, or raise `WireError`."""
-    message: LinkRequest = _decode(_request, raw)
-    return message
-
-
-def link_report(raw: str | bytes) -> LinkReport:
-    """Decode what a bridge said to a web process (text frames), or raise `msgspec.DecodeError`."""
-    message: LinkReport = _report.decode(raw)
-    return message
 
 
 def kind_of(message: Struct) -> str:

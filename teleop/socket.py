@@ -14,10 +14,19 @@ from collections.abc import Coroutine
 from typing import Any
 
 from channels.consumer import AsyncConsumer
-from msgspec import Struct
 
 from robots.bridge.flood import Budget
-from robots.wire import Accepted, Refusal, Refused, WireError, encode, heading
+from robots.wire import (
+    Accepted,
+    BrowserReport,
+    FleetReport,
+    Refusal,
+    Refused,
+    TopicsReport,
+    WireError,
+    encode,
+    heading,
+)
 from teleop import refusals
 from teleop.refusals import Denied
 
@@ -88,7 +97,7 @@ class MessageSocket(AsyncConsumer):
             if await self.within_budget(of):
                 await self.refuse(of, error.refusal, seq)
 
-    async def tell(self, message: Struct) -> None:
+    async def tell(self, message: BrowserReport | TopicsReport | FleetReport) -> None:
         """Send a message to the page."""
         await self.tell_raw(encode(message).decode())
 

@@ -28,23 +28,6 @@ DRIVE_PERIOD_S = 0.05
 ANSWER_S = 10.0
 _CSRF = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
 
-FromConsole = (
-    wire.Welcome
-    | wire.Control
-    | wire.Notice
-    | wire.Refused
-    | wire.Pong
-    | wire.BridgeGone
-    | wire.Stopped
-    | wire.Accepted
-    | wire.Offers
-    | wire.View
-)
-_from_console = msgspec.json.Decoder(FromConsole)
-
-FromTopics = wire.Answer | wire.Shown | wire.BridgeGone | wire.Notice | wire.Pong
-_from_topics = msgspec.json.Decoder(FromTopics)
-
 
 class Console(Protocol):
     """A running console, as its clients need to know it; a `Stack` is one."""
@@ -262,14 +245,14 @@ class Driver:
                 raw = await self.socket.recv(decode=False)
                 if self.on_frame:
                     self.on_frame(raw)
-                message: FromConsole = _from_console.decode(raw)
+                message = wire.browser_report(raw)
                 if isinstance(message, wire.View):
                     await self.send(wire.Ack())
                 async with self._news:
                     self._keep(message)
                     self._news.notify_all()
 
-    def _keep(self, message: FromConsole) -> None:
+    def _keep(self, message: wire.BrowserReport) -> None:
         match message:
             case wire.View():
                 self.view = message
@@ -380,14 +363,14 @@ class Topics:
     async def _read(self) -> None:
         with suppress(ConnectionClosed):
             while True:
-                message: FromTopics = _from_topics.decode(await self.socket.recv(decode=False))
+                message = wire.topics_report(await self.socket.recv(decode=False))
                 if isinstance(message, wire.Shown):
                     await self._send(wire.Ack())
                 async with self._news:
                     self._keep(message)
                     self._news.notify_all()
 
-    def _keep(self, message: FromTopics) -> None:
+    def _keep(self, message: wire.TopicsReport) -> None:
         if isinstance(message, wire.Answer):
             answer = self._answers.get(message.seq or 0)
             if answer is not None and not answer.done():

@@ -12,19 +12,6 @@ from websockets.asyncio.server import serve
 from robots import wire
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
-FROM_CONSOLE = (
-    wire.Welcome,
-    wire.Control,
-    wire.Notice,
-    wire.Refused,
-    wire.Accepted,
-    wire.Offers,
-    wire.Pong,
-    wire.BridgeGone,
-    wire.View,
-    wire.Fleet,
-    wire.Shown,
-)
 
 
 @pytest.mark.parametrize(
@@ -33,10 +20,11 @@ FROM_CONSOLE = (
         get_args(wire.BrowserMessage),
         get_args(wire.FleetMessage),
         get_args(wire.TopicsMessage),
-        get_args(wire.Answer),
+        get_args(wire.BrowserReport),
+        get_args(wire.TopicsReport),
+        get_args(wire.FleetReport),
         get_args(wire.LinkRequest),
         get_args(wire.LinkReport),
-        FROM_CONSOLE,
     ],
 )
 def test_every_message_is_named(kinds):
