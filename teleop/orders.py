@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from django.db import DatabaseError
 
@@ -13,9 +13,8 @@ from fleet.accounts.models import User
 from robots import wire
 from robots.bridge import twists
 from robots.bridge.config import Allowed
-from robots.link import LinkRefused
 from robots.models import Role
-from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
+from robots.wire import Accepted, LinkCancel, NotDone, Order, Refusal, Refused, kind_of
 from teleop.database import in_database
 from teleop.rooms import Room
 from teleop.rules import NO_LEASE
@@ -44,8 +43,18 @@ class Page(Protocol):
     def fence(self) -> int | None:
         """The fencing number of its control, if it has control."""
 
+    async def uses(self, role: Role) -> None:
+        """Before what needs this role: if it falls, control ends, and what was begun with it. NotDone: not noted."""
+
     async def answer(self, answer: Accepted | Refused) -> None:
         """Tell the page what became of an order."""
+
+
+class _Needed(NamedTuple):
+    """The lowest role that may use a topic; None: nobody may."""
+
+    role: Role | None
+    topic: str
 
 
 class Orders:
@@ -57,39 +66,42 @@ class Orders:
 
     async def take(self, order: Order) -> None:
         """Begin an order. Its answer comes beside: the stick never waits for it."""
-        refusal = self._why_not(order) or (BUSY if self._under_way >= UNDER_WAY else None)
+        needed = self._needed(order)
+        refusal = self._why_not(order, needed) or (BUSY if self._under_way >= UNDER_WAY else None)
         if refusal is not None:
             await self._answer(order, refusal)
             return
         self._under_way += 1
-        beside(self._hand_on(order))
+        beside(self._hand_on(order, needed))
 
-    def _why_not(self, order: Order) -> Refusal | None:
+    def _why_not(self, order: Order, needed: _Needed | None) -> Refusal | None:
         if order.fence is None:
             return None if self._page.rights.supervises else _NOT_YOURS
-        return not_held(order.fence, self._page.fence) or self._why_not_there(order)
+        held = not_held(order.fence, self._page.fence)
+        return held or (why_role(self._page.rights, *needed) if needed else None)
 
-    def _why_not_there(self, order: Order) -> Refusal | None:
-        """What the allow-list and this person's role have against where the order goes."""
+    def _needed(self, order: Order) -> _Needed | None:
+        """What the allow-list says of where the order goes; None: whoever has control may."""
         allowed, offers = self._page.room.entry.allowed, self._page.room.link.offers or wire.Offers()
         match order:
             case wire.Publish(type=type_) if type_ in twists.TYPES:
                 return None  # the bridge passes it through the gate, as the stick, or not at all
             case wire.Publish(topic=topic, type=type_):
-                needed = role_for(allowed, "publish", topic, type_)
+                return _Needed(role_for(allowed, "publish", topic, type_), topic)
             case wire.Choose(topic=str(topic), use=use) if not _is_default(offers, use, topic):
-                needed = role_for(allowed, "choose", topic, use=use)
+                return _Needed(role_for(allowed, "choose", topic, use=use), topic)
             case wire.Say(topic=str(topic)) if not _is_default(offers, "speech", topic):
-                needed = role_for(allowed, "choose", topic, use="speech")
+                return _Needed(role_for(allowed, "choose", topic, use="speech"), topic)
             case _:
                 return None
-        return why_role(self._page.rights, needed, topic)
 
-    async def _hand_on(self, order: Order) -> None:
+    async def _hand_on(self, order: Order, needed: _Needed | None) -> None:
         try:
+            if needed and needed.role:
+                await self._page.uses(needed.role)
             answer = await self._asked(order)
             refusal = answer.refusal if isinstance(answer, Refused) else None
-        except LinkRefused as refused:
+        except NotDone as refused:
             refusal = refused.refusal
         finally:
             self._under_way -= 1
