@@ -8,14 +8,14 @@ import threading
 import time
 import xmlrpc.client
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from types import SimpleNamespace
 
 import pytest
 
-from robots.bridge.ros import node
+from robots.bridge.ros import master, node
 from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.master import Master, MasterError
@@ -73,6 +73,39 @@ def test_no_answer_is_not_taken_for_none_of_that_name():
                 ask("/name")
     with answering(xmlrpc.client.dumps(([-1, "unknown", 0],), methodresponse=True).encode()) as uri:
         assert Master(uri, "/test").parameter("/name") is Master(uri, "/test").node_uri("/name") is None
+
+
+@contextmanager
+def dripping() -> Iterator[tuple[str, queue.SimpleQueue[float]]]:
+    """A master that answers without an end, byte by byte: its address, and for how long (s) it was listened to."""
+    heard: queue.SimpleQueue[float] = queue.SimpleQueue()
+    over = threading.Event()
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        began_s = time.monotonic()
+        with connection, suppress(OSError):
+            connection.sendall(b"HTTP/1.0 200 OK\r\n\r\n")
+            while not over.wait(0.02):
+                connection.sendall(b" ")
+        heard.put(time.monotonic() - began_s)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{listener.getsockname()[1]}/", heard
+        finally:
+            over.set()
+            thread.join()
+
+
+def test_a_master_that_drips_its_answer_does_not_answer_and_is_listened_to_no_longer(monkeypatch):
+    monkeypatch.setattr(master, "WHOLE_S", 0.5)
+    with dripping() as (uri, heard):
+        with pytest.raises(MasterError, match="does not answer"):
+            Master(uri, "/test").alive()
+        assert 0.5 < heard.get(timeout=10) < 5.0
 
 
 @pytest.mark.parametrize("header", [b"\x01", b"\x00\x00\x00", b"\x01\x00\x00\x00x\x07"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import socket
+import time
 import xmlrpc.client
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import msgspec
 from robots.bridge.findings import BRIDGE
 
 TIMEOUT_S = 1.0
+WHOLE_S = 5.0  # a call with its answer: of a hundred kilobytes, maybe, by a slow radio
 INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
 
 
@@ -35,15 +37,50 @@ class NotThere(MasterError):
     """It answers, and has nothing of that name, or does not do it."""
 
 
+def left_s(until_s: float) -> float:
+    """The time until then, by the monotonic clock; a TimeoutError once it is over."""
+    left_s = until_s - time.monotonic()
+    if left_s <= 0.0:
+        raise TimeoutError("timed out")
+    return left_s
+
+
 class _Transport(xmlrpc.client.Transport):
+    """For one call: no wait is longer than `timeout_s`, and all of it is over within `WHOLE_S`."""
+
     def __init__(self, timeout_s: float) -> None:
         super().__init__()
         self._timeout_s = timeout_s
+        self._until_s = time.monotonic() + WHOLE_S
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         connection = super().make_connection(host)
-        connection.timeout = self._timeout_s
+        if not connection.sock:
+            connection.timeout = self._timeout_s
+            connection.connect()
+            connection.sock = _Socket(connection.sock, self._timeout_s, self._until_s)
         return connection
+
+
+class _Socket(socket.socket):
+    """A connection on which nothing is waited for after `until_s`, however slowly the other side speaks."""
+
+    def __init__(self, connection: socket.socket, timeout_s: float, until_s: float) -> None:
+        super().__init__(fileno=connection.detach())
+        self._timeout_s, self._until_s = timeout_s, until_s
+
+    def recv_into(self, *into: Any) -> int:
+        """A part of what comes."""
+        self._limit()
+        return super().recv_into(*into)
+
+    def sendall(self, *what: Any) -> None:
+        """All of it."""
+        self._limit()
+        super().sendall(*what)
+
+    def _limit(self) -> None:
+        self.settimeout(min(self._timeout_s, left_s(self._until_s)))
 
 
 @dataclass(frozen=True)
@@ -57,7 +94,11 @@ class SystemState:
 
 
 class Master:
-    """One master (or one node), as the node `caller` calls it. Calls raise MasterError within about `timeout_s`."""
+    """One master (or one node), as the node `caller` calls it.
+
+    Calls raise MasterError once it says nothing for `timeout_s`, and within `WHOLE_S` though it speaks. Before that its
+    name is looked up, for as long as this computer's resolver tries.
+    """
 
     def __init__(self, uri: str, caller: str, timeout_s: float = TIMEOUT_S) -> None:
         self.uri = uri

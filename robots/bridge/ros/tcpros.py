@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import msgspec
 
-from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.master import Master, MasterError, left_s
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header; a definition is part of it
 CONNECT_S = 1.0
@@ -37,14 +37,14 @@ class Conversation:
 
     def send(self, message: bytes) -> None:
         """A message, with its length before it."""
-        self._connection.settimeout(_left_s(self.until_s))
+        self._connection.settimeout(left_s(self.until_s))
         self._connection.sendall(struct.pack("<I", len(message)) + message)
 
     def read(self, length: int) -> bytes:
         """Exactly so many bytes."""
         parts = bytearray()
         while len(parts) < length:
-            self._connection.settimeout(_left_s(self.until_s))
+            self._connection.settimeout(left_s(self.until_s))
             part = self._connection.recv(min(length - len(parts), 1 << 16))
             if not part:
                 raise ConnectionError("closed the connection")
@@ -117,10 +117,3 @@ def first_told(
         except (OSError, MasterError, ValueError, struct.error) as error:
             unheard[node] = str(error)
     return None, unheard
-
-
-def _left_s(until_s: float) -> float:
-    left_s = until_s - time.monotonic()
-    if left_s <= 0.0:
-        raise TimeoutError("timed out")
-    return left_s
