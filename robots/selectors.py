@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 from urllib.parse import urlsplit
 from uuid import UUID
 
@@ -13,15 +13,15 @@ from django.db.models import Q, QuerySet
 from django.shortcuts import get_object_or_404
 
 from fleet.audit.models import Record
-from robots import effective
-from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, Topics
+from robots import effective, wire
+from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, Topics, What
 from robots.bridge.gate.values import GateProfile
 from robots.bridge.never import admissible
 from robots.bridge.stick import in_words
 from robots.described import Problems
 from robots.models import Allowance, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.phrases import FALLBACK_LANGUAGE
-from robots.wire import Limits, RobotFacts, SonarPose
+from robots.wire import Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
@@ -98,7 +98,7 @@ def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
     entries = Allowance.objects.filter(kinds | Q(robot=robot))
     by_name = {
         (entry.what, entry.use, entry.name): Allowed(
-            entry.what, entry.name, entry.type, entry.use, entry.role
+            cast(What, entry.what), entry.name, entry.type, cast(Use, entry.use), cast(wire.Role, entry.role)
         )
         for entry in sorted(entries, key=lambda entry: entry.robot_id is not None)
     }
@@ -152,7 +152,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         host_aliases=robot.host_aliases,
         topics=known.topics,
         gate=known.gate,
-        reverse_steering=robot.profile.reverse_steering,
+        reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
         link=link_address(robot),
         allowed=_admitted(robot, known.topics),
         stick=known.stick,
@@ -181,7 +181,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
         footprint=_drawn(known.gate) if known else [],
         default_share=known.default_share if known else robot.profile.default_share,
         max_share=robot.max_share,
-        reverse_steering=robot.profile.reverse_steering,
+        reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
         has_head=known is not None and known.topics.head is not None,
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],

@@ -32,6 +32,9 @@ TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]
 TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
 Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
 Use = Literal["drive", "speech", "motions"]
+Role = Literal["observer", "operator", "supervisor", "staff"]  # each may what those before it may
+Rule = Literal["account", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database"]
+ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
 SLOWEST_HZ = 0.1  # of what is repeated
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
 LookRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
@@ -42,13 +45,13 @@ class Refusal(Struct, frozen=True, omit_defaults=True):
     """Why something was not done: data first, words for people beside it.
 
     `code` is stable and for programs; `text` is one plain sentence that says what to do where
-    something can be done; `rule` names the link of the chain that refused (account, lease,
-    dead-man, gate, stop, audit, wire, robot); `figures` holds the numbers behind it, units in the keys.
+    something can be done; `rule` names the link of the chain that refused; `figures` holds the numbers
+    behind it, units in the keys.
     """
 
     code: str
     text: str
-    rule: str
+    rule: Rule
     figures: Mapping[str, float | int | str | None] = msgspec.field(default_factory=dict)
 
 
@@ -317,7 +320,7 @@ class RobotFacts(Struct, frozen=True):
     footprint: list[tuple[float, float]]  # convex outline, base frame, counter-clockwise
     default_share: float
     max_share: float
-    reverse_steering: str  # "turn": stick left always turns left; "car": mirrored in reverse
+    reverse_steering: ReverseSteering
     drive_topic: str
     sonars: list[SonarPose]
     stick: str  # what its stick passes on the way to the gate, in words
@@ -329,7 +332,7 @@ class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
 
     protocol: int
     you: str
-    role: str  # observer, operator, supervisor, staff
+    role: Role
     robot: RobotFacts
 
 
@@ -340,6 +343,9 @@ class Request(Struct, frozen=True):
     name: str
 
 
+ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
+
+
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
     """Who has control, as this connection may see it. Sent on every change.
 
@@ -348,7 +354,7 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     `refusal` says why this person may not take control now, None if they may.
     """
 
-    state: str
+    state: ControlState
     holder: str | None = None
     fence: int | None = None  # only for the holder's own tab
     session: str | None = None  # control session id
@@ -361,10 +367,13 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     refusal: Refusal | None = None
 
 
+Level = Literal["info", "warning", "error"]
+
+
 class Notice(Struct, frozen=True, tag_field="t", tag="notice"):
     """Something a person should know: control ended and why, somebody asks, the robot was edited."""
 
-    level: str  # info, warning, error
+    level: Level
     code: str
     text: str
 
@@ -433,7 +442,7 @@ class Sensor(Struct, frozen=True):
     """How a sensor is. `age_s` None: never seen."""
 
     name: str
-    kind: str  # scan, sonar, odometry, depth
+    kind: Literal["scan", "sonar", "odometry", "depth"]
     ok: bool
     age_s: float | None
     text: str = ""
@@ -456,7 +465,7 @@ class StopState(Struct, frozen=True):
     `number` grows with every press and is never used twice, also not by a bridge that was started again.
     """
 
-    state: str
+    state: Literal["clear", "stopping", "stopped"]
     by: str | None = None
     reason: str = ""
     standstill_ms: float | None = None  # press -> standstill by odometry
@@ -484,10 +493,13 @@ class MotionEnd(Struct, frozen=True):
     text: str
 
 
+SpeechStatus = Literal["sent", "accepted", "speaking"]
+
+
 class Speech(Struct, frozen=True):
     """What this console has the robot say, from the moment it was sent.
 
-    `status`: sent, accepted, speaking, as the robot's action tells; a robot that takes plain messages tells nothing.
+    `status` is as the robot's action tells; a robot that takes plain messages tells nothing.
     """
 
     number: int  # of its record
@@ -495,7 +507,7 @@ class Speech(Struct, frozen=True):
     language: str
     topic: str
     who: str
-    status: str
+    status: SpeechStatus
     since_s: float
     word: tuple[int, int] | None = None  # now spoken, where the robot tells: first character, last + 1
 
@@ -529,10 +541,14 @@ class Publishing(Struct, frozen=True):
     rate_hz: float
 
 
+# No master; a master, no odometry or drive topic yet; all is there; the master does not have this bridge, or another.
+Phase = Literal["waiting", "connecting", "online", "refused"]
+
+
 class State(Struct, frozen=True):
     """The robot as its bridge knows it."""
 
-    phase: str  # waiting (no master), connecting (master, no odometry or drive topic yet), online, refused
+    phase: Phase
     text: str  # one line in words
     stop: StopState
     verdict: Verdict
@@ -556,8 +572,8 @@ class State(Struct, frozen=True):
     motion_ended: MotionEnd | None = None  # the last one
     speech: Speech | None = None
     speech_ended: SpeechEnd | None = None  # the last one
-    chosen: dict[str, str] = {}  # by use: the topic where input goes instead of the default
-    choice_ended: dict[str, ChoiceEnd] = {}  # by use: the last that ended by itself, until the next choice
+    chosen: dict[Use, str] = {}  # the topic where input goes instead of the default
+    choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
     publishing: list[Publishing] = []
 
 
@@ -576,7 +592,7 @@ class UseOffer(Struct, frozen=True):
 
     topic: str
     type: str
-    chooseable: dict[str, str] = {}  # topics that may be chosen instead, and from which role on
+    chooseable: dict[str, Role] = {}  # topics that may be chosen instead, and from which role on
     refusal: Refusal | None = None  # why nothing may go where it goes now: nobody on the robot takes it
 
 
@@ -586,9 +602,9 @@ class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
     motions: list[MotionOffer] = []
     motions_text: str = ""  # why there is none
     languages: list[str] = []  # in which it speaks, BCP 47, its own first
-    uses: dict[str, UseOffer] = {}  # by use; a robot that does not speak has no "speech"
+    uses: dict[Use, UseOffer] = {}  # a robot that does not speak has no "speech"
     publishable: dict[str, str] = {}  # topics, and of which type: the allow-list
-    publishable_from: dict[str, str] = {}  # the same topics, and from which role on
+    publishable_from: dict[str, Role] = {}  # the same topics, and from which role on
 
 
 class Scan(Struct, frozen=True):

@@ -29,7 +29,7 @@ from robots.selectors import (
     role_on,
     roles_of,
 )
-from robots.wire import Refusal
+from robots.wire import Refusal, Rule
 from teleop import refusals, rules, stopping
 from teleop.history import speech_history
 from teleop.policy import out_of_service
@@ -60,7 +60,7 @@ def explained(error: Exception, context: dict[str, Any]) -> Response | None:
     text = (
         str(cast(APIException, error).detail) if known else "There is no such robot, or you may not see it."
     )
-    rule = "account" if response.status_code == 403 else "wire"
+    rule: Rule = "account" if response.status_code == 403 else "wire"
     refusal = Refusal(code, text, rule)
     response.data = msgspec.to_builtins(refusal)
     _note(refusal, context["request"])

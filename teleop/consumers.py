@@ -6,7 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 from uuid import UUID
 
 from django.db import DatabaseError
@@ -413,7 +413,8 @@ class RobotConsumer(RobotSocket):
 
     async def _welcome(self) -> None:
         if self.tab is not None and self.rights.role:
-            await self.tell(wire.Welcome(wire.PROTOCOL, self.name, self.rights.role, self.room.entry.facts))
+            role = cast(wire.Role, self.rights.role.value)
+            await self.tell(wire.Welcome(wire.PROTOCOL, self.name, role, self.room.entry.facts))
 
     def tell_if_gone(self) -> None:
         """Say that the bridge is away; a page that has not said hello is told then."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from robots.wire import Notice
+from robots.wire import Level, Notice
 from teleop.models import EndReason
 from teleop.rules import GRACE_S
 from teleop.standing import Ending
 
-_LEVELS = {
+_LEVELS: dict[EndReason, Level] = {
     EndReason.HANDED_OVER: "info",
     EndReason.MOVED: "info",
     EndReason.RELEASED: "info",

@@ -79,7 +79,7 @@ def control_for(standing: Standing, *, user: UUID, tab: Tab, rights: Rights) -> 
     )
 
 
-def _state(phase: Phase, *, mine: bool, own: bool) -> str:
+def _state(phase: Phase, *, mine: bool, own: bool) -> wire.ControlState:
     if mine:
         return "yours"
     if phase is Phase.AWAY:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 # Words of SQLite's and PostgreSQL's messages, and what they mean for the reader. First match counts.
 CAUSES = [
     ("locked", "locked", "another process keeps the database locked"),
@@ -20,7 +22,7 @@ class AuditUnavailable(Exception):
     `code` and `text` are those of the refusal to answer with; its rule is "audit".
     """
 
-    rule = "audit"
+    rule: Final = "audit"
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text)

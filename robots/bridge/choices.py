@@ -15,9 +15,9 @@ from typing import Protocol
 from robots import wire
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.records import Asked, Asker, Records
-from robots.wire import Refusal
+from robots.wire import Refusal, Role, Use
 
-NAMES = {"drive": "driving", "speech": "speech", "motions": "motions"}
+NAMES: dict[Use, str] = {"drive": "driving", "speech": "speech", "motions": "motions"}
 PARTING_S = 1.0  # zeros go to a chosen drive topic for at most so long after its holder's control
 PATIENCE_S = 3.0  # what is not connected by then may be asked for anew
 
@@ -25,7 +25,7 @@ PATIENCE_S = 3.0  # what is not connected by then may be asked for anew
 class Switch(Protocol):
     """What connects to the robot's topics."""
 
-    def attend(self, use: str, topics: frozenset[str]) -> None:
+    def attend(self, use: Use, topics: frozenset[str]) -> None:
         """Be connected to these topics of that use and no others. Returns at once; `Choices.attended` follows."""
 
     def drive_to(self, topic: str) -> None:
@@ -61,55 +61,59 @@ class Choices:
 
     def __init__(self, config: BridgeConfig, switch: Switch, records: Records, rules: Rules) -> None:
         topics = config.topics
-        offered = {"drive": topics.drive, "speech": topics.speech, "motions": topics.motions}
-        self.gone: dict[str, wire.ChoiceEnd] = {}  # by use: what ended by itself, until the next choice
-        self._made: dict[str, _Choice] = {}  # other than the default
+        offered: dict[Use, Topic | None] = {
+            "drive": topics.drive,
+            "speech": topics.speech,
+            "motions": topics.motions,
+        }
+        self.gone: dict[Use, wire.ChoiceEnd] = {}  # by use: what ended by itself, until the next choice
+        self._made: dict[Use, _Choice] = {}  # other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
         self._switch = switch
         self._records = records
         self._rules = rules
-        self._roles: dict[str, dict[str, str]] = {use: {} for use in self._defaults}
+        self._roles: dict[Use, dict[str, Role]] = {use: {} for use in self._defaults}
         for allowed in config.allowed:
             if allowed.what == "choose" and allowed.use in self._roles:
                 self._roles[allowed.use][allowed.name] = allowed.role
         if "motions" in self._roles and topics.arm and topics.arm.postures:
             self._roles["motions"].clear()  # the default action's motions tell where the arm is, no other's
         self._listened: Mapping[str, str] | None = None
-        self._asked: dict[str, _Choice] = {}
+        self._asked: dict[Use, _Choice] = {}
         self._always = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
         if "motions" in self._always:
             # What a motion action performs that a bridge gave up, or left when it was killed, must be heard of.
             self._always["motions"] |= self._roles["motions"].keys()
         self._wanted = dict(self._always)
-        self._connected: dict[str, Collection[str]] = dict(self._wanted)
-        self._unanswered = Counter[str]()  # of `Switch.attend`, by use
+        self._connected: dict[Use, Collection[str]] = dict(self._wanted)
+        self._unanswered = Counter[Use]()  # of `Switch.attend`, by use
         self._parted_s: float | None = None  # since then nobody answers for the chosen drive topic
 
     # --- where input goes -----------------------------------------------------------------------------
 
-    def topic(self, use: str) -> str:
+    def topic(self, use: Use) -> str:
         """Where input of this use goes now; KeyError if the robot has no such thing."""
         made = self._made.get(use)
         return made.topic if made else self._defaults[use].name
 
     @property
-    def chosen(self) -> dict[str, str]:
+    def chosen(self) -> dict[Use, str]:
         """Where it goes, by use, if not to the default."""
         return {use: made.topic for use, made in self._made.items()}
 
-    def connected(self, use: str) -> Collection[str]:
+    def connected(self, use: Use) -> Collection[str]:
         """The topics of this use that something can be sent to now."""
         return self._connected.get(use, ())
 
     @property
-    def uses(self) -> dict[str, wire.UseOffer]:
+    def uses(self) -> dict[Use, wire.UseOffer]:
         """What there is to choose, for pages, and where nobody takes the input."""
         return {
             use: wire.UseOffer(topic.name, topic.type, dict(self._roles[use]), self.refuse(use, None))
             for use, topic in self._defaults.items()
         }
 
-    def refuse(self, use: str, name: str | None) -> Refusal | None:
+    def refuse(self, use: Use, name: str | None) -> Refusal | None:
         """Why input of this use may not go to that topic (None: where it goes now). The web process judges roles."""
         default = self._defaults.get(use)
         if default is None:
@@ -141,7 +145,7 @@ class Choices:
         number = self._records.request(asker.holder, "topic.choose", parameters, now_s)
         self._asked[use] = _Choice(asker, number, now_s, name)
 
-    def tick(self, busy: Mapping[str, Collection[str]], now_s: float) -> None:
+    def tick(self, busy: Mapping[Use, Collection[str]], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
         for use, choice in list(self._asked.items()):
             if now_s - choice.since_s > PATIENCE_S:
@@ -154,7 +158,7 @@ class Choices:
             self._attend(use, busy.get(use, ()))
             self._settle(use, now_s)
 
-    def attended(self, use: str, topics: Collection[str] | None, now_s: float) -> None:
+    def attended(self, use: Use, topics: Collection[str] | None, now_s: float) -> None:
         """The robot is connected to by these topics now; by others, if something else was asked for since.
 
         None: that failed, and what was connected before and is still wanted is all there is.
@@ -202,7 +206,7 @@ class Choices:
         if self._rules.why_not_still(now_s) is None or now_s - since_s > PARTING_S:
             self._go_back("drive", "control_ended", "control ended", now_s)
 
-    def _recorded(self, use: str, choice: _Choice, now_s: float) -> None:
+    def _recorded(self, use: Use, choice: _Choice, now_s: float) -> None:
         """Connect, unless something came in between."""
         refusal = choice.unrecorded or self._why_not_now(use, choice.asker, now_s)
         if refusal is None:
@@ -210,7 +214,7 @@ class Choices:
         else:
             self._withdraw(use, refusal, now_s)
 
-    def _settle(self, use: str, now_s: float) -> None:
+    def _settle(self, use: Use, now_s: float) -> None:
         """Make the choice that waited for its topic to be connected."""
         choice = self._asked.get(use)
         if choice is None or not choice.begun or choice.topic not in self._connected[use]:
@@ -221,11 +225,11 @@ class Choices:
             self._make(use, choice, f"input goes to {choice.topic} now", now_s)
         self._tell(use, choice, refusal, now_s)
 
-    def _why_not_now(self, use: str, asker: Asker, now_s: float) -> Refusal | None:
+    def _why_not_now(self, use: Use, asker: Asker, now_s: float) -> Refusal | None:
         refusal = self._rules.why_not_begin(asker, now_s)
         return refusal or (self._rules.why_not_still(now_s) if use == "drive" else None)
 
-    def _make(self, use: str, choice: _Choice, why: str, now_s: float) -> None:
+    def _make(self, use: Use, choice: _Choice, why: str, now_s: float) -> None:
         """From now on input goes there."""
         self._send_to(use, choice.topic, why, now_s)
         self._made.pop(use, None)
@@ -233,17 +237,17 @@ class Choices:
         if choice.topic != self._defaults[use].name:
             self._made[use] = choice
 
-    def _go_back(self, use: str, outcome: str, why: str, now_s: float) -> None:
+    def _go_back(self, use: Use, outcome: str, why: str, now_s: float) -> None:
         """Input goes to the default again, though nobody asked for that."""
         self._send_to(use, self._defaults[use].name, why, now_s)
         self._end(use, outcome, now_s)
 
-    def _end(self, use: str, outcome: str, now_s: float) -> None:
+    def _end(self, use: Use, outcome: str, now_s: float) -> None:
         made = self._made.pop(use)
         parameters = {"use": use, "from": made.topic, "to": self._defaults[use].name}
         self._records.outcome(made, "topic.choose", outcome, parameters, now_s)
 
-    def _send_to(self, use: str, name: str, why: str, now_s: float) -> None:
+    def _send_to(self, use: Use, name: str, why: str, now_s: float) -> None:
         """A base gets its zero first, where it got its speed."""
         if use == "drive":
             self._parted_s = None
@@ -252,7 +256,7 @@ class Choices:
         elif use == "motions":
             self._switch.read_motions()
 
-    def _attend(self, use: str, busy: Collection[str]) -> None:
+    def _attend(self, use: Use, busy: Collection[str]) -> None:
         """Be connected where input goes or is about to go, and to every motion action; nowhere else."""
         asked = self._asked.get(use)
         begun = {asked.topic} if asked and asked.begun else set()
@@ -263,11 +267,11 @@ class Choices:
             self._unanswered[use] += 1
             self._switch.attend(use, wanted)
 
-    def _withdraw(self, use: str, refusal: Refusal, now_s: float) -> None:
+    def _withdraw(self, use: Use, refusal: Refusal, now_s: float) -> None:
         if asked := self._asked.pop(use, None):
             self._tell(use, asked, refusal, now_s)
 
-    def _tell(self, use: str, choice: _Choice, refusal: Refusal | None, now_s: float) -> None:
+    def _tell(self, use: Use, choice: _Choice, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
         choice.asker.answer(refusal)
         outcome = refusal.code if refusal else "chosen"

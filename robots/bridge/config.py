@@ -8,12 +8,14 @@ Poses are (x, y, yaw) in the base frame, metres and radians.
 from __future__ import annotations
 
 import hashlib
+from typing import Literal
 
 import msgspec
 from msgspec import Struct
 
 from robots.bridge.gate.values import GateProfile
 from robots.bridge.stick import StickStep
+from robots.wire import ReverseSteering, Role, Use
 
 
 class Topic(Struct, frozen=True):
@@ -97,14 +99,17 @@ class Topics(Struct, frozen=True):
     cancel_on_stop: list[str] = []  # action names whose every goal an emergency stop cancels
 
 
+What = Literal["choose", "publish", "call", "set"]
+
+
 class Allowed(Struct, frozen=True):
     """One entry of the admin's allow-list: what is not there, nobody may. `robots.bridge.never` knows what never is."""
 
-    what: str  # choose, publish, call, set
+    what: What
     name: str  # of the topic, action, service or parameter
     type: str = ""
-    use: str = ""  # of what is chosen: drive, speech, motions
-    role: str = "operator"  # the lowest that may; the web process judges it
+    use: Use | Literal[""] = ""  # of what is chosen
+    role: Role = "operator"  # the lowest that may; the web process judges it
 
 
 class LinkAddress(Struct, frozen=True):
@@ -130,7 +135,7 @@ class BridgeConfig(Struct, frozen=True):
     host_aliases: dict[str, str]  # robot host name -> address (libnss-wrapper)
     topics: Topics
     gate: GateProfile
-    reverse_steering: str  # "turn" or "car"
+    reverse_steering: ReverseSteering
     link: LinkAddress
     state_dir: str  # lock, latch and fencing number
     allowed: tuple[Allowed, ...] = ()

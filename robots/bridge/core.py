@@ -10,7 +10,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable, Collection
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from msgspec import Struct, structs
@@ -70,7 +70,7 @@ class Base(Performer, Protocol):
 class RosStatus(Struct, frozen=True):
     """How the connection to the robot's master is, as its watcher sees it."""
 
-    phase: str  # waiting, refused, connecting
+    phase: Literal["waiting", "refused", "connecting"]
     text: str
     foreign: list[str] = []
     problems: list[str] = []
@@ -536,7 +536,7 @@ class Core:
             took_ms = round((seen_s - pressed_s) * 1000)
             self.stop_state = structs.replace(self.stop_state, state="stopped", standstill_ms=took_ms)
 
-    def _phase(self, now_s: float) -> tuple[str, str]:
+    def _phase(self, now_s: float) -> tuple[wire.Phase, str]:
         """Where the robot is on the way to being drivable, and what is missing."""
         topics = self.config.topics
         if self._ros.phase != "connecting":

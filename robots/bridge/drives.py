@@ -19,7 +19,7 @@ from functools import partial
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.path import Path, Track
 from robots.bridge.records import Records, unrecorded
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Place
+from robots.bridge.sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Place
 from robots.wire import Refusal
 
 _STANDSTILL_S = 0.5
@@ -140,7 +140,7 @@ class DriveLog:
             else:
                 self.end("standstill", "standstill", now_s)
 
-    def end(self, outcome: str, ended_by: str, now_s: float) -> None:
+    def end(self, outcome: DriveEnd, ended_by: str, now_s: float) -> None:
         """End the drive under way, if any."""
         drive = self._drive
         if drive is None:

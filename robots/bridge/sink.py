@@ -7,7 +7,7 @@ its record is committed; `RecordError` means that it is not, and nothing that ne
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Literal, Protocol
 
 from msgspec import Struct
 
@@ -41,10 +41,13 @@ class Place(Struct, frozen=True):
     map_to_odom: Pose | None = None  # that frame in the map's
 
 
+DriveEnd = Literal["standstill", "halted", "control_changed", "bridge_ended"]
+
+
 class DriveSummary(Struct, frozen=True):
     """What a drive came to, from odometry: metres, seconds, m/s, rad/s."""
 
-    outcome: str  # standstill, halted, control_changed, bridge_ended
+    outcome: DriveEnd
     ended_by: str  # the same in words
     end: Place
     distance_m: float

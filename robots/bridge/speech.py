@@ -94,7 +94,7 @@ class _Saying:
     """A text, and how far the robot is with it."""
 
     utterance: Utterance
-    status: str = "sent"
+    status: wire.SpeechStatus = "sent"
     word: tuple[int, int] | None = None
 
 
@@ -161,7 +161,7 @@ class Speaking(Goals[_Saying]):
             word=saying.word,
         )
 
-    def running(self, topic: str, goals: Mapping[str, str], now_s: float) -> None:
+    def running(self, topic: str, goals: Mapping[str, wire.SpeechStatus], now_s: float) -> None:
         """Which goals are under way on a topic, and how each is: accepted or speaking."""
         goal = self._heard(topic, goals, now_s)
         if goal is not None and goal.id is not None:

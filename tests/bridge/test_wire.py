@@ -2,6 +2,7 @@
 
 import json
 
+import msgspec
 import pytest
 
 from robots import wire
@@ -36,3 +37,20 @@ def test_a_text_that_is_too_long_is_refused_as_that(characters):
     order = wire.browser_message(raw)
     refusal = bench.order(order)
     assert refusal.code == "text_too_long"
+
+
+@pytest.mark.parametrize(
+    ("report", "path"),
+    [
+        (
+            {"t": "refused", "of": "say", "refusal": {"code": "c", "text": "No.", "rule": "nobody"}},
+            "refusal.rule",
+        ),
+        ({"t": "stopped", "stop": {"state": "halted"}}, "stop.state"),
+        ({"t": "offers", "publishable_from": {"/notes": "king"}}, "publishable_from"),
+        ({"t": "offers", "uses": {"fly": {"topic": "/wings", "type": "std_msgs/Empty"}}}, "uses"),
+    ],
+)
+def test_a_word_that_is_none_of_its_set_ends_at_the_door(report, path):
+    with pytest.raises(msgspec.ValidationError, match=path):
+        wire.link_report(json.dumps(report))

@@ -32,6 +32,10 @@ def test_every_message_is_named(kinds):
     assert {tag for tag in tags if f"`{tag}`" not in PAGE} == set()
 
 
+def test_every_rule_has_a_row_of_its_codes():
+    assert [rule for rule in get_args(wire.Rule) if f"| {rule} | `" not in PAGE] == []
+
+
 async def test_the_example_prints_what_it_is_shown_and_acknowledges_it():
     [program] = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     heard = []

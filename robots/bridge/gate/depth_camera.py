@@ -172,7 +172,7 @@ class DepthCamera:
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)
-        return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
+        return SensorHealth(self.name, "depth", not text, self.freshness.age_s(now_s), text)
 
 
 class DepthMemory:

@@ -102,7 +102,7 @@ class Laser:
         text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
         if not text and not self.is_paired(trail):
             text = "its stamps do not match the odometry’s"
-        return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
+        return SensorHealth(self.name, "scan", not text, self.freshness.age_s(now_s), text)
 
 
 class _Echo(NamedTuple):
@@ -166,7 +166,7 @@ class Sonar:
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint)
-        return SensorHealth(self.name, self.kind, not text, self.freshness.age_s(now_s), text)
+        return SensorHealth(self.name, "sonar", not text, self.freshness.age_s(now_s), text)
 
 
 def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msgspec import Struct
 
@@ -117,10 +117,10 @@ class Verdict(NamedTuple):
 
 
 class SensorHealth(NamedTuple):
-    """How a sensor is. `kind`: scan, sonar, odometry, depth. `age_s` None: never seen. `text` is empty while `ok`."""
+    """How a sensor is. `age_s` None: never seen. `text` is empty while `ok`."""
 
     name: str
-    kind: str
+    kind: Literal["scan", "sonar", "odometry", "depth"]
     ok: bool
     age_s: float | None
     text: str

@@ -43,7 +43,7 @@ from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.types import message_class
 from robots.bridge.ros.watcher import MasterWatcher
 from robots.bridge.speech import Utterance
-from robots.wire import MotionOffer
+from robots.wire import MotionOffer, SpeechStatus, Use
 
 log = logging.getLogger(__name__)
 
@@ -175,7 +175,7 @@ class RosBase:
         if self._speech is not None:
             self._speech.hush(goal_id, topic)
 
-    def attend(self, use: str, topics: frozenset[str]) -> None:
+    def attend(self, use: Use, topics: frozenset[str]) -> None:
         """Be connected to these topics of that use and no others. Asks the master, hence elsewhere."""
         self._connecting.do(lambda: self._attend(use, topics))
 
@@ -302,7 +302,7 @@ class RosBase:
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
 
-    def _attend(self, use: str, topics: frozenset[str]) -> None:
+    def _attend(self, use: Use, topics: frozenset[str]) -> None:
         """On the thread for it. Whatever comes of it is told: choices count the answers."""
         connected = None
         try:
@@ -311,7 +311,7 @@ class RosBase:
         finally:
             self._post(lambda: self._core.orders.choices.attended(use, connected, time.monotonic()))
 
-    def _connect(self, use: str, topics: frozenset[str]) -> None:
+    def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
             for name in topics - self._drives.keys():
                 self._drives[name] = publisher = self._drive_publisher(name)
@@ -427,7 +427,7 @@ class RosBase:
         if self._motions is not None:  # else they are being joined, and read after that
             self._reading.do(self._motions.read)
 
-    def speech_running(self, topic: str, goals: dict[str, str]) -> None:
+    def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
         """The goals under way on a topic, whoever sent them."""
         self._post(lambda: self._core.orders.speaking.running(topic, goals, time.monotonic()))
 

@@ -12,14 +12,15 @@ from robots.bridge.ros.actions import ActionTopics
 from robots.bridge.ros.publishing import Sender
 from robots.bridge.ros.types import message_class
 from robots.bridge.speech import Utterance
+from robots.wire import SpeechStatus
 
-STATUSES = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
+STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
 
 
 class Ears(Protocol):
     """Who hears how the speech goes. Called on threads of rospy's."""
 
-    def speech_running(self, topic: str, goals: dict[str, str]) -> None:
+    def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
         """The goals under way on a topic: accepted, or speaking."""
 
     def speech_said(self, goal_id: str, said: str) -> None:
