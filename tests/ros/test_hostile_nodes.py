@@ -18,11 +18,12 @@ import pytest
 from robots.bridge.ros import master, node
 from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.master import Master, MasterError, SystemState
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tcpros import Conversation, connect, first_told
 from tests.bridge.support import CONFIG
 from tests.ros.meddling import answer_of
+from tests.ros.support import until
 
 
 @contextmanager
@@ -159,6 +160,26 @@ def test_a_node_that_comes_and_goes_has_the_robots_motions_read_no_faster(monkey
     readings.get(timeout=10)
     base.motions_joined()
     assert readings.get(timeout=10) - began_s >= 0.5
+
+
+def test_a_name_for_which_no_name_server_answers_holds_up_no_survey_of_the_robot(monkeypatch):
+    asked, over = threading.Event(), threading.Event()
+
+    def hangs(*_name):
+        asked.set()
+        over.wait(10)
+        raise socket.gaierror(socket.EAI_AGAIN, "no name server answers")
+
+    monkeypatch.setattr(socket, "getaddrinfo", hangs)
+    monkeypatch.setattr(Master, "node_uri", lambda *_: "http://tiago-9c:1/")
+    base = RosBase(CONFIG)
+    system = SystemState({CONFIG.topics.odometry.name: ["/base"]}, {}, {}, {})
+    assert base._survey(system).problems == []
+    assert asked.wait(10)
+    assert base._survey(system).problems == []
+    over.set()
+    [text] = until(lambda: base._survey(system).problems, "the name that is not known")
+    assert text.startswith("The robot calls itself tiago-9c, which cannot be resolved here")
 
 
 def test_an_errand_that_fails_keeps_no_other_from_being_done():

@@ -37,6 +37,7 @@ from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.map_place import MapPlace
 from robots.bridge.ros.master import Master, MasterError, SystemState, is_own
 from robots.bridge.ros.motions import MotionTopics
+from robots.bridge.ros.names import Names
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.speech import SpeechTopics
@@ -73,6 +74,7 @@ class RosBase:
         self._arm: PostureTopics | None = None
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
+        self._names = Names()
         self._connecting = Errands("topics")
         self._reading = Errands("motions")
         self._joined = Seldom(self._read_joined, JOINED_GAP_S)
@@ -334,21 +336,16 @@ class RosBase:
         wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = [_wrong_type(topic, system.types) for topic in wanted]
-        for publisher in system.publishers.get(topics.odometry.name, []):
-            problems.append(self._unreachable(publisher))
+        problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
         return RosStatus("connecting", "", foreign, [problem for problem in problems if problem])
 
-    def _unreachable(self, node: str) -> str:
-        """In words, if the host of a node that we need cannot be resolved here."""
-        host: str | None = None
-        try:
-            host = urlsplit(self._master.node_uri(node) or "").hostname
-            if host:
-                socket.getaddrinfo(host, None)
-        except (OSError, ValueError):
-            called = host or "by no address"
-            return f"The robot calls itself {called}, which cannot be resolved here: give it a host alias."
-        return ""
+    def _unresolved(self, nodes: Collection[str]) -> list[str]:
+        """In words, what we need and cannot call, for the name of its host is not known here."""
+        uris = [uri for node in nodes if (uri := self._master.node_uri(node))]
+        return [
+            f"The robot calls itself {host or 'by no address'}, which cannot be resolved here: give it a host alias."
+            for host in sorted(self._names.unknown({_host(uri) for uri in uris}))
+        ]
 
     # --- topics --------------------------------------------------------------------------------------
 
@@ -463,6 +460,14 @@ def _listened(system: SystemState) -> dict[str, str]:
         for topic, nodes in system.subscribers.items()
         if topic in system.types and not all(map(is_own, nodes))
     }
+
+
+def _host(uri: str) -> str:
+    """Empty if there is none in it."""
+    try:
+        return urlsplit(uri).hostname or ""
+    except ValueError:
+        return ""
 
 
 def _wrong_type(topic: Topic, types: dict[str, str]) -> str:
