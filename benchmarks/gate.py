@@ -208,11 +208,11 @@ class _NoRecords:
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None: ...
 
-    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
         return 1
 
     def outcome(
-        self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters
+        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
     ) -> None: ...
 
     def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:

@@ -54,6 +54,7 @@ ENDS = {
     "gate.begin": ("gate.end", "bridge_killed"),
     "drive.start": ("drive.end", "bridge_killed"),
     "motion.start": ("motion.end", "unknown"),
+    "motion.cancel": ("motion.cancel", "unknown"),
     "speech.start": ("speech.end", "unknown"),
     "publish.start": ("publish.end", "unknown"),
     "topic.choose": ("topic.choose", "unknown"),
@@ -187,7 +188,7 @@ class AuditSink:
         )
 
     @_or_record_error
-    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
         """Commit what was asked of the robot besides driving."""
         facts = dict(parameters)
         text = str(facts.pop("text", ""))
@@ -195,7 +196,9 @@ class AuditSink:
         return record(kind, parameters=facts, text=text, private=private, **self._by(holder)).pk
 
     @_or_record_error
-    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+    def outcome(
+        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
+    ) -> None:
         """Commit what came of it."""
         facts = dict(parameters)
         words = facts.pop("text", None)
@@ -250,17 +253,19 @@ class AuditSink:
             ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
             starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
             if kind == end:
-                starts = starts.filter(of=None)
+                starts = starts.filter(
+                    of=None, outcome=""
+                )  # whoever cancels a motion has the outcome at once
             missing += starts.exclude(Exists(ends))
         return sorted(missing, key=lambda start: -start.pk)
 
-    def _by(self, holder: Holder) -> _By:
+    def _by(self, holder: Holder | None) -> _By:
         return {
-            "actor": User.objects.filter(pk=holder.holder_id).first(),
+            "actor": User.objects.filter(pk=holder.holder_id).first() if holder else None,
             "robot_id": self._robot_id,
             "robot_name": self._robot_name,
-            "session_id": UUID(holder.session),
-            "fence": holder.fence,
+            "session_id": UUID(holder.session) if holder else None,
+            "fence": holder.fence if holder else None,
         }
 
 
@@ -268,8 +273,8 @@ class _By(TypedDict):
     actor: User | None
     robot_id: UUID
     robot_name: str
-    session_id: UUID
-    fence: int
+    session_id: UUID | None
+    fence: int | None
 
 
 def _place(place: Place) -> dict[str, Any]:

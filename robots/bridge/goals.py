@@ -17,7 +17,9 @@ from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
-OURS = "fleet_bridge-"  # how ids begin, of this bridge and of those before it
+OURS = (
+    "fleet_bridge-"  # how ids begin, of this bridge and of those before it; the number of the record follows
+)
 
 What = TypeVar("What")
 
@@ -35,7 +37,7 @@ class Goal(Asked, Generic[What]):
 
     def sent(self, now_s: float) -> str:
         """It goes to the robot now, by this id."""
-        self.id, self.heard_s = f"{OURS}{uuid4()}", now_s
+        self.id, self.heard_s = f"{OURS}{self.number.result()}-{uuid4()}", now_s
         return self.id
 
 

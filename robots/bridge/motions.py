@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -16,12 +17,15 @@ from msgspec import Struct
 from robots import wire
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import Motion
-from robots.bridge.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
+from robots.bridge.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.bridge.records import Asker, Records
 from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
+MOST_LEFT = (
+    3  # goals on record at a time that nobody watches: ids are what anybody on the robot's network says
+)
 PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
 
 
@@ -129,6 +133,15 @@ class Piece:
     space: Sequence[Disc] | None = None
 
 
+@dataclass
+class _Left:
+    """A goal that nobody watches, and which is cancelled until the robot obeys."""
+
+    record: Future[int]
+    heard_s: float
+    outcome: str = "unheard"  # until the robot says how it ended
+
+
 class Motions(Goals[Piece]):
     """The motion under way, if any."""
 
@@ -137,6 +150,7 @@ class Motions(Goals[Piece]):
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
         self._strays: dict[str, float] = {}  # actions with a goal that nobody watches: cancelled last
+        self._left: dict[str, _Left] = {}  # such goals, by id, as far as they are on record
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why the base must stand, and no other motion may begin: one runs."""
@@ -206,7 +220,16 @@ class Motions(Goals[Piece]):
         if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
             text = "The robot took too long to tell how it would move: ask again."
             self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
+        for goal_id, left in list(self._left.items()):
+            if now_s - left.heard_s > UNHEARD_S:
+                self._end_left(goal_id, left.outcome, now_s)
         super().tick(now_s)
+
+    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
+        """The robot says that a goal has ended."""
+        if goal_id in self._left:
+            self._left[goal_id].outcome = outcome
+        super().ended(goal_id, outcome, text, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """The robot says which goals are under way."""
@@ -218,6 +241,8 @@ class Motions(Goals[Piece]):
         self.deny(refusal, now_s)
         self.cancel("control_ended", "The bridge ended.")
         self._end("cancelled", "", now_s)
+        for goal_id in list(self._left):
+            self._end_left(goal_id, refusal.code, now_s)
 
     def view(self, now_s: float) -> wire.Motion | None:
         """What is under way, for pages."""
@@ -230,12 +255,21 @@ class Motions(Goals[Piece]):
         """What a bridge that was killed left, or this one gave up: nobody watches the space about that arm."""
         known = {self._current.id if self._current else None, self._ended}
         strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
+        for goal_id in strays:
+            if goal_id in self._left:
+                self._left[goal_id].heard_s = now_s
+            elif len(self._left) < MOST_LEFT:
+                self._left[goal_id] = _Left(self._records.cancelled(action, goal_id, now_s), now_s)
         if not strays:
             self._strays.pop(action, None)
         elif now_s - self._strays.get(action, -math.inf) >= CANCEL_AGAIN_S:
             self._strays[action] = now_s
             for goal_id in strays:
                 self._withdraw(goal_id, action)
+
+    def _end_left(self, goal_id: str, outcome: str, now_s: float) -> None:
+        """Put on record what came of cancelling it."""
+        self._records.was_cancelled(self._left.pop(goal_id).record, outcome, now_s)
 
     def _tell(self, goal: Goal[Piece], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)

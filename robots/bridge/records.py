@@ -76,6 +76,17 @@ class Records(Writer):
             lambda: self.sink.outcome(number.result(), holder, kind, outcome, parameters), now_s, of=number
         )
 
+    def cancelled(self, topic: str, goal: str, now_s: float) -> Future[int]:
+        """Put on record that the bridge itself cancels a motion's goal: only afterwards, as it does so for safety."""
+        what = {"topic": topic, "goal": goal}
+        return self.keep(lambda: self.sink.request(None, "motion.cancel", what), now_s)
+
+    def was_cancelled(self, cancel: Future[int], outcome: str, now_s: float) -> None:
+        """Put on record what came of that."""
+        self.keep(
+            lambda: self.sink.outcome(cancel.result(), None, "motion.cancel", outcome, {}), now_s, of=cancel
+        )
+
     def stopped(self, holder: Holder | None, number: int, now_s: float) -> None:
         """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""
         self.keep(lambda: self.sink.stopped(holder, number), now_s)

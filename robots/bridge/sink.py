@@ -102,10 +102,12 @@ class RecordSink(Protocol):
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive."""
 
-    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
-        """Commit what was asked of the robot besides driving: before it is passed on."""
+    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
+        """Commit what was asked of the robot besides driving: before it is passed on. None: the bridge does it."""
 
-    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+    def outcome(
+        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
+    ) -> None:
         """Commit what came of it."""
 
     def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:

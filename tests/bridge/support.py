@@ -214,10 +214,12 @@ class MemorySink:
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         self._record("drive.end", summary)
 
-    def request(self, holder: Holder, kind: str, parameters: Parameters) -> int:
+    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
         return self._record(kind, parameters)
 
-    def outcome(self, request: int, holder: Holder, kind: str, outcome: str, parameters: Parameters) -> None:
+    def outcome(
+        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
+    ) -> None:
         self._record(kind, Outcome(outcome, **parameters))
 
     def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:

@@ -5,7 +5,7 @@ import pytest
 from robots import wire
 from robots.bridge.gate.values import STILL, SensorHealth, Velocity
 from robots.bridge.motions import offered, recorded
-from tests.bridge.support import Bench
+from tests.bridge.support import Bench, Outcome
 
 AHEAD = ((0.6, 0.0, 0.2),)
 
@@ -475,6 +475,49 @@ def test_a_goal_of_an_earlier_bridge_which_nobody_watches_is_cancelled_until_the
     assert ask(bench).text == "The robot performs a motion that others asked for."
     bench.core.orders.motions.running("/second_play", [], bench.now_s)
     begun(bench)
+
+
+def cancels(bench):
+    """Of what is on record of this bridge's own cancelling: what, and what came of it."""
+    bench.recorded()
+    told = [what for kind, what in bench.sink.records if kind == "motion.cancel"]
+    return [what.outcome if isinstance(what, Outcome) else (what["topic"], what["goal"]) for what in told]
+
+
+@pytest.mark.parametrize(("heard", "outcome"), [("cancelled", "cancelled"), (None, "unheard")])
+def test_what_was_left_is_on_record_once_and_what_came_of_it(bench, heard, outcome):
+    passes(bench, "fleet_bridge-left", 3.0)
+    assert cancels(bench) == [("/play_motion", "fleet_bridge-left")]
+    bench.core.orders.motions.running("/play_motion", [], bench.now_s)
+    if heard:
+        bench.core.orders.motions.ended("fleet_bridge-left", heard, "", bench.now_s)
+    bench.pass_time(2.2)
+    assert cancels(bench) == [("/play_motion", "fleet_bridge-left"), outcome]
+
+
+def test_however_many_ids_somebody_makes_up_few_are_on_record(bench):
+    for number in range(20):
+        bench.core.orders.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
+        bench.pass_time(0.05)
+    on_record = [("/play_motion", f"fleet_bridge-{number}") for number in range(3)]
+    assert cancels(bench) == on_record
+    bench.core.close(bench.now_s)
+    assert cancels(bench) == [*on_record, *["bridge_ended"] * 3]
+
+
+def test_cancelling_what_was_left_does_not_wait_for_its_record(bench):
+    bench.sink.open.clear()
+    bench.core.orders.motions.running("/play_motion", ["fleet_bridge-left"], bench.now_s)
+    assert bench.base.cancelled_goals == ["fleet_bridge-left"]
+    bench.sink.open.set()
+    assert cancels(bench) == [("/play_motion", "fleet_bridge-left")]
+
+
+def test_the_goals_id_names_the_record_by_which_it_was_asked_for(bench):
+    goal_id = begun(bench)
+    bench.recorded()
+    number = bench.sink.kinds.index("motion.start") + 1
+    assert goal_id.startswith(f"fleet_bridge-{number}-")
 
 
 def test_what_was_left_on_one_action_keeps_nothing_on_another_from_being_cancelled(bench):

@@ -147,6 +147,14 @@ def test_a_stop_that_reached_the_robot_is_on_record_in_its_control_session(
     assert (free.parameters, free.session_id, free.fence) == ({"number": 8}, None, None)
 
 
+def test_what_the_bridge_does_by_itself_is_the_consoles(sink: AuditSink, robot: Robot) -> None:
+    cancel = sink.request(None, "motion.cancel", {"topic": "/play_motion", "goal": "fleet_bridge-7-left"})
+    sink.outcome(cancel, None, "motion.cancel", "cancelled", {})
+    asked, end = records_of(robot)
+    assert (asked.actor, asked.session_id, asked.fence, asked.outcome) == (None, None, None, "")
+    assert (end.actor, end.of_id, end.outcome) == (None, asked.pk, "cancelled")
+
+
 # --- a bridge that was killed ------------------------------------------------------------------------
 
 
@@ -162,6 +170,7 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
     look = sink.request(holder, "head.look_ahead", {})
     chosen = sink.request(holder, "topic.choose", {"use": "speech"})
     sink.outcome(chosen, holder, "topic.choose", "chosen", {})
+    record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # the web process's, and whole
     before = len(records_of(robot))
     sink.settle()
     ends = records_of(robot)[before:]
@@ -177,6 +186,13 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
     }
     sink.settle()
     assert len(records_of(robot)) == before + 5
+
+
+def test_so_is_what_it_had_begun_to_cancel_by_itself(sink: AuditSink, robot: Robot) -> None:
+    cancel = sink.request(None, "motion.cancel", {"topic": "/play_motion", "goal": "fleet_bridge-7-left"})
+    sink.settle()
+    end = records_of(robot)[-1]
+    assert (end.kind, end.of_id, end.outcome, end.actor) == ("motion.cancel", cancel, "unknown", None)
 
 
 def test_a_bridge_settles_its_own_robot_and_no_other(
