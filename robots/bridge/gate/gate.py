@@ -37,20 +37,11 @@ from typing import Any
 import numpy as np
 from msgspec import structs
 
-from robots.bridge.gate import arc, braking, posture, words
+from robots.bridge.gate import arc, posture, words
 from robots.bridge.gate.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.footprint import Discs, Footprint, footprint_of
-from robots.bridge.gate.health import (
-    DEPTH_STALE_S,
-    LASER_STALE_S,
-    ODOMETRY_STALE_S,
-    SONAR_STALE_MPS,
-    SONAR_STALE_S,
-    Fault,
-    Freshness,
-    Hold,
-    late_share,
-)
+from robots.bridge.gate.health import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
+from robots.bridge.gate.holds import Holds
 from robots.bridge.gate.laser_memory import LaserMemory
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.movers import MOVER, Movers
@@ -79,9 +70,6 @@ from robots.bridge.gate.values import (
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
-REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
-AHEAD = Velocity(1.0, 0.0, 0.0)
-AROUND = tuple(math.radians(degrees) for degrees in range(0, 360, 30))
 PERIOD_S = 0.05  # what is sent holds at most this long before the gate decides again
 
 
@@ -93,8 +81,6 @@ class Gate:
         self.profile = profile
         self.footprint = self._base = footprint_of(profile)
         self.arm_discs: tuple[posture.Disc, ...] = ()  # what of the arm reaches out of the base
-        self._posture = posture.UNKNOWN
-        self._posture_s = -math.inf
         limits = profile.limits
         fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         self._trail = Trail(fastest, limits.turn_radps)
@@ -104,7 +90,6 @@ class Gate:
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._reckoned = profile
         self._decided_s = -math.inf  # when the last twist was decided, and then sent
-        self._operator_delay_s: float | None = None  # to the page and back; None: not known
         self._lasers = {
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
             for name, pose in profile.scan_poses.items()
@@ -116,6 +101,9 @@ class Gate:
         self._memories = {name: LaserMemory(laser) for name, laser in self._lasers.items()}
         self._movers = {name: Movers() for name in self._lasers}
         self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
+        self._holds = Holds(
+            profile, self._odometry, self._trail, self._lasers.values(), self._sonars.values(), self._depth
+        )
         depth, depth_memory = ((self._depth,), (self._depth.remembered,)) if self._depth else ((), ())
         self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *depth)
         self._sources = (*self._sensors, *self._memories.values(), *depth_memory)
@@ -183,7 +171,7 @@ class Gate:
 
     def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""
-        self._posture, self._posture_s = arm, arrival_s
+        self._holds.observe_posture(arm, arrival_s)
         radius_m = self._base.reach(0.0)
         discs = posture.beyond(arm.discs or (), radius_m)
         if discs != self.arm_discs:
@@ -199,7 +187,7 @@ class Gate:
 
     def observe_operator(self, delay_s: float | None) -> None:
         """Take how long the way to the operator's page and back is; None if nobody knows."""
-        self._operator_delay_s = delay_s
+        self._holds.operator_delay_s = delay_s
 
     # --- what is known ------------------------------------------------------------------------
 
@@ -256,17 +244,17 @@ class Gate:
 
     def _decided(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         latency_s = self.latency.in_force_s(now_s)
-        everywhere = [*self._arm_hold(now_s), *self._delay_holds(latency_s)]
-        limits = self._standing_limits(everywhere, now_s)
+        everywhere = self._holds.everywhere(latency_s, now_s)
+        limits = tuple(hold.text for hold in self._holds.standing(everywhere, now_s))
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
         possible = clamped(asked, self.profile)
         if is_still(possible):
             return Verdict(STILL, asked, "idle", "", limits=limits)
-        if fault := self._fault(now_s):
+        if fault := self._holds.fault(now_s):
             text = f"stopped: {fault.text}"
             return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
-        wanted, code, text = self._held(asked, possible, everywhere, now_s)
+        wanted, code, text = self._holds.held(asked, possible, everywhere, self.footprint, now_s)
         if is_still(wanted):
             return Verdict(STILL, asked, code, text, limits=limits)
         obstacles = self.obstacles(now_s)
@@ -348,154 +336,6 @@ class Gate:
         for movers in moving:
             drift = np.where(drift.any(axis=1, keepdims=True), drift, movers.drift(there))
         return placed(drift, Pose(0.0, 0.0, -newest.yaw))
-
-    def _fault(self, now_s: float) -> Fault | None:
-        """Data without which the robot must not move."""
-        age_s = self._odometry.age_s(now_s)
-        if age_s is None:
-            return Fault("odometry_missing", "no odometry has come yet", "odometry")
-        if age_s > ODOMETRY_STALE_S:
-            return Fault("odometry_stale", f"odometry is {words.age(age_s)} old", "odometry")
-        for laser in self._lasers.values():
-            age_s = laser.freshness.age_s(now_s)
-            if age_s is None:
-                return Fault("scan_missing", f"no scan of the {laser.word} has come yet", laser.name)
-            if age_s >= LASER_STALE_S:
-                return Fault("scan_stale", f"{laser.word} is {words.age(age_s)} old", laser.name)
-            if not laser.is_paired(self._trail):
-                text = f"the stamps of the {laser.word} do not match the odometry’s"
-                return Fault("scan_unpaired", text, laser.name)
-        return None
-
-    def _held(
-        self, asked: Velocity, wanted: Velocity, everywhere: list[Hold], now_s: float
-    ) -> tuple[Velocity, str, str]:
-        """The possible twist within all limits but obstacles, with code and words of the last that bit.
-
-        `everywhere` are the limits that hold in every direction.
-        """
-        code, text = "free", ""
-        if wanted != asked:
-            code, text = "robot_limit", "held to what the robot can do"
-        speed = arc.speed(wanted)
-        if speed > 0.0:
-            direction = math.atan2(wanted.vy, wanted.vx)
-            holds = [
-                *everywhere,
-                *self._depth_hold(wanted, now_s),
-                *self._direction_hold(direction, now_s),
-            ]
-            hold = min(holds, key=lambda hold: hold.mps, default=None)
-            if hold is not None and hold.mps < speed:
-                wanted, code, text = wanted.scaled(hold.mps / speed), hold.code, hold.text
-        swing = abs(wanted.w) * self.footprint.reach(0.0)
-        if swing > self.profile.blind_mps and self._swings_unwatched():
-            wanted = wanted.scaled(self.profile.blind_mps / swing)
-            code = "blind_direction"
-            text = f"turning held to {words.figure(abs(wanted.w))} rad/s: no sensor looks where the corners swing"
-        for laser in self._lasers.values():
-            age_s = laser.freshness.age_s(now_s) or 0.0
-            share = late_share(age_s)
-            if share < 1.0:
-                slowed = wanted.scaled(share)
-                text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {words.age(age_s)} old"
-                wanted, code = slowed, "scan_late"
-        return wanted, code, text
-
-    def _standing_limits(self, everywhere: list[Hold], now_s: float) -> tuple[str, ...]:
-        """In words, every limit on speed that holds whatever is in the way."""
-        holds = [*everywhere, *self._depth_hold(AHEAD, now_s)]
-        ways = (0.0, math.pi) if self.profile.limits.lateral_mps == 0.0 else (0.0, math.pi, 1.57, -1.57)
-        for direction in ways:
-            holds += self._direction_hold(direction, now_s)
-        return tuple(hold.text for hold in holds)
-
-    def _arm_hold(self, now_s: float) -> list[Hold]:
-        """The limit while the arm may be anywhere."""
-        told = now_s - self._posture_s <= posture.KNOWN_S
-        known = told and (self._posture.at_home or self._posture.discs is not None)
-        if known or not self.profile.has_arm:
-            return []
-        why = "the arm is away from home" if told else "nothing tells where the arm is"
-        text = f"held to {words.figure(posture.AWAY_MPS)} m/s: {why}"
-        return [Hold("arm_away", text, posture.AWAY_MPS)]
-
-    def _delay_holds(self, latency_s: float) -> list[Hold]:
-        """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""
-        parameters, full_mps = self.profile.parameters, self.profile.limits.forward_mps
-        linear, _ = braking.deceleration(self.profile)
-        holds = []
-        for code, delay_s, assumed_s, who in (
-            ("robot_late", latency_s, parameters.latency_s, "the robot answers"),
-            ("operator_late", self._operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
-        ):
-            if delay_s > assumed_s:
-                mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
-                holds.append(Hold(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps))
-        return holds
-
-    def _depth_hold(self, wanted: Velocity, now_s: float) -> list[Hold]:
-        """The limit for a way that the depth camera does not show, so that table tops in it may be news."""
-        if not self.profile.has_depth:
-            return []
-        age_s = self._depth.freshness.age_s(now_s) if self._depth else None
-        if self._depth is None:
-            return [self._blind("depth_missing", "the depth camera is not used yet, table tops are not seen")]
-        why = f" ({self._depth.complaint})" if self._depth.complaint else ""
-        if age_s is None:
-            return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]
-        if age_s > DEPTH_STALE_S:
-            return [self._blind("depth_stale", f"the depth camera’s picture is {words.age(age_s)} old{why}")]
-        return self._head_hold(self._depth, wanted)
-
-    def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[Hold]:
-        """The limit for a way that leaves the depth camera's picture. No head turns far enough to look behind."""
-        direction = math.atan2(wanted.vy, wanted.vx)
-        if abs(direction) > REVERSE_RAD:
-            return []
-        sight_m = depth.sight_m(direction, wanted.w / arc.speed(wanted))
-        if sight_m == 0.0:
-            return [self._blind("head_away", "the depth camera looks away from the way ahead")]
-        if math.isinf(sight_m):
-            return []
-        linear, _ = braking.deceleration(self.profile)
-        mps = max(
-            braking.speed_within(sight_m, self.profile.parameters.latency_s, linear), self.profile.blind_mps
-        )
-        text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
-        return [Hold("head_away", text, mps)]
-
-    def _blind(self, code: str, why: str) -> Hold:
-        mps = self.profile.blind_mps
-        return Hold(code, f"held to {words.figure(mps)} m/s: {why}", mps)
-
-    def _swings_unwatched(self) -> bool:
-        """Whether turning takes corners to where neither laser nor sonar looks. A disc has none."""
-        if self.footprint.turns_freely:
-            return False
-        return any(
-            not any(sensor.covers(direction) for sensor in self._lasers.values())
-            and not any(sensor.watches(direction) for sensor in self._sonars.values())
-            for direction in AROUND
-        )
-
-    def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
-        """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
-        if any(laser.covers(direction) for laser in self._lasers.values()):
-            return []
-        sonars = [sonar for sonar in self._sonars.values() if sonar.watches(direction)]
-        way = words.way(direction)
-        if not sonars:
-            mps = self.profile.blind_mps
-            return [
-                Hold("blind_direction", f"held to {words.figure(mps)} m/s {way}: no sensor looks there", mps)
-            ]
-        silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
-        if not silent:
-            return []
-        mps = min(SONAR_STALE_MPS, self.profile.blind_mps)
-        names = ", ".join(sonar.name for sonar in silent)
-        return [Hold("sonar_stale", f"held to {words.figure(mps)} m/s {way}: sonar silent ({names})", mps)]
 
     def _restrained(
         self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause, limits: tuple[str, ...]

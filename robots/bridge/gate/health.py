@@ -6,8 +6,6 @@ A stamp is never compared with the console's clock: a robot whose clock is an ho
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from robots.bridge.gate import words
 
 LASER_LATE_S = 0.22  # one missed scan of a 10 Hz laser is not late
@@ -49,24 +47,3 @@ class Freshness:
             return ""
         age_s = self.age_s(now_s)
         return why or ("nothing has come yet" if age_s is None else f"nothing new for {words.age(age_s)}")
-
-
-def late_share(age_s: float) -> float:
-    """What is left of a twist when the newest scan is this old: all until 0.22 s, nothing from 0.28 s on."""
-    return min(max((LASER_HALT_S - age_s) / (LASER_HALT_S - LASER_LATE_S), 0.0), 1.0)
-
-
-class Fault(NamedTuple):
-    """Data without which the robot does not move: a verdict's code, words, and the source's name."""
-
-    code: str
-    text: str
-    sensor: str
-
-
-class Hold(NamedTuple):
-    """A standing limit on speed: a verdict's code, words, m/s."""
-
-    code: str
-    text: str
-    mps: float

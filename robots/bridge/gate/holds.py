@@ -1,0 +1,236 @@
+"""Limits on speed by how the sensors are and where they look, whatever is in the way (GATE.md, method 9).
+
+A `Fault` is data without which the robot does not move at all; a `Hold` lets it move, no faster than so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import NamedTuple
+
+from robots.bridge.gate import arc, braking, posture, words
+from robots.bridge.gate.depth_camera import DepthCamera
+from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.health import (
+    DEPTH_STALE_S,
+    LASER_HALT_S,
+    LASER_LATE_S,
+    LASER_STALE_S,
+    ODOMETRY_STALE_S,
+    SONAR_STALE_MPS,
+    SONAR_STALE_S,
+    Freshness,
+)
+from robots.bridge.gate.sources import Laser, Sonar
+from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.values import GateProfile, Velocity
+
+REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
+AHEAD = Velocity(1.0, 0.0, 0.0)
+ALONG = (0.0, math.pi)  # where a differential base goes
+EVERY_WAY = (*ALONG, math.pi / 2.0, -math.pi / 2.0)
+AROUND = tuple(math.radians(degrees) for degrees in range(0, 360, 30))
+
+
+class Fault(NamedTuple):
+    """Data without which the robot does not move: a verdict's code, words, and the source's name."""
+
+    code: str
+    text: str
+    sensor: str
+
+
+class Hold(NamedTuple):
+    """A limit on speed: a verdict's code, words, m/s."""
+
+    code: str
+    text: str
+    mps: float
+
+
+class Held(NamedTuple):
+    """A twist within all limits but obstacles, with code and words of the last that took something away."""
+
+    velocity: Velocity
+    code: str
+    text: str
+
+
+class Holds:
+    """What the sensors of one robot, its arm and its answers leave of its speed."""
+
+    def __init__(
+        self,
+        profile: GateProfile,
+        odometry: Freshness,
+        trail: Trail,
+        lasers: Collection[Laser],
+        sonars: Collection[Sonar],
+        depth: DepthCamera | None,
+    ) -> None:
+        self.operator_delay_s: float | None = None  # to the page and back; None: not known
+        self._profile = profile
+        self._odometry = odometry
+        self._trail = trail
+        self._lasers = lasers
+        self._sonars = sonars
+        self._depth = depth
+        self._posture = posture.UNKNOWN
+        self._posture_s = -math.inf
+
+    def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
+        """Take where the arm is."""
+        self._posture, self._posture_s = arm, arrival_s
+
+    def fault(self, now_s: float) -> Fault | None:
+        """Data without which the robot must not move."""
+        age_s = self._odometry.age_s(now_s)
+        if age_s is None:
+            return Fault("odometry_missing", "no odometry has come yet", "odometry")
+        if age_s > ODOMETRY_STALE_S:
+            return Fault("odometry_stale", f"odometry is {words.age(age_s)} old", "odometry")
+        for laser in self._lasers:
+            age_s = laser.freshness.age_s(now_s)
+            if age_s is None:
+                return Fault("scan_missing", f"no scan of the {laser.word} has come yet", laser.name)
+            if age_s >= LASER_STALE_S:
+                return Fault("scan_stale", f"{laser.word} is {words.age(age_s)} old", laser.name)
+            if not laser.is_paired(self._trail):
+                text = f"the stamps of the {laser.word} do not match the odometry’s"
+                return Fault("scan_unpaired", text, laser.name)
+        return None
+
+    def everywhere(self, latency_s: float, now_s: float) -> list[Hold]:
+        """The limits that hold in every direction, for a robot that answers after `latency_s`."""
+        return [*self._arm_hold(now_s), *self._delay_holds(latency_s)]
+
+    def standing(self, everywhere: list[Hold], now_s: float) -> tuple[Hold, ...]:
+        """Every limit that holds whatever is asked: those `everywhere`, and those of the base's directions."""
+        ways = ALONG if self._profile.limits.lateral_mps == 0.0 else EVERY_WAY
+        by_way = [hold for direction in ways for hold in self._direction_hold(direction, now_s)]
+        return (*everywhere, *self._depth_hold(AHEAD, now_s), *by_way)
+
+    def held(
+        self, asked: Velocity, possible: Velocity, everywhere: list[Hold], footprint: Footprint, now_s: float
+    ) -> Held:
+        """What is left of the `possible` part of `asked`, for a robot of this footprint."""
+        wanted, code, text = possible, "free", ""
+        if wanted != asked:
+            code, text = "robot_limit", "held to what the robot can do"
+        speed = arc.speed(wanted)
+        if speed > 0.0:
+            direction = math.atan2(wanted.vy, wanted.vx)
+            holds = [
+                *everywhere,
+                *self._depth_hold(wanted, now_s),
+                *self._direction_hold(direction, now_s),
+            ]
+            hold = min(holds, key=lambda hold: hold.mps, default=None)
+            if hold is not None and hold.mps < speed:
+                wanted, code, text = wanted.scaled(hold.mps / speed), hold.code, hold.text
+        swing = abs(wanted.w) * footprint.reach(0.0)
+        if swing > self._profile.blind_mps and self._swings_unwatched(footprint):
+            wanted = wanted.scaled(self._profile.blind_mps / swing)
+            code = "blind_direction"
+            text = f"turning held to {words.figure(abs(wanted.w))} rad/s: no sensor looks where the corners swing"
+        for laser in self._lasers:
+            age_s = laser.freshness.age_s(now_s) or 0.0
+            share = late_share(age_s)
+            if share < 1.0:
+                slowed = wanted.scaled(share)
+                text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {words.age(age_s)} old"
+                wanted, code = slowed, "scan_late"
+        return Held(wanted, code, text)
+
+    def _arm_hold(self, now_s: float) -> list[Hold]:
+        """The limit while the arm may be anywhere."""
+        told = now_s - self._posture_s <= posture.KNOWN_S
+        known = told and (self._posture.at_home or self._posture.discs is not None)
+        if known or not self._profile.has_arm:
+            return []
+        why = "the arm is away from home" if told else "nothing tells where the arm is"
+        text = f"held to {words.figure(posture.AWAY_MPS)} m/s: {why}"
+        return [Hold("arm_away", text, posture.AWAY_MPS)]
+
+    def _delay_holds(self, latency_s: float) -> list[Hold]:
+        """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""
+        parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
+        linear, _ = braking.deceleration(self._profile)
+        holds = []
+        for code, delay_s, assumed_s, who in (
+            ("robot_late", latency_s, parameters.latency_s, "the robot answers"),
+            ("operator_late", self.operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
+        ):
+            if delay_s > assumed_s:
+                mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
+                holds.append(Hold(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps))
+        return holds
+
+    def _depth_hold(self, wanted: Velocity, now_s: float) -> list[Hold]:
+        """The limit for a way that the depth camera does not show, so that table tops in it may be news."""
+        if not self._profile.has_depth:
+            return []
+        age_s = self._depth.freshness.age_s(now_s) if self._depth else None
+        if self._depth is None:
+            return [self._blind("depth_missing", "the depth camera is not used yet, table tops are not seen")]
+        why = f" ({self._depth.complaint})" if self._depth.complaint else ""
+        if age_s is None:
+            return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]
+        if age_s > DEPTH_STALE_S:
+            return [self._blind("depth_stale", f"the depth camera’s picture is {words.age(age_s)} old{why}")]
+        return self._head_hold(self._depth, wanted)
+
+    def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[Hold]:
+        """The limit for a way that leaves the depth camera's picture. No head turns far enough to look behind."""
+        direction = math.atan2(wanted.vy, wanted.vx)
+        if abs(direction) > REVERSE_RAD:
+            return []
+        sight_m = depth.sight_m(direction, wanted.w / arc.speed(wanted))
+        if sight_m == 0.0:
+            return [self._blind("head_away", "the depth camera looks away from the way ahead")]
+        if math.isinf(sight_m):
+            return []
+        linear, _ = braking.deceleration(self._profile)
+        mps = max(
+            braking.speed_within(sight_m, self._profile.parameters.latency_s, linear), self._profile.blind_mps
+        )
+        text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
+        return [Hold("head_away", text, mps)]
+
+    def _blind(self, code: str, why: str) -> Hold:
+        mps = self._profile.blind_mps
+        return Hold(code, f"held to {words.figure(mps)} m/s: {why}", mps)
+
+    def _swings_unwatched(self, footprint: Footprint) -> bool:
+        """Whether turning takes corners to where neither laser nor sonar looks. A disc has none."""
+        if footprint.turns_freely:
+            return False
+        return any(
+            not any(sensor.covers(direction) for sensor in self._lasers)
+            and not any(sensor.watches(direction) for sensor in self._sonars)
+            for direction in AROUND
+        )
+
+    def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
+        """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
+        if any(laser.covers(direction) for laser in self._lasers):
+            return []
+        sonars = [sonar for sonar in self._sonars if sonar.watches(direction)]
+        way = words.way(direction)
+        if not sonars:
+            mps = self._profile.blind_mps
+            return [
+                Hold("blind_direction", f"held to {words.figure(mps)} m/s {way}: no sensor looks there", mps)
+            ]
+        silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
+        if not silent:
+            return []
+        mps = min(SONAR_STALE_MPS, self._profile.blind_mps)
+        names = ", ".join(sonar.name for sonar in silent)
+        return [Hold("sonar_stale", f"held to {words.figure(mps)} m/s {way}: sonar silent ({names})", mps)]
+
+
+def late_share(age_s: float) -> float:
+    """What is left of a twist when the newest scan is this old: all until 0.22 s, nothing from 0.28 s on."""
+    return min(max((LASER_HALT_S - age_s) / (LASER_HALT_S - LASER_LATE_S), 0.0), 1.0)
