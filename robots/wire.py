@@ -423,6 +423,18 @@ class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
 # --- bridge -> browser (through the web process, untouched) -----------------------------------
 
 
+Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
+
+
+class SpeedLimit(Struct, frozen=True, omit_defaults=True):
+    """A limit on speed that holds whatever is asked. It is what holds back if code and way are the verdict's."""
+
+    code: str  # of the rule, as in `Verdict`
+    text: str  # "held to 0.3 m/s: no picture of the depth camera has come yet"
+    mps: float
+    way: Way | None = None  # which it holds for; None: for all
+
+
 class Verdict(Struct, frozen=True, omit_defaults=True):
     """What the gate made of the last command. See docs/protocol.md for the codes."""
 
@@ -435,7 +447,8 @@ class Verdict(Struct, frozen=True, omit_defaults=True):
     bearing: float | None = None  # of the obstacle, base frame
     side: str | None = None  # ahead, ahead left, left, behind left, behind, ...
     point: tuple[float, float] | None = None
-    limits: list[str] = []  # standing limits in words ("held to 0.3 m/s: no depth camera yet")
+    limits: list[SpeedLimit] = []
+    way: Way | None = None  # if a limit on speed holds back: the one that it holds for
 
 
 class Sensor(Struct, frozen=True):

@@ -14,7 +14,7 @@ from robots.bridge.gate.depth_camera import frame_of
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import AT_HOME
 from robots.bridge.gate.scan import Malformed
-from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
+from robots.bridge.gate.values import STILL, GateProfile, Hold, Pose, Velocity
 from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
 
 Ranges = NDArray[np.float32]
@@ -34,12 +34,12 @@ class Fan(NamedTuple):
 
 
 class Said(NamedTuple):
-    """What is published, why not more, and the standing limits in words."""
+    """What is published, why not more, and the standing limits."""
 
     velocity: Velocity
     code: str = ""
     text: str = ""
-    limits: tuple[str, ...] = ()
+    limits: tuple[Hold, ...] = ()
 
 
 class Controller(Protocol):

@@ -16,16 +16,16 @@ THINGS = ("wall", "table leg", "table top")
 
 
 class Fault(NamedTuple):
-    """What fails; the codes, or the words of a standing limit, by which the gate may say so; the stick's angle."""
+    """What fails; the codes, or that of a standing limit, by which the gate may say so; the stick's angle."""
 
     conditions: Conditions
     codes: frozenset[str]
-    words: str = "no words"
+    limit: str | None = None
     angle: int = 0
 
     def is_told_by(self, moment: Moment) -> bool:
         """Whether this is what the page shows at that moment."""
-        return moment.code in self.codes or any(self.words in limit for limit in moment.limits)
+        return moment.code in self.codes or any(self.limit == limit.code for limit in moment.limits)
 
 
 def _at(**wrong: object) -> Conditions:
@@ -44,11 +44,11 @@ FAULTS: dict[str, Fault] = {
     "odometry's stamps frozen": Fault(_at(odom_frozen=True), ODOMETRY),
     "100 ms later": Fault(Conditions(late_s=0.1), LATE | HELD),  # that is about what is assumed
     **{
-        f"{ms} ms later": Fault(Conditions(late_s=ms / 1000.0), LATE, "the robot answers")
+        f"{ms} ms later": Fault(Conditions(late_s=ms / 1000.0), LATE, "robot_late")
         for ms in (200, 300, 400, 500)
     },
     **{
-        f"link slows by {ms} ms": Fault(Conditions(slows_to_s=ms / 1000.0), LATE, "the robot answers")
+        f"link slows by {ms} ms": Fault(Conditions(slows_to_s=ms / 1000.0), LATE, "robot_late")
         for ms in (200, 400)
     },
     "60 % brake": Fault(Conditions(faults=((0.0, Faults(brake_share=0.6)),)), HELD),

@@ -20,7 +20,7 @@ from robots.bridge.commands import velocity_of
 from robots.bridge.config import HeadSource
 from robots.bridge.gate import values
 from robots.bridge.gate.depth import Transform
-from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
 from robots.bridge.head import FOLLOW_RADPS, Head
 from robots.simulator.base import Twist, clamp
 from robots.simulator.body import TIAGO
@@ -116,7 +116,7 @@ class Moment(NamedTuple):
     text: str
     gap_m: float  # as it was at most `GAP_EVERY` decisions ago
     trying: bool
-    limits: tuple[str, ...] = ()  # that hold whatever is in the way, in words
+    limits: tuple[Hold, ...] = ()  # that hold whatever is in the way
 
 
 class Touch(NamedTuple):

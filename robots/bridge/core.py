@@ -588,7 +588,8 @@ def _verdict_view(verdict: Verdict) -> wire.Verdict:
         bearing=_rounded(verdict.bearing),
         side=verdict.side,
         point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
-        limits=list(verdict.limits),
+        limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in verdict.limits],
+        way=verdict.way,
     )
 
 

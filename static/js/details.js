@@ -50,7 +50,8 @@ export class Details {
     const { watchers, sensors, clock, latency, foreign, refusals } = this.#parts;
     const { "all-limits": limits } = this.#parts;
     const { limits: standing = [] } = state.verdict;
-    fill(limits, standing.length ? standing : [gettext("None")]);
+    const texts = standing.map(({ text }) => text);
+    fill(limits, texts.length ? texts : [gettext("None")]);
     say(latency, latencyText(state));
     say(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);

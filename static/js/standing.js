@@ -145,8 +145,9 @@ export function verdictText(verdict) {
 }
 
 /** The standing limits, each with whether it is what holds back now. */
-export function limitsOf(verdict) {
-  return (verdict.limits ?? []).map((text) => ({ text, holds: text === verdictText(verdict) }));
+export function limitsOf({ code, way, limits = [] }) {
+  const holds = (limit) => limit.code === code && limit.way === way;
+  return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
 }
 
 /** Whether nothing of what is asked gets through. Not while a drive is being put on record: that passes by itself. */

@@ -2,11 +2,12 @@
 
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 
 from robots.bridge.core import RosStatus
-from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Hold, Obstacles, Velocity, Verdict
 from robots.bridge.store import Persisted
 from robots.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
@@ -542,6 +543,26 @@ def test_the_gate_reckons_with_the_way_to_the_page_and_the_page_is_shown_the_rob
     assert bench.gate.operator_delay_s == 0.7
     state = bench.core.state(bench.now_s, [])
     assert (state.latency_s, state.latency_measured) == (0.2, False)
+
+
+def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench):
+    bench.granted().driving()
+    limits = (
+        Hold("arm_away", "held to 0.2 m/s", 0.2),
+        Hold("sonar_stale", "held to 0.1 m/s", 0.1, "reverse"),
+    )
+    bench.gate.says = lambda asked: Verdict(
+        STILL, asked, "sonar_stale", limits[1].text, limits=limits, way="reverse"
+    )
+    bench.stick(-0.5)
+    told = bench.core.state(bench.now_s, []).verdict
+    assert (told.code, told.way) == ("sonar_stale", "reverse")
+    assert msgspec.json.encode(told.limits) == (
+        b'[{"code":"arm_away","text":"held to 0.2 m/s","mps":0.2},'
+        b'{"code":"sonar_stale","text":"held to 0.1 m/s","mps":0.1,"way":"reverse"}]'
+    )
+    bench.core.revoke(1, "enough", bench.now_s)
+    assert bench.core.state(bench.now_s, []).verdict.limits == []
 
 
 def test_a_picture_has_one_point_for_each_six_centimetres_of_what_is_remembered(bench):

@@ -381,7 +381,7 @@ def test_with_a_clear_view_ahead_speed_is_free_and_what_is_seen_comes_from_the_c
     looker.stand(0.5)
     verdict = looker.decide(1.0)
     assert verdict.velocity.vx == 1.0
-    assert verdict.limits == () or not any("depth" in limit for limit in verdict.limits)
+    assert verdict.limits == () or not any("depth" in limit.text for limit in verdict.limits)
 
 
 def test_a_table_that_is_carried_away_is_forgotten_after_two_pictures(looker):
@@ -584,7 +584,7 @@ def test_on_a_bend_the_robot_is_as_fast_as_it_can_stop_in_what_it_sees_of_its_wa
     speeds = [verdict.velocity.vx for verdict in allowed]
     assert speeds[0] == 1.0
     assert 0.3 < speeds[2] < speeds[1] < 1.0
-    assert {verdict.code for verdict in allowed[1:]} == {"head_away"}
+    assert {(verdict.code, verdict.way) for verdict in allowed[1:]} == {("head_away", "bend")}
     assert allowed[2].velocity.w / speeds[2] == pytest.approx(2.0), "the arc stays"
     looker.to_base = camera(pan=0.25)
     looker.stand(0.1)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 
@@ -46,7 +46,8 @@ def test_a_robot_with_a_depth_camera_is_held_to_its_blind_speed_and_says_why():
     assert verdict.velocity == Velocity(pytest.approx(0.3), 0.0, pytest.approx(0.2)), "the arc is kept"
     assert verdict.code == "depth_missing"
     assert verdict.text == "held to 0.3 m/s: the depth camera is not used yet, table tops are not seen"
-    assert verdict.limits == (verdict.text,)
+    assert verdict.limits == (Hold("depth_missing", verdict.text, 0.3),)
+    assert verdict.way is None, "whichever it goes"
     assert feeder.decide().limits == verdict.limits, "said while idle, too"
     assert feeder.decide(w=2.0).velocity.w == 2.0, "turning on the spot is no blind travel"
     assert feeder.decide(0.25).code == "free"
@@ -61,7 +62,8 @@ def test_a_direction_that_nobody_watches_is_held_to_blind_speed():
     assert verdict.velocity.vx == pytest.approx(-0.15)
     assert verdict.code == "blind_direction"
     assert verdict.text == "held to 0.1 m/s in reverse: no sensor looks there"
-    assert verdict.limits == (verdict.text,)
+    assert verdict.limits == (Hold("blind_direction", verdict.text, 0.15, "reverse"),)
+    assert verdict.way == "reverse"
     assert feeder.decide(0.8).code == "free"
 
 
@@ -74,10 +76,16 @@ def test_a_robot_without_any_sensor_crawls_everywhere():
         blind_mps=0.2,
     )
     feeder = fed(bare)
-    assert len(feeder.decide().limits) == 4
+    limits = feeder.decide().limits
+    assert [(limit.code, limit.way) for limit in limits] == [
+        ("blind_direction", way) for way in ("forward", "reverse", "left", "right")
+    ]
     for stick in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.7, 0.7)):
-        velocity = feeder.decide(*stick).velocity
-        assert math.hypot(velocity.vx, velocity.vy) == pytest.approx(0.2)
+        verdict = feeder.decide(*stick)
+        assert math.hypot(verdict.velocity.vx, verdict.velocity.vy) == pytest.approx(0.2)
+        # The page finds the one in force by code and way, and by nothing else.
+        [holds] = [limit for limit in limits if (limit.code, limit.way) == (verdict.code, verdict.way)]
+        assert holds.text == verdict.text
 
 
 def test_tiago_reverses_at_its_own_limit_while_its_sonars_watch(tiago):
@@ -102,6 +110,7 @@ def test_corners_swing_no_faster_than_the_blind_speed_where_nobody_looks():
         "blind_direction",
         "turning held to 0.6 rad/s: no sensor looks where the corners swing",
     )
+    assert verdict.way == "turn", "no limit on the way ahead or back"
 
 
 def test_corners_swing_freely_where_lasers_look_all_round():

@@ -51,6 +51,14 @@ describe("the panel", () => {
     expect(parts.clock.hidden).toBe(true);
   });
 
+  test("lists the standing limits in their words, and says so if there is none", () => {
+    const limits = [{ code: "arm_away", text: "held to 0.2 m/s: the arm is away", mps: 0.2 }];
+    details.state = { ...STATE, verdict: { limits } };
+    expect(parts["all-limits"].textContent).toBe("held to 0.2 m/s: the arm is away");
+    details.state = STATE;
+    expect(parts["all-limits"].textContent).toBe("None");
+  });
+
   test("counts refused messages by what was wrong, in words", () => {
     details.state = { ...STATE, refused: { too_old: 3 } };
     expect(parts.refusals.textContent).toBe("too old: 3");

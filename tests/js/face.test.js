@@ -75,10 +75,11 @@ describe("the face of the control page", () => {
   });
 
   it("tells no limit of a robot that it does not hear", () => {
-    const limits = ["held to 0.3 m/s: the camera's picture is 1.2 s old"];
+    const text = "held to 0.3 m/s: the camera's picture is 1.2 s old";
+    const limits = [{ code: "depth_stale", text, mps: 0.3 }];
     const state = { ...STATE, verdict: { ...STATE.verdict, limits } };
     face.show({ ...LIVE, state });
-    expect(parts.limits.textContent).toBe(limits[0]);
+    expect(parts.limits.textContent).toBe(text);
     face.show({ ...LOST, state });
     expect(parts.limits.textContent).toBe("");
   });

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { controlWords } from "../../static/js/control_words.js";
 import { firstShare, paceText, sharesUpTo } from "../../static/js/driving_options.js";
-import { banner, connectionFact, isHeld, verdictText } from "../../static/js/standing.js";
+import { banner, connectionFact, isHeld, limitsOf, verdictText } from "../../static/js/standing.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };
@@ -94,6 +94,29 @@ describe("the verdict in words", () => {
     expect(isHeld({ asked: [0.4, 0, 0], allowed: [0.1, 0, 0] })).toBe(false);
     expect(isHeld({ asked: [0, 0, 0], allowed: [0, 0, 0] })).toBe(false);
     expect(isHeld({ code: "recording", asked: [0.4, 0, 0], allowed: [0, 0, 0] })).toBe(false);
+  });
+});
+
+describe("the standing limits", () => {
+  const limits = [
+    { code: "arm_away", text: "held to 0.2 m/s: the arm is away from home", mps: 0.2 },
+    { code: "blind_direction", text: "held to 0.3 m/s to the left", mps: 0.3, way: "left" },
+    { code: "blind_direction", text: "held to 0.3 m/s to the right", mps: 0.3, way: "right" },
+  ];
+  const holding = (verdict) =>
+    limitsOf({ ...verdict, limits })
+      .filter(({ holds }) => holds)
+      .map(({ text }) => text);
+
+  it("hold back by code and way, whatever the words", () => {
+    expect(holding({ code: "arm_away", text: "Auf 0,2 m/s begrenzt" })).toEqual([limits[0].text]);
+    expect(holding({ code: "blind_direction", way: "right", text: "" })).toEqual([limits[2].text]);
+  });
+
+  it("do not hold back where another rule does, or another way of the same is meant", () => {
+    expect(holding({ code: "blind_direction", way: "turn", text: limits[1].text })).toEqual([]);
+    expect(holding({ code: "free", text: "" })).toEqual([]);
+    expect(limitsOf({ code: "idle", text: "" })).toEqual([]);
   });
 });
 

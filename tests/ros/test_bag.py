@@ -66,7 +66,7 @@ def test_joint_states_of_a_bag_tell_whether_the_arm_is_at_home(tmp_path, positio
             file.write("/joint_states", JointState(name=["arm"], position=[position]), at)
     gate = Gate(structs.replace(PROFILE, has_arm=True))
     *_, (_, verdict) = bag.drive(path, gate, topics)
-    assert any("arm" in limit for limit in verdict.limits) == held
+    assert any(limit.code == "arm_away" for limit in verdict.limits) == held
 
 
 def test_a_bag_without_odometry_or_no_bag_at_all_is_refused_in_words(tmp_path):

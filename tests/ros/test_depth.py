@@ -82,7 +82,7 @@ def listeners(master, topic):
 
 
 def depth_limits(state: wire.State) -> list[str]:
-    return [limit for limit in state.verdict.limits if "depth" in limit]
+    return [limit.text for limit in state.verdict.limits if "depth" in limit.text]
 
 
 def depth_sensor(state: wire.State) -> wire.Sensor:

@@ -48,7 +48,7 @@ def bridge(master, folder):
 
 
 def arm_limits(state):
-    return [limit for limit in state.verdict.limits if "arm" in limit]
+    return [limit.text for limit in state.verdict.limits if "arm" in limit.text]
 
 
 def reach_out(ros):

@@ -61,6 +61,7 @@ from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
+    Hold,
     Obstacles,
     Pose,
     SensorHealth,
@@ -245,7 +246,7 @@ class Gate:
     def _decided(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         latency_s = self.latency.in_force_s(now_s)
         everywhere = self._holds.everywhere(latency_s, now_s)
-        limits = tuple(hold.text for hold in self._holds.standing(everywhere, now_s))
+        limits = self._holds.standing(everywhere, now_s)
         if not is_finite(asked):
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
         possible = clamped(asked, self.profile)
@@ -254,9 +255,10 @@ class Gate:
         if fault := self._holds.fault(now_s):
             text = f"stopped: {fault.text}"
             return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
-        wanted, code, text = self._holds.held(asked, possible, everywhere, self.footprint, now_s)
+        held = self._holds.held(asked, possible, everywhere, self.footprint, now_s)
+        wanted = held.velocity
         if is_still(wanted):
-            return Verdict(STILL, asked, code, text, limits=limits)
+            return Verdict(STILL, asked, held.code, held.text, limits=limits, way=held.way)
         obstacles = self.obstacles(now_s)
         turn_rates = (self._velocity.w, sent.w)
         profile = self._with_latency_of(latency_s)
@@ -273,7 +275,7 @@ class Gate:
             if rolled.cause is not None:
                 allowed, risen, cause = rolled.velocity, rolled.velocity, rolled.cause
         if cause is None:
-            return Verdict(risen, asked, code, text, limits=limits)
+            return Verdict(risen, asked, held.code, held.text, limits=limits, way=held.way)
         return self._restrained(asked, wanted, allowed, cause, limits)._replace(velocity=risen)
 
     def _hulls(self, obstacles: Obstacles) -> list[tuple[Footprint, Obstacles]]:
@@ -338,7 +340,7 @@ class Gate:
         return placed(drift, Pose(0.0, 0.0, -newest.yaw))
 
     def _restrained(
-        self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause, limits: tuple[str, ...]
+        self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause, limits: tuple[Hold, ...]
     ) -> Verdict:
         """The verdict about a twist that an obstacle holds back."""
         source = self._sources[cause.source]

@@ -24,7 +24,7 @@ from robots.bridge.gate.health import (
 )
 from robots.bridge.gate.sources import Laser, Sonar
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import GateProfile, Velocity
+from robots.bridge.gate.values import GateProfile, Hold, Velocity, Way
 
 REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
 AHEAD = Velocity(1.0, 0.0, 0.0)
@@ -41,20 +41,13 @@ class Fault(NamedTuple):
     sensor: str
 
 
-class Hold(NamedTuple):
-    """A limit on speed: a verdict's code, words, m/s."""
-
-    code: str
-    text: str
-    mps: float
-
-
 class Held(NamedTuple):
-    """A twist within all limits but obstacles, with code and words of the last that took something away."""
+    """A twist within all limits but obstacles, with code, words and way of the last that took something away."""
 
     velocity: Velocity
     code: str
     text: str
+    way: Way | None = None
 
 
 class Holds:
@@ -115,33 +108,33 @@ class Holds:
         self, asked: Velocity, possible: Velocity, everywhere: list[Hold], footprint: Footprint, now_s: float
     ) -> Held:
         """What is left of the `possible` part of `asked`, for a robot of this footprint."""
-        wanted, code, text = possible, "free", ""
-        if wanted != asked:
-            code, text = "robot_limit", "held to what the robot can do"
-        speed = arc.speed(wanted)
+        left = Held(possible, "free", "")
+        if possible != asked:
+            left = Held(possible, "robot_limit", "held to what the robot can do")
+        speed = arc.speed(possible)
         if speed > 0.0:
-            direction = math.atan2(wanted.vy, wanted.vx)
+            direction = math.atan2(possible.vy, possible.vx)
             holds = [
                 *everywhere,
-                *self._depth_hold(wanted, now_s),
+                *self._depth_hold(possible, now_s),
                 *self._direction_hold(direction, now_s),
             ]
             hold = min(holds, key=lambda hold: hold.mps, default=None)
             if hold is not None and hold.mps < speed:
-                wanted, code, text = wanted.scaled(hold.mps / speed), hold.code, hold.text
-        swing = abs(wanted.w) * footprint.reach(0.0)
+                left = Held(possible.scaled(hold.mps / speed), hold.code, hold.text, hold.way)
+        swing = abs(left.velocity.w) * footprint.reach(0.0)
         if swing > self._profile.blind_mps and self._swings_unwatched(footprint):
-            wanted = wanted.scaled(self._profile.blind_mps / swing)
-            code = "blind_direction"
-            text = f"turning held to {words.figure(abs(wanted.w))} rad/s: no sensor looks where the corners swing"
+            slowed = left.velocity.scaled(self._profile.blind_mps / swing)
+            text = f"turning held to {words.figure(abs(slowed.w))} rad/s: no sensor looks where the corners swing"
+            left = Held(slowed, "blind_direction", text, "turn")
         for laser in self._lasers:
             age_s = laser.freshness.age_s(now_s) or 0.0
             share = late_share(age_s)
             if share < 1.0:
-                slowed = wanted.scaled(share)
-                text = f"{words.what_is_left(wanted, slowed)}: {laser.word} is {words.age(age_s)} old"
-                wanted, code = slowed, "scan_late"
-        return Held(wanted, code, text)
+                slowed = left.velocity.scaled(share)
+                text = f"{words.what_is_left(left.velocity, slowed)}: {laser.word} is {words.age(age_s)} old"
+                left = Held(slowed, "scan_late", text)
+        return left
 
     def _arm_hold(self, now_s: float) -> list[Hold]:
         """The limit while the arm may be anywhere."""
@@ -196,7 +189,7 @@ class Holds:
             braking.speed_within(sight_m, self._profile.parameters.latency_s, linear), self._profile.blind_mps
         )
         text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
-        return [Hold("head_away", text, mps)]
+        return [Hold("head_away", text, mps, "bend")]
 
     def _blind(self, code: str, why: str) -> Hold:
         mps = self._profile.blind_mps
@@ -217,18 +210,18 @@ class Holds:
         if any(laser.covers(direction) for laser in self._lasers):
             return []
         sonars = [sonar for sonar in self._sonars if sonar.watches(direction)]
-        way = words.way(direction)
+        way, in_words = words.way(direction)
         if not sonars:
             mps = self._profile.blind_mps
-            return [
-                Hold("blind_direction", f"held to {words.figure(mps)} m/s {way}: no sensor looks there", mps)
-            ]
+            text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks there"
+            return [Hold("blind_direction", text, mps, way)]
         silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
         if not silent:
             return []
         mps = min(SONAR_STALE_MPS, self._profile.blind_mps)
         names = ", ".join(sonar.name for sonar in silent)
-        return [Hold("sonar_stale", f"held to {words.figure(mps)} m/s {way}: sonar silent ({names})", mps)]
+        text = f"held to {words.figure(mps)} m/s {in_words}: sonar silent ({names})"
+        return [Hold("sonar_stale", text, mps, way)]
 
 
 def late_share(age_s: float) -> float:

@@ -96,11 +96,25 @@ class Obstacles(NamedTuple):
     kinds: tuple[str, ...]  # of the sources: scan, sonar, depth, memory
 
 
+# bend: out of what is seen; turn: of corners
+Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
+
+
+class Hold(NamedTuple):
+    """A limit on speed: a verdict's code, words, m/s. `way`: the one that it holds for; None: for all."""
+
+    code: str
+    text: str
+    mps: float
+    way: Way | None = None
+
+
 class Verdict(NamedTuple):
     """What may be sent, and why not more.
 
-    `code`: "idle" (nothing asked), "free", or the rule that holds back. `neutral` says that this was a stop of the kind
-    after which the stick must return to neutral (stale or missing data).
+    `code`: "idle" (nothing asked), "free", or the rule that holds back; `way` as in `Hold`, if one holds back. `limits`
+    are those that hold whatever is asked. `neutral` says that this was a stop of the kind after which the stick must
+    return to neutral (stale or missing data).
     """
 
     velocity: Velocity
@@ -112,8 +126,9 @@ class Verdict(NamedTuple):
     bearing: float | None = None
     side: str | None = None
     point: tuple[float, float] | None = None
-    limits: tuple[str, ...] = ()
+    limits: tuple[Hold, ...] = ()
     neutral: bool = False
+    way: Way | None = None
 
 
 class SensorHealth(NamedTuple):

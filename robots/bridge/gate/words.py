@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from robots.bridge.gate.values import Velocity
+from robots.bridge.gate.values import Velocity, Way
 
 SIDES = (
     "ahead",
@@ -17,7 +17,12 @@ SIDES = (
     "ahead right",
 )
 MANNERS = {"near_miss": "passing close, ", "mover": "moving, "}
-WAYS = ("forward", "to the left", "in reverse", "to the right")
+WAYS: tuple[tuple[Way, str], ...] = (
+    ("forward", "forward"),
+    ("left", "to the left"),
+    ("reverse", "in reverse"),
+    ("right", "to the right"),
+)
 
 
 def side(bearing: float) -> str:
@@ -60,6 +65,6 @@ def obstacle(word: str, gap_m: float, bearing: float, rule: str) -> str:
     return f"{MANNERS.get(rule, '')}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
 
 
-def way(direction: float) -> str:
-    """A direction of travel (base frame, radians) in words: "in reverse"."""
+def way(direction: float) -> tuple[Way, str]:
+    """A direction of travel (base frame, radians), and in words: "in reverse"."""
     return WAYS[round(direction / (math.pi / 2.0)) % len(WAYS)]
