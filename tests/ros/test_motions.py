@@ -16,9 +16,13 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from robots.bridge.config import Topic
 from robots.bridge.ros.master import Master
 from robots.bridge.ros.motions import MotionTopics
+from robots.bridge.ros.node import RosBase
+from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.types import message_class, service_class
+from tests.bridge.support import CONFIG
 from tests.ros.support import PATIENCE_S
 
 _numbers = itertools.count()
@@ -230,3 +234,29 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
             while connection.recv(4096):  # up to its end: nobody waits any more
                 pass
         assert connections.empty()
+
+
+def test_a_topic_that_is_just_being_left_hides_no_cancel_behind_it(ros, rosmaster):
+    told = Listed()
+    base = RosBase(CONFIG)
+    base._motions = MotionTopics(
+        ["/left_play", "/kept_play"],
+        "play_motion_msgs/PlayMotionAction",
+        Master(rosmaster.uri, "/test"),
+        told,
+    )
+    base._speech = SpeechTopics(Topic("/left_tts", "pal_interaction_msgs/TtsAction"), told)
+    base._speech.attend({"/left_tts", "/kept_tts"})
+    try:
+        with (
+            ros.listen("/kept_play/cancel", GoalID) as motions,
+            ros.listen("/kept_tts/cancel", GoalID) as texts,
+        ):
+            ros.connected(motions, texts)
+            base._motions._actions["/left_play"].close()
+            base._speech._voices["/left_tts"].close()
+            base.cancel_all()
+            assert [inbox.next().id for inbox in (motions, texts)] == ["", ""]
+    finally:
+        base._motions.close()
+        base._speech.attend(())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
 from robots.bridge.config import Topic
@@ -99,10 +99,10 @@ class MotionTopics:
         """Cancel this goal and no other."""
         self._actions[action].cancel(goal_id)
 
-    def cancel_all(self) -> None:
-        """The emergency stop: whatever is performed, whoever asked for it."""
-        for action in self._actions.values():
-            action.cancel_all()
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: each cancels whatever one action performs, whoever asked for it."""
+        return [action.cancel_all for action in self._actions.values()]
 
     def _parameters(self, action: str, motion: str = "") -> Any:
         """What the robot knows of an action's motions, or of one of them."""

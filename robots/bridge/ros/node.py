@@ -105,16 +105,14 @@ class RosBase:
 
     def cancel_all(self) -> None:
         """An empty goal id cancels everybody's goals: just what an emergency stop means."""
-        told: list[Callable[[], None]] = [
+        cancels: list[Callable[[], None]] = [
             partial(publish, publisher, GoalID()) for publisher in self._cancels
         ]
-        if self._motions is not None:
-            told.append(self._motions.cancel_all)
-        if self._speech is not None:
-            told.append(self._speech.silence)
-        for tell in told:
+        for part in (self._motions, self._speech):
+            cancels += part.cancels if part is not None else []
+        for cancel in cancels:
             try:
-                tell()
+                cancel()
             except rospy.ROSException:  # a topic that is just being left
                 log.exception("some goals could not be cancelled")
 

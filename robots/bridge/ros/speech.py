@@ -71,10 +71,10 @@ class SpeechTopics:
         if topic in self._voices:
             self._voices[topic].hush(goal_id)
 
-    def silence(self) -> None:
-        """The emergency stop: whatever is said, whoever asked for it."""
-        for voice in list(self._voices.values()):
-            voice.silence()
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: each cancels whatever is said on one topic, whoever asked for it."""
+        return [voice.silence for voice in list(self._voices.values())]
 
 
 class _ActionVoice:
