@@ -158,7 +158,7 @@ class RobotProfile(models.Model):
     topics = models.JSONField(
         _("topics"),
         help_text=_(
-            "The rest of the ROS interface: odometry, scans, sonars, depth, joint_states, battery, "
+            "The rest of the ROS interface: odometry, scans, sonars, depth, head, arm, joint_states, battery, "
             "charging, speech, languages, motions, camera, map, cancel_on_stop. Poses are [x, y, yaw] in the "
             "base frame, metres and radians. Leave out what the robot does not have."
         ),
@@ -169,8 +169,8 @@ class RobotProfile(models.Model):
         blank=True,
         help_text=_(
             "Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
-            "front_margin_m, hard_margin_m, deceleration_share, latency_s, creep_mps, near_miss_s. Leave {} "
-            "unless you have measured."
+            "front_margin_m, hard_margin_m, deceleration_share, latency_s, operator_delay_s, creep_mps, "
+            "near_miss_s. Leave {} unless you have measured."
         ),
     )
     stick = models.JSONField(

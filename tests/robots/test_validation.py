@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from copy import deepcopy
@@ -9,8 +10,11 @@ from typing import Any
 
 import pytest
 from django.core.exceptions import ValidationError
+from msgspec import Struct
 
 from robots import effective
+from robots.bridge.config import Topics
+from robots.bridge.gate.values import Parameters
 from robots.models import Robot, RobotProfile
 from robots.shipped import profile_files
 
@@ -217,3 +221,9 @@ def test_a_robot_that_is_slower_may_begin_with_a_larger_share(robot: Robot) -> N
 def test_a_differential_base_does_not_move_sideways(tiago: RobotProfile) -> None:
     tiago.lateral_mps = 0.2
     assert "cannot move sideways" in complaint(tiago, "lateral_mps")
+
+
+@pytest.mark.parametrize(("field", "kind"), [("topics", Topics), ("gate", Parameters)])
+def test_the_help_names_every_part_that_may_be_written(field: str, kind: type[Struct]) -> None:
+    told = re.findall(r"\w+", str(RobotProfile._meta.get_field(field).help_text))
+    assert set(kind.__struct_fields__) - set(told) <= {"drive"}  # which has a field of its own

@@ -24,7 +24,7 @@ class Errands:
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
     def do(self, errand: Errand) -> None:
-        """Do it, after what was asked for before; once, if it waits already. Returns at once."""
+        """Do it, after what was asked for before; a method that waits already is done once. Returns at once."""
         with self._news:
             if errand not in self._waiting:
                 self._waiting.append(errand)
