@@ -17,9 +17,8 @@ from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
 UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
-OURS = (
-    "fleet_bridge-"  # how ids begin, of this bridge and of those before it; the number of the record follows
-)
+# How ids begin, of this bridge and of those before it; the number of the record follows.
+OURS = "fleet_bridge-"
 
 What = TypeVar("What")
 
