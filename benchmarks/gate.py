@@ -19,7 +19,7 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
-from robots.bridge.gate.values import STILL, GateProfile, Limits, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
 from robots.bridge.records import Records
@@ -113,7 +113,8 @@ class _Clutter:
         """The laser's, when it is time for one."""
         if turn % 5 == 0:
             start = -FIELD_OF_VIEW / 2.0
-            self.gate.observe_scan(LASER, now_s, now_s, self._ranges, start, self._increment, 0.05, 25.0)
+            scan = LaserScan(LASER, now_s, now_s, self._ranges, start, self._increment, 0.05, 25.0)
+            self.gate.observe_scan(scan)
 
 
 def moved(turn: int) -> Pose:

@@ -14,7 +14,7 @@ from robots.bridge.gate.depth_camera import frame_of
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import AT_HOME
 from robots.bridge.gate.scan import Malformed
-from robots.bridge.gate.values import STILL, GateProfile, Hold, Pose, Velocity
+from robots.bridge.gate.values import STILL, GateProfile, Hold, LaserScan, Pose, Velocity
 from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
 
 Ranges = NDArray[np.float32]
@@ -81,14 +81,16 @@ class Ours:
     def scan(self, stamp_s: float, arrival_s: float, ranges: Ranges) -> None:
         fan = self._fan
         self.gate.observe_scan(
-            fan.source,
-            stamp_s,
-            arrival_s,
-            ranges,
-            fan.angle_min,
-            fan.increment,
-            fan.nearest_m,
-            fan.farthest_m,
+            LaserScan(
+                fan.source,
+                stamp_s,
+                arrival_s,
+                ranges,
+                fan.angle_min,
+                fan.increment,
+                fan.nearest_m,
+                fan.farthest_m,
+            )
         )
 
     def sonar(self, frame: str, stamp_s: float, arrival_s: float, range_m: float) -> None:

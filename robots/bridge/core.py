@@ -14,7 +14,6 @@ from typing import Literal, Protocol
 
 import numpy as np
 from msgspec import Struct, structs
-from numpy.typing import NDArray
 
 from robots import wire
 from robots.bridge.commands import Stick, stick_of, velocity_of
@@ -23,7 +22,7 @@ from robots.bridge.drives import WAITING, DriveLog
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
-from robots.bridge.gate.values import STILL, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, LaserScan, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
@@ -77,7 +76,10 @@ class RosStatus(Struct, frozen=True):
 
 
 class Core:
-    """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on."""
+    """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on.
+
+    After `on_scan` is the time for a picture: a scan has just come.
+    """
 
     def __init__(
         self,
@@ -89,6 +91,7 @@ class Core:
         announce: Callable[[Ended | wire.Offers], None],
         publisher: Publisher,
         stops_before: int = 0,
+        on_scan: Callable[[], None] = lambda: None,
     ) -> None:
         self.config = config
         self.grants = Grants(left.fence)
@@ -96,11 +99,11 @@ class Core:
         if left.latched:  # whether the robot stands, nobody has seen yet
             self.stop_state = StopState("stopping", left.by or None, left.reason, number=stops_before)
         self.refused: Counter[str] = Counter()
-        self.on_scan: Callable[[], None] = lambda: None  # a scan is in: a picture drawn now is the freshest
         self._base = base
         self._gate = gate
         self._drives = drives
         self._announce = announce
+        self._on_scan = on_scan
         self._stick = Stick(self.config.stick)
         self._twists = Stick()  # velocities that the holder's tools ask for, where the stick asks for none
         self._page_gone_s: float | None = None
@@ -268,22 +271,10 @@ class Core:
         if self.grants.current:
             self._gate.obstacles(arrival_s)  # carried to the new pose now, so that no command waits for it
 
-    def laser(
-        self,
-        source: str,
-        stamp_s: float,
-        arrival_s: float,
-        ranges: NDArray[np.float32],
-        angle_min: float,
-        angle_increment: float,
-        range_min_m: float,
-        range_max_m: float,
-    ) -> None:
+    def laser(self, scan: LaserScan) -> None:
         """One scan."""
-        self._gate.observe_scan(
-            source, stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
-        )
-        self.on_scan()
+        self._gate.observe_scan(scan)
+        self._on_scan()
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
         """One sonar reading."""

@@ -53,7 +53,15 @@ class Bridge:
         stops_before = time.time_ns() // 1_000_000
         self._inspection = Inspection(config, self._publishing_lost)
         self._core = Core(
-            config, self._base, gate, self._drives, left, self._announce, self._inspection, stops_before
+            config,
+            self._base,
+            gate,
+            self._drives,
+            left,
+            self._announce,
+            self._inspection,
+            stops_before,
+            on_scan=lambda: self._view(_VIEW_GAP_S),
         )
         self._maps = Maps(config, self._records.keep_map)
         self._leasing = Leasing(self._core, store, left.fence)
@@ -63,7 +71,6 @@ class Bridge:
         self._exit_code = 0
         self._last_key: tuple[object, ...] = ()
         self._viewed_s = float("-inf")
-        self._core.on_scan = lambda: self._view(_VIEW_GAP_S)
 
     async def run(self) -> int:
         """Until the supervisor goes or a signal comes; leaves the robot at zero. Returns the exit code."""

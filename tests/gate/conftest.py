@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import GateProfile, Limits, Pose, Velocity
+from robots.bridge.gate.values import GateProfile, LaserScan, Limits, Pose, Velocity
 
 LASER = "/scan_raw"
 SONARS = {
@@ -69,13 +69,14 @@ class Feeder:
 
     def scan(self, **changes) -> None:
         facts = {
+            "stamp_s": self.stamp_s,
             "ranges": self.ranges,
             "angle_min": -math.radians(95),
             "angle_increment": math.radians(190) / 570,
             "range_min_m": 0.05,
             "range_max_m": 25.0,
         }
-        self.gate.observe_scan(LASER, self.stamp_s, self.now_s, **(facts | changes))
+        self.gate.observe_scan(LaserScan(LASER, arrival_s=self.now_s, **(facts | changes)))
 
     def sonars(self) -> None:
         for name in SONARS:

@@ -25,7 +25,7 @@ from robots.bridge.gate.scan import Sweep
 from robots.bridge.gate.sight import sight
 from robots.bridge.gate.sources import Laser
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import STILL, Limits, Pose, Velocity
+from robots.bridge.gate.values import STILL, LaserScan, Limits, Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.test_driving import towards
 from tests.gate.world import World, doorway, leg, wall
@@ -350,6 +350,10 @@ def test_steadied_ranges_are_averages_over_one_surface_and_never_over_two():
 # --- a laser's memory -----------------------------------------------------------------------------
 
 
+def scanned(at_s, ranges):
+    return LaserScan("/scan", at_s, at_s, ranges, -math.radians(95), STEP, 0.05, 25.0)
+
+
 class Bench:
     """A laser at the base origin with its memory; the robot goes where it is told."""
 
@@ -364,7 +368,7 @@ class Bench:
         for _ in range(round(seconds / 0.1)):
             self.now_s += 0.1
             self.trail.add(self.now_s, pose, STILL)
-            self.laser.observe(self.now_s, self.now_s, ranges, -math.radians(95), STEP, 0.05, 25.0)
+            self.laser.observe(scanned(self.now_s, ranges))
             self.memory.learn(self.trail, self.now_s)
 
     @property
@@ -490,7 +494,7 @@ def test_a_clock_that_is_set_back_leaves_what_is_remembered():
 
 def test_a_scan_that_matches_no_odometry_teaches_nothing():
     bench = Bench()
-    bench.laser.observe(100.1, 100.1, something(), -math.radians(95), STEP, 0.05, 25.0)
+    bench.laser.observe(scanned(100.1, something()))
     bench.memory.learn(bench.trail, 100.1)
     assert len(bench.remembered) == 0
 

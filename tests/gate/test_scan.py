@@ -13,7 +13,7 @@ from robots.bridge.gate.footprint import Disc
 from robots.bridge.gate.planar import placed, seen_from
 from robots.bridge.gate.scan import Sweep, cone_points, has_neighbour, outside_hull
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 NAN, INF = math.nan, math.inf
@@ -79,7 +79,7 @@ def test_stamps_that_are_no_numbers_are_no_data(stamp_s, tiago):
     tiago.now_s += 0.6
     gate, now_s = tiago.gate, tiago.now_s
     gate.observe_odometry(stamp_s, now_s, Pose(0, 0, 0), STILL)
-    gate.observe_scan(LASER, stamp_s, now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+    tiago.scan(stamp_s=stamp_s)
     gate.observe_range("base_sonar_01_link", stamp_s, now_s, 0.5, 1.0)
     assert not any(sensor.ok for sensor in gate.sensor_health(now_s))
 
@@ -101,7 +101,8 @@ def test_odometry_of_no_numbers_is_no_odometry(pose):
 def test_no_scan_whatever_raises(ranges, angle_min, increment, range_min, range_max):
     feeder = Feeder(tiago_profile())
     feeder.odometry()
-    feeder.gate.observe_scan(LASER, 1.0, feeder.now_s, ranges, angle_min, increment, range_min, range_max)
+    scan = LaserScan(LASER, 1.0, feeder.now_s, ranges, angle_min, increment, range_min, range_max)
+    feeder.gate.observe_scan(scan)
     feeder.decide(0.5, w=0.5)
 
 
@@ -118,7 +119,7 @@ def test_no_range_whatever_raises(range_m, max_range_m):
 
 def test_unknown_sources_are_ignored(tiago):
     tiago.gate.observe_range("somebody_else", 1.0, tiago.now_s, 0.1, 1.0)
-    tiago.gate.observe_scan("/other", 1.0, tiago.now_s, [0.1, 0.1], 0.0, 0.1, 0.05, 25.0)
+    tiago.gate.observe_scan(LaserScan("/other", 1.0, tiago.now_s, [0.1, 0.1], 0.0, 0.1, 0.05, 25.0))
     assert not len(tiago.gate.obstacles(tiago.now_s).points)
     assert tiago.gate.sonar_range("somebody_else", tiago.now_s) is None
 
@@ -131,9 +132,7 @@ def test_a_scan_stands_where_it_was_taken_however_late_it_arrives():
         feeder.gate.observe_odometry(moment, moment, Pose(0.5 + 0.02 * step, 0, 0), Velocity(1, 0, 0))
     feeder.ahead_at(2.0, half_width_beams=2)
     feeder.now_s = 101.0
-    feeder.gate.observe_scan(
-        LASER, 100.5, 101.0, feeder.ranges, -math.radians(95), math.radians(190) / 570, 0.05, 25.0
-    )
+    feeder.scan(stamp_s=100.5)
     points = feeder.gate.obstacles(101.0).points
     np.testing.assert_allclose(points[:, 0], 0.202 + 2.0 - 0.5, atol=0.01)
 

@@ -111,7 +111,7 @@ def test_a_frozen_stamp_is_stale_however_often_it_arrives(tiago, dead, code, wai
             tiago.gate.observe_odometry(frozen_s, tiago.now_s, Pose(0, 0, 0), STILL)
             tiago.scan()
         else:
-            tiago.gate.observe_scan(LASER, frozen_s, tiago.now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+            tiago.scan(stamp_s=frozen_s)
             tiago.odometry()
     assert tiago.decide(0.5).code == code
 
@@ -150,14 +150,14 @@ def test_a_late_message_of_before_is_not_news(tiago):
     tiago.all()
     tiago.gate.observe_odometry(tiago.stamp_s - 0.08, tiago.now_s, Pose(9.0, 9.0, 0.0), STILL)
     tiago.ahead_at(0.5)
-    tiago.gate.observe_scan(LASER, tiago.stamp_s - 0.08, tiago.now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+    tiago.scan(stamp_s=tiago.stamp_s - 0.08)
     assert tiago.decide(0.9).code == "free"
 
 
 def test_a_scan_whose_stamps_do_not_match_the_odometry_stops(tiago):
     tiago.now_s += 0.1
     tiago.odometry()
-    tiago.gate.observe_scan(LASER, tiago.stamp_s + 5.0, tiago.now_s, tiago.ranges, -1.65, 0.0058, 0.05, 25.0)
+    tiago.scan(stamp_s=tiago.stamp_s + 5.0)
     verdict = tiago.decide(0.5)
     assert (verdict.code, verdict.neutral) == ("scan_unpaired", True)
     [laser] = [sensor for sensor in tiago.gate.sensor_health(tiago.now_s) if sensor.kind == "scan"]

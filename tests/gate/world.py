@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity
+from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -102,7 +102,8 @@ class World:
         ranges = self._rays(self.profile.scan_poses[LASER], angles)
         ranges += self.random.normal(0.0, self.noise_m, len(ranges))
         ranges[self.random.random(len(ranges)) < 0.01] = math.nan
-        self.gate.observe_scan(LASER, stamp_s, self.now_s, ranges, -self.half_view, increment, 0.05, 25.0)
+        scan = LaserScan(LASER, stamp_s, self.now_s, ranges, -self.half_view, increment, 0.05, 25.0)
+        self.gate.observe_scan(scan)
 
     def _rays(self, mount, angles):
         """Distance to the nearest segment along each ray from a sensor on the robot."""

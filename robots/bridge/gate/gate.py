@@ -32,7 +32,6 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from msgspec import structs
@@ -62,6 +61,7 @@ from robots.bridge.gate.values import (
     STILL,
     GateProfile,
     Hold,
+    LaserScan,
     Obstacles,
     Pose,
     SensorHealth,
@@ -126,24 +126,12 @@ class Gate:
         self.latency.moved(velocity, arrival_s)
         return True
 
-    def observe_scan(
-        self,
-        source: str,
-        stamp_s: float,
-        arrival_s: float,
-        ranges: Any,
-        angle_min: float,
-        angle_increment: float,
-        range_min_m: float,
-        range_max_m: float,
-    ) -> None:
-        """Take a laser scan (ranges in metres). Malformed or of an unknown source: as if nothing had come."""
-        laser = self._lasers.get(source)
-        if laser and laser.observe(
-            stamp_s, arrival_s, ranges, angle_min, angle_increment, range_min_m, range_max_m
-        ):
-            self.latency.arrived(source, stamp_s, arrival_s)
-            self._memories[source].learn(self._trail, arrival_s)
+    def observe_scan(self, scan: LaserScan) -> None:
+        """Take a laser scan. Malformed or of an unknown source: as if nothing had come."""
+        laser = self._lasers.get(scan.source)
+        if laser and laser.observe(scan):
+            self.latency.arrived(scan.source, scan.stamp_s, scan.arrival_s)
+            self._memories[scan.source].learn(self._trail, scan.arrival_s)
             self._look_for_movers(laser)
 
     def observe_range(

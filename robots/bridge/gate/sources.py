@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from robots.bridge.gate import scan
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import LASER_LATE_S, SONAR_STALE_S, Freshness
 from robots.bridge.gate.planar import NO_POINTS, Points, joined, placed, seen_from, wrapped
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import Pose, SensorHealth
+from robots.bridge.gate.values import LaserScan, Pose, SensorHealth
 
 SONAR_MEMORY_S = 0.5
 # most beams this near to the direction of travel must measure something
@@ -56,24 +56,17 @@ class Laser:
         self._complaint = ""
         self._revision = 0
 
-    def observe(
-        self,
-        stamp_s: float,
-        arrival_s: float,
-        ranges: Any,
-        angle_min: float,
-        angle_increment: float,
-        range_min_m: float,
-        range_max_m: float,
-    ) -> bool:
+    def observe(self, told: LaserScan) -> bool:
         """Take a scan; whether it is news. One that makes no sense is none; its complaint is kept for `health`."""
         try:
-            check_times(stamp_s, arrival_s)
-            sweep = scan.Sweep(ranges, angle_min, angle_increment, range_min_m, range_max_m)
+            check_times(told.stamp_s, told.arrival_s)
+            sweep = scan.Sweep(
+                told.ranges, told.angle_min, told.angle_increment, told.range_min_m, told.range_max_m
+            )
         except scan.Malformed as error:
             self._complaint = str(error)
             return False
-        if not self.freshness.advances(stamp_s, arrival_s):
+        if not self.freshness.advances(told.stamp_s, told.arrival_s):
             return False
         self.sweep = sweep
         self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)

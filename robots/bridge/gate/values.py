@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from msgspec import Struct
 
@@ -32,6 +32,19 @@ class Pose(NamedTuple):
     x: float
     y: float
     yaw: float
+
+
+class LaserScan(NamedTuple):
+    """A sensor_msgs/LaserScan as it came, unchecked: which laser's, its stamp, when it arrived; m, rad."""
+
+    source: str
+    stamp_s: float
+    arrival_s: float
+    ranges: Any
+    angle_min: float
+    angle_increment: float
+    range_min_m: float
+    range_max_m: float
 
 
 class Parameters(Struct, frozen=True):

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import rosbag
 
 from robots.bridge.config import Topics
@@ -15,7 +14,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import AT_HOME, UNKNOWN, is_home
 from robots.bridge.gate.values import STILL, Velocity, Verdict
 from robots.bridge.recording import BadRecording
-from robots.bridge.ros.convert import planar
+from robots.bridge.ros.convert import laser_scan, planar
 
 Told = tuple[float, Verdict]
 
@@ -61,16 +60,7 @@ def _tellers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], Non
 
     def scan_of(source: str) -> Callable[[Any, float], None]:
         def scan(message: Any, at_s: float) -> None:
-            gate.observe_scan(
-                source,
-                message.header.stamp.to_sec(),
-                at_s,
-                np.asarray(message.ranges, dtype=np.float32),
-                message.angle_min,
-                message.angle_increment,
-                message.range_min,
-                message.range_max,
-            )
+            gate.observe_scan(laser_scan(message, source, at_s))
 
         return scan
 

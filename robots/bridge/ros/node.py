@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
@@ -30,7 +29,7 @@ from robots.bridge.gate.posture import Disc, Posture
 from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
-from robots.bridge.ros.convert import planar
+from robots.bridge.ros.convert import laser_scan, planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands, Seldom
@@ -358,21 +357,8 @@ class RosBase:
 
     def _on_scan(self, source: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
-            arrival_s = time.monotonic()
-            stamp_s = message.header.stamp.to_sec()
-            ranges = np.asarray(message.ranges, dtype=np.float32)
-            self._post(
-                lambda: self._core.laser(
-                    source,
-                    stamp_s,
-                    arrival_s,
-                    ranges,
-                    message.angle_min,
-                    message.angle_increment,
-                    message.range_min,
-                    message.range_max,
-                )
-            )
+            scan = laser_scan(message, source, time.monotonic())
+            self._post(lambda: self._core.laser(scan))
 
         return receive
 
