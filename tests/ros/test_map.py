@@ -20,8 +20,9 @@ from robots.bridge.findings import BRIDGE
 from robots.bridge.maps import MapWanted, NoMap
 from robots.bridge.ros.errands import Errands
 from robots.bridge.ros.map import take
-from robots.bridge.ros.map_place import MapPlace
 from robots.bridge.ros.master import Master as RosMaster
+from robots.bridge.ros.tf import TfTopics
+from robots.bridge.ros.wanted import WhileWanted
 from robots.bridge.sink import TakenMap
 from robots.models import RobotMap
 from robots.records import AuditSink
@@ -65,12 +66,13 @@ def hears_tf(master):
 
 
 def test_where_the_odometry_is_on_the_map_is_known_without_a_depth_camera(ros):
-    place = MapPlace(Errands("topics"))
-    place.look(True)
-    until(place.map_to_odom, "a place")
-    assert place.map_to_odom() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)
-    place.look(False)
-    until(lambda: place.map_to_odom() is None, "nothing is known any more")
+    tf = TfTopics()
+    costly = WhileWanted(Errands("topics"), tf)
+    costly.look(True)
+    until(tf.map_to_odom, "a place")
+    assert tf.map_to_odom() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)
+    costly.look(False)
+    until(lambda: tf.map_to_odom() is None, "nothing is known any more")
 
 
 def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):

@@ -1,4 +1,4 @@
-"""A depth camera's topics: subscribed while somebody has control, and pictures made ready for the gate.
+"""A depth camera's topics: pictures made ready for the gate.
 
 Pictures arrive on a thread of rospy's and are thinned out and placed there; what reaches the event loop is small. A
 megabyte of pixels is copied by nobody but rospy.
@@ -6,8 +6,6 @@ megabyte of pixels is copied by nobody but rospy.
 
 from __future__ import annotations
 
-import logging
-import threading
 import time
 from typing import Any, Protocol
 
@@ -19,12 +17,10 @@ from robots.bridge.config import DepthSource
 from robots.bridge.gate.depth import Cloud, DepthImage, Lens, Picture, picture_of_cloud, picture_of_image
 from robots.bridge.gate.depth_camera import Frame, frame_of
 from robots.bridge.gate.scan import Malformed
-from robots.bridge.gate.values import DepthView, Pose
-from robots.bridge.ros.frames import MAP, ODOM, Frames, PoseUnknown
+from robots.bridge.gate.values import DepthView
+from robots.bridge.ros.frames import Frames, PoseUnknown
+from robots.bridge.ros.wanted import listen
 
-log = logging.getLogger(__name__)
-
-BUFFER_BYTES = 1 << 20  # what is read at once: a picture has some hundred kilobytes to some megabytes
 EARLY_SHARE = 0.8  # of the time between two pictures: one that comes a little early is not too many
 
 
@@ -41,66 +37,23 @@ class Taker(Protocol):
 class DepthTopics:
     """The topics of one depth camera."""
 
-    def __init__(self, source: DepthSource, view: DepthView, taker: Taker) -> None:
-        self.subscribers: list[rospy.Subscriber] = []
+    def __init__(self, source: DepthSource, view: DepthView, frames: Frames, taker: Taker) -> None:
         self._source = source
         self._view = view
+        self._frames = frames
         self._taker = taker
-        self._frames = Frames(source.base_frame)
         self._info: tuple[int, int, Lens] | None = None  # width and height of the pictures that it is for
         self._taken_s = float("-inf")
-        self._wanted = False
-        self._ended = False
-        self._turn = threading.Event()
-        threading.Thread(target=self._follow, name="depth", daemon=True).start()
 
-    def look(self, wanted: bool) -> None:
-        """Listen, or leave the robot alone. Returns at once."""
-        if wanted != self._wanted:
-            self._wanted = wanted
-            self._turn.set()
-
-    def map_to_odom(self) -> Pose | None:
-        """The odometry frame in the map's, if the robot tells it."""
-        return self._frames.flat(ODOM, MAP)
-
-    def close(self) -> None:
-        """End the thread."""
-        self._ended = True
-        self._turn.set()
-
-    def _follow(self) -> None:
-        """Subscribing asks the master, so that it may take a while."""
-        while not self._ended:
-            self._turn.wait()
-            self._turn.clear()
-            if self._wanted and not self.subscribers:
-                self.subscribers = self._subscribed()
-            elif not self._wanted and self.subscribers:
-                leaving, self.subscribers = self.subscribers, []
-                for subscriber in leaving:
-                    subscriber.unregister()
-                self._frames = Frames(self._source.base_frame)  # what was told before is not where things are
-
-    def _subscribed(self) -> list[rospy.Subscriber]:
-        wanted = [
-            ("/tf_static", lambda raw: self._frames.hear(raw, fixed=True)),
-            ("/tf", lambda raw: self._frames.hear(raw, fixed=False)),
-            (self._source.topic, self._receive),
-        ]
+    def listen(self) -> list[rospy.Subscriber]:
+        """Subscribe."""
+        subscribers = [listen(self._source.topic, self._receive, queue=1)]
         if self._source.info:
-            wanted.append((self._source.info, self._learn))
-        return [
-            rospy.Subscriber(
-                topic,
-                rospy.AnyMsg,
-                lambda message, take=take: take(message._buff),
-                queue_size=1 if topic == self._source.topic else None,
-                buff_size=BUFFER_BYTES,
-                tcp_nodelay=True,
-            )
-            for topic, take in wanted
-        ]
+            subscribers.append(listen(self._source.info, self._learn))
+        return subscribers
+
+    def forget(self) -> None:
+        """Nothing: of a picture nothing is kept."""
 
     # --- on rospy's threads ------------------------------------------------------------------------
 

@@ -71,6 +71,12 @@ class Frames:
                 history.append(told)
             self._news.notify_all()
 
+    def forget(self) -> None:
+        """What was told until now is not where things are."""
+        with self._news:
+            self._fixed.clear()
+            self._moving.clear()
+
     def place(self, frame: str, stamp_s: float, patience_s: float = PATIENCE_S) -> Matrix:
         """The transform from `frame` to the base at a stamp. Waits for frames that are still to come; PoseUnknown."""
         deadline_s = time.monotonic() + patience_s

@@ -33,14 +33,15 @@ from robots.bridge.ros.convert import laser_scan, planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands, Seldom
-from robots.bridge.ros.map_place import MapPlace
 from robots.bridge.ros.master import Master, MasterError, SystemState, is_own
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.names import Names
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.speech import SpeechTopics
+from robots.bridge.ros.tf import TfTopics
 from robots.bridge.ros.types import message_class
+from robots.bridge.ros.wanted import WhileWanted
 from robots.bridge.ros.watcher import MasterWatcher
 from robots.bridge.speech import Utterance
 from robots.wire import MotionOffer, SpeechStatus, Use
@@ -67,8 +68,8 @@ class RosBase:
         self._echoes: Echoes | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._cancels: list[rospy.Publisher] = []
-        self._depth: DepthTopics | None = None
-        self._map_place: MapPlace | None = None
+        self._tf: TfTopics | None = None
+        self._costly: WhileWanted | None = None
         self._head: rospy.Publisher | None = None
         self._arm: PostureTopics | None = None
         self._motions: MotionTopics | None = None
@@ -190,14 +191,12 @@ class RosBase:
 
     def look(self, wanted: bool) -> None:
         """Whether anybody drives: what is costly to the robot is asked of it only then."""
-        for part in (self._depth, self._map_place):
-            if part is not None:
-                part.look(wanted)
+        if self._costly is not None:
+            self._costly.look(wanted)
 
     def map_to_odom(self) -> Pose | None:
         """The odometry frame in the map's, if the robot has a map and somebody drives."""
-        knows = self._depth or self._map_place
-        return knows.map_to_odom() if knows else None
+        return self._tf.map_to_odom() if self._tf else None
 
     # --- life ----------------------------------------------------------------------------------------
 
@@ -215,8 +214,6 @@ class RosBase:
     def stop(self) -> None:
         """Zero, then off the master's books."""
         self._watcher.end()
-        if self._depth is not None:
-            self._depth.close()
         if self._drive is None:
             return
         self.publish(STILL)
@@ -259,10 +256,14 @@ class RosBase:
             self._arm = PostureTopics(topics.arm, self._on_posture)
             self._describe()
             self._arm.subscribe(topics.joint_states, topics.motions)
-        if topics.depth and self._config.gate.depth:
-            self._depth = DepthTopics(topics.depth, self._config.gate.depth, self)
+        depth, view = topics.depth, self._config.gate.depth
+        if depth and view:
+            self._tf = TfTopics(depth.base_frame)
+            pictures = DepthTopics(depth, view, self._tf.frames, self)
+            self._costly = WhileWanted(self._connecting, self._tf, pictures)
         elif topics.map:
-            self._map_place = MapPlace(self._connecting)
+            self._tf = TfTopics()
+            self._costly = WhileWanted(self._connecting, self._tf)
 
     def began_again(self) -> None:
         """The master was restarted, and maybe the robot with it."""
