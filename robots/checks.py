@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from typing import Literal
 
 import msgspec
 from django.conf import settings
@@ -32,7 +33,10 @@ from robots.environment import NoWrapper, ros_environment
 from robots.models import Robot
 from robots.selectors import bridge_config
 
-OK, WARN, FAIL = "ok", "warn", "fail"
+Level = Literal["ok", "warn", "fail"]
+OK: Level = "ok"
+WARN: Level = "warn"
+FAIL: Level = "fail"
 PROBE_TIMEOUT_S = 20.0
 SKEW_S = 0.5  # above it the robot's and the console's clocks disagree
 NEEDED = ("odometry", "scan")  # kinds without which the robot does not move
@@ -41,10 +45,10 @@ _findings = msgspec.json.Decoder(Findings)
 
 
 class Check(Struct, frozen=True):
-    """One answer. `level` is ok, warn or fail; `advice` says what to do, "" where nothing is."""
+    """One answer. `advice` says what to do, "" where nothing is."""
 
     name: str
-    level: str
+    level: Level
     text: str
     advice: str = ""
 

@@ -20,6 +20,7 @@ from robots.bridge.gate.values import Limits
 from robots.bridge.stick import DEFAULT, StickStep
 from robots.models import RobotProfile
 from robots.phrases import Line, read_file
+from robots.wire import ReverseSteering
 
 DIRECTORY = Path(__file__).parent / "profiles"
 
@@ -33,7 +34,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     limits: Limits
     blind_mps: float
     default_share: float
-    reverse_steering: str
+    reverse_steering: ReverseSteering
     drive: Topic
     footprint: dict[str, Any]
     topics: dict[str, Any]

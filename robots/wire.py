@@ -423,6 +423,7 @@ class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
 # --- bridge -> browser (through the web process, untouched) -----------------------------------
 
 
+Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
@@ -445,7 +446,7 @@ class Verdict(Struct, frozen=True, omit_defaults=True):
     sensor: str | None = None
     distance_m: float | None = None  # gap between hull and obstacle
     bearing: float | None = None  # of the obstacle, base frame
-    side: str | None = None  # ahead, ahead left, left, behind left, behind, ...
+    side: Side | None = None
     point: tuple[float, float] | None = None
     limits: list[SpeedLimit] = []
     way: Way | None = None  # if a limit on speed holds back: the one that it holds for

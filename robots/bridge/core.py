@@ -22,7 +22,7 @@ from robots.bridge.drives import WAITING, DriveLog
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
-from robots.bridge.gate.values import STILL, LaserScan, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Kind, LaserScan, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
@@ -355,10 +355,10 @@ class Core:
         """What is seen, for pictures."""
         obstacles = self._gate.obstacles(now_s)
         return wire.Scan(
-            laser_cm=_centimetres(obstacles, ("scan",)),
+            laser_cm=_centimetres(obstacles, {"scan"}),
             sonar_cm=[self._range_cm(s, now_s) for s in self.config.topics.sonars],
-            depth_cm=_centimetres(obstacles, ("depth",), DRAWN_GRAIN_CM),
-            remembered_cm=_centimetres(obstacles, ("memory", "depth memory"), DRAWN_GRAIN_CM),
+            depth_cm=_centimetres(obstacles, {"depth"}, DRAWN_GRAIN_CM),
+            remembered_cm=_centimetres(obstacles, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
         )
 
     # --- what orders must know (orders.Rules) ------------------------------------------------------
@@ -552,7 +552,7 @@ class Core:
         return None if range_m is None else round(range_m * 100)
 
 
-def _centimetres(obstacles: Obstacles, kinds: Collection[str], grain: int = 1) -> list[int]:
+def _centimetres(obstacles: Obstacles, kinds: Collection[Kind], grain: int = 1) -> list[int]:
     """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
     sources = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
     points = obstacles.points[np.isin(obstacles.source, sources)]

@@ -17,13 +17,14 @@ from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.sweep import intruder
-from robots.bridge.gate.values import Obstacles
+from robots.bridge.gate.values import Kind, Obstacles
 from robots.wire import Refusal
 
-WATCH = ("scan", "depth")  # what must be awake before the arm moves
-WATCH_ARM = ("scan",)  # and while it does: the arm may carry the camera's view away
-SEES_NO_ARM = ("scan", "memory", "sonar")
-SEES_ARM = "depth"  # what was seen earlier ("depth memory") may be the arm of any earlier moment
+WATCH: tuple[Kind, ...] = ("scan", "depth")  # what must be awake before the arm moves
+WATCH_ARM: tuple[Kind, ...] = ("scan",)  # and while it does: the arm may carry the camera's view away
+SEES_NO_ARM: tuple[Kind, ...] = ("scan", "memory", "sonar")
+# What was seen earlier ("depth memory") may be the arm of any earlier moment.
+SEES_ARM: tuple[Kind, ...] = ("depth",)
 # A picture is some tenths of a second old when it comes, and half a second older when it stops to count.
 LATELY_S = 1.0
 # Around the arm's discs: what it moves between two looks at its joints, the width of the gripper, a camera's noise.
@@ -58,7 +59,7 @@ class Room:
         self._follow_arm(now_s)
         return self._unwatched(WATCH_ARM, now_s) or self._in_the_way(space, self._but_for_arm(obstacles))
 
-    def _unwatched(self, kinds: Collection[str], now_s: float) -> Refusal | None:
+    def _unwatched(self, kinds: Collection[Kind], now_s: float) -> Refusal | None:
         """The first sensor of these kinds that does not tell what stands around the arm."""
         for name, kind, ok, _, text in self._gate.sensor_health(now_s):
             if kind in kinds and not ok:
@@ -88,12 +89,12 @@ class Room:
         rows = _of(obstacles, SEES_NO_ARM)
         arm = {disc for _, discs in self._lately for disc in discs or ()}
         if all(discs is not None for _, discs in self._lately):
-            seen = np.flatnonzero(_of(obstacles, (SEES_ARM,)))
+            seen = np.flatnonzero(_of(obstacles, SEES_ARM))
             rows[seen] = ~_beside(obstacles.points[seen], arm)
         return obstacles._replace(points=obstacles.points[rows], source=obstacles.source[rows])
 
 
-def _of(obstacles: Obstacles, kinds: Collection[str]) -> NDArray[np.bool_]:
+def _of(obstacles: Obstacles, kinds: Collection[Kind]) -> NDArray[np.bool_]:
     """Which obstacles sensors of these kinds know of."""
     numbers = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
     return np.isin(obstacles.source, numbers)

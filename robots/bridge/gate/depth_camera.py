@@ -28,7 +28,7 @@ from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, Layer, Memory
 from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from, wrapped
 from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import DepthView, Pose, SensorHealth
+from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
 # Who looks ahead has table height in the picture at one of these distances at least.
 TABLE_M = 0.7
@@ -58,7 +58,7 @@ def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
 class DepthCamera:
     """What the newest picture shows; `remembered` is what earlier ones showed."""
 
-    kind = "depth"
+    kind: Kind = "depth"
     name = "depth"
     word = "depth"
 
@@ -178,7 +178,7 @@ class DepthCamera:
 class DepthMemory:
     """What a depth camera showed earlier and shows no longer, as a source of its own."""
 
-    kind = "depth memory"
+    kind: Kind = "depth memory"
     name = "depth, remembered"
     word = "depth, remembered"
 

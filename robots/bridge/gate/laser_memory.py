@@ -8,7 +8,7 @@ from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.sight import sight
 from robots.bridge.gate.sources import Laser, carried
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import SensorHealth
+from robots.bridge.gate.values import Kind, SensorHealth
 
 
 class LaserMemory:
@@ -17,7 +17,7 @@ class LaserMemory:
     It gives only points of which the newest scan cannot tell whether they are still there.
     """
 
-    kind = "memory"
+    kind: Kind = "memory"
 
     def __init__(self, laser: Laser) -> None:
         self.name = f"{laser.name}, remembered"

@@ -14,7 +14,7 @@ from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import LASER_LATE_S, SONAR_STALE_S, Freshness
 from robots.bridge.gate.planar import NO_POINTS, Points, joined, placed, seen_from, wrapped
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import LaserScan, Pose, SensorHealth
+from robots.bridge.gate.values import Kind, LaserScan, Pose, SensorHealth
 
 SONAR_MEMORY_S = 0.5
 # most beams this near to the direction of travel must measure something
@@ -26,7 +26,7 @@ class Source(Protocol):
     """Something that knows where obstacles are."""
 
     name: str
-    kind: str  # scan, sonar, depth, or memory: seen before, not now
+    kind: Kind
     word: str  # for the operator: "laser"
 
     def revision(self, now_s: float) -> int:
@@ -42,7 +42,7 @@ class Source(Protocol):
 class Laser:
     """A planar laser: its newest scan."""
 
-    kind = "scan"
+    kind: Kind = "scan"
 
     def __init__(self, name: str, word: str, pose: Pose, footprint: Footprint) -> None:
         self.name = name
@@ -107,7 +107,7 @@ class _Echo(NamedTuple):
 class Sonar:
     """A range sensor: what it met within the last half second."""
 
-    kind = "sonar"
+    kind: Kind = "sonar"
 
     def __init__(self, name: str, word: str, pose: Pose, fov: float) -> None:
         self.name = name

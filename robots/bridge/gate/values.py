@@ -100,14 +100,21 @@ class GateProfile(Struct, frozen=True):
     depth: DepthView | None = None  # None with `has_depth`: there is one, and it is not used
 
 
+# What knows of obstacles; a memory (of a laser, of the depth camera) what was seen before and is not seen now.
+Kind = Literal["scan", "sonar", "depth", "memory", "depth memory"]
+
+
 class Obstacles(NamedTuple):
     """Points to keep clear of, base frame of now. `points` (N, 2) float64; `source` (N,) index into `names`."""
 
     points: NDArray[np.float64]
     source: NDArray[np.intp]
     names: tuple[str, ...]
-    kinds: tuple[str, ...]  # of the sources: scan, sonar, depth, memory
+    kinds: tuple[Kind, ...]  # of the sources
 
+
+# The eighth of the compass round the robot.
+Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
 
 # bend: out of what is seen; turn: of corners
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
@@ -137,7 +144,7 @@ class Verdict(NamedTuple):
     sensor: str | None = None
     distance_m: float | None = None
     bearing: float | None = None
-    side: str | None = None
+    side: Side | None = None
     point: tuple[float, float] | None = None
     limits: tuple[Hold, ...] = ()
     neutral: bool = False

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from robots.bridge.gate.values import Velocity, Way
+from robots.bridge.gate.values import Side, Velocity, Way
 
-SIDES = (
+SIDES: tuple[Side, ...] = (
     "ahead",
     "ahead left",
     "left",
@@ -25,7 +25,7 @@ WAYS: tuple[tuple[Way, str], ...] = (
 )
 
 
-def side(bearing: float) -> str:
+def side(bearing: float) -> Side:
     """The eighth of the compass round the robot that a bearing (base frame, radians) falls into."""
     return SIDES[round(bearing / (math.pi / 4.0)) % len(SIDES)]
 
