@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 from msgspec import Struct
 
-from robots.bridge.config import BridgeConfig
+from robots.bridge.config import CLOCK_SKEW_S, BridgeConfig
 from robots.bridge.findings import (
     BRIDGE,
     CallbackFound,
@@ -38,7 +38,6 @@ OK: Level = "ok"
 WARN: Level = "warn"
 FAIL: Level = "fail"
 PROBE_TIMEOUT_S = 20.0
-SKEW_S = 0.5  # above it the robot's and the console's clocks disagree
 NEEDED = ("odometry", "scan")  # kinds without which the robot does not move
 QUIET = ("battery", "charging", "speech", "motions")  # may say nothing for long
 _findings = msgspec.json.Decoder(Findings)
@@ -188,7 +187,7 @@ def _clock(topics: list[TopicFound]) -> Check:
     if not skews:
         return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))
     skew_s = min(skews, key=abs)
-    if abs(skew_s) <= SKEW_S:
+    if abs(skew_s) <= CLOCK_SKEW_S:
         agree = _("Robot and console agree within %.2f s.") % max(abs(skew_s), 0.01)
         return Check(name, OK, agree)
     ahead = _("The robot's stamps are %.1f s ahead of the console's clock.")

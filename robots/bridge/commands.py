@@ -38,8 +38,8 @@ class AgeEstimator:
 class Stick:
     """The newest command of one source (a page, its holder's tools), its stick position passed through `steps`.
 
-    A command lives 0.3 s from when it can have been sent at the earliest. After a stop that the operator did not make a
-    stick `owes` neutral: nothing moves by it before it was in the middle itself.
+    A command lives `COMMAND_LIFE_S` from when it can have been sent at the earliest. After a stop that the operator did
+    not make a stick `owes` neutral: nothing moves by it before it was in the middle itself.
     """
 
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:

@@ -17,6 +17,8 @@ from robots.bridge.gate.values import GateProfile
 from robots.bridge.stick import StickStep
 from robots.wire import ReverseSteering, Role, Use
 
+CLOCK_SKEW_S = 0.5  # above it the robot's and the console's clocks disagree: that is told, and nothing else
+
 
 class Topic(Struct, frozen=True):
     """A topic and its ROS type, such as ("/key_vel", "geometry_msgs/Twist")."""

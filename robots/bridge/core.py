@@ -9,20 +9,20 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Literal, Protocol
 
-import numpy as np
 from msgspec import Struct, structs
 
 from robots import wire
+from robots.bridge import view
 from robots.bridge.commands import Stick, stick_of, velocity_of
-from robots.bridge.config import BridgeConfig, SonarSource
+from robots.bridge.config import BridgeConfig
 from robots.bridge.drives import WAITING, DriveLog
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
-from robots.bridge.gate.values import STILL, Kind, LaserScan, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
@@ -36,10 +36,7 @@ log = logging.getLogger(__name__)
 
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
 ODOMETRY_ONLINE_S = 1.0
-CLOCK_SKEW_S = 0.5  # below, nobody need know
 REACHED_S = 1.0  # after joining the master: whoever listens to cancels is connected by then
-VIEW_RADIUS_M = 8.0
-DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
 # Refusals that come while the stick is out: what asks for motion since then does not count once they are over.
@@ -118,11 +115,8 @@ class Core:
         self._joined_s = float("inf")  # the robot's master
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
-        self._odometry: tuple[float, Pose, Velocity] | None = None
+        self._reported = view.Reported()
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
-        self._battery_percent: float | None = None
-        self._charging: bool | None = None
-        self._skew_s: float | None = None
         self.orders = Orders(config, base, gate, drives.records, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
@@ -226,8 +220,8 @@ class Core:
         self._watch_records(now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
-        if self.stop_state.state == "stopping" and still and self._odometry:
-            self._see_standstill(self._odometry[0])
+        if self.stop_state.state == "stopping" and still and self._reported.odometry:
+            self._see_standstill(self._reported.odometry[0])
         self._repeat_cancel(now_s)
 
     def recorded(self, now_s: float) -> None:
@@ -264,9 +258,9 @@ class Core:
             return
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # frozen, or overtaken: as if nothing had come
-        self._odometry = (arrival_s, pose, velocity)
-        skew_s = stamp_s - wall_s
-        self._skew_s = skew_s if self._skew_s is None else self._skew_s + 0.1 * (skew_s - self._skew_s)
+        self._reported.odometry = (arrival_s, pose, velocity)
+        skew_s, steadied_s = stamp_s - wall_s, self._reported.skew_s
+        self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
         if self.grants.current:
             self._gate.obstacles(arrival_s)  # carried to the new pose now, so that no command waits for it
@@ -296,13 +290,13 @@ class Core:
     def battery(self, percent: float) -> None:
         """Charge in percent."""
         if math.isfinite(percent):
-            self._battery_percent = min(max(percent, 0.0), 100.0)
+            self._reported.battery_percent = min(max(percent, 0.0), 100.0)
 
     def charging(self, charging: bool) -> None:
         """Whether the robot is on its charger."""
-        self._charging = charging
+        self._reported.charging = charging
 
-    # --- pictures --------------------------------------------------------------------------------
+    # --- what is told of it --------------------------------------------------------------------------------
 
     def persisted(self) -> Persisted:
         """What must survive a kill."""
@@ -319,47 +313,18 @@ class Core:
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
-        grant = self.grants.current
-        return wire.State(
-            phase=phase,
-            text=text,
-            stop=self.stop_state,
-            # Limits are the driver's; some sensors are listened to only for one.
-            verdict=_verdict_view(self._verdict if grant else self._verdict._replace(limits=())),
-            odometry=self._odometry_view(),
-            sensors=[wire.Sensor(*health) for health in self._gate.sensor_health(now_s)],
-            battery_percent=self._battery_percent,
-            charging=self._charging,
-            holder=grant.holder if grant else None,
-            fence=grant.fence if grant else None,
-            seq=self._stick.seq,
-            neutral_needed=(self._asking or self._stick).owes if grant else None,
-            foreign=self._ros.foreign,
-            watchers=watchers,
-            clock_skew_s=self._skew_s if self._skew_s and abs(self._skew_s) > CLOCK_SKEW_S else None,
-            refused=dict(self.refused),
-            latency_s=round(self._gate.latency.in_force_s(now_s), 2),
-            latency_measured=self._gate.latency.measured_s is not None,
-            arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in self._gate.arm_discs],
-            watchers_more=watchers_more,
-            motion=self.orders.motions.view(now_s),
-            motion_ended=self.orders.motions.last,
-            speech=self.orders.speaking.view(now_s),
-            speech_ended=self.orders.speaking.last,
-            chosen=self.orders.choices.chosen,
-            choice_ended=dict(self.orders.choices.gone),
-            publishing=self.orders.publishings.view,
+        standing = view.Standing(
+            phase,
+            text,
+            self.stop_state,
+            self.grants.current,
+            self._stick.seq,
+            (self._asking or self._stick).owes,
+            self._ros.foreign,
+            self._verdict,
+            self.refused,
         )
-
-    def scan(self, now_s: float) -> wire.Scan:
-        """What is seen, for pictures."""
-        obstacles = self._gate.obstacles(now_s)
-        return wire.Scan(
-            laser_cm=_centimetres(obstacles, {"scan"}),
-            sonar_cm=[self._range_cm(s, now_s) for s in self.config.topics.sonars],
-            depth_cm=_centimetres(obstacles, {"depth"}, DRAWN_GRAIN_CM),
-            remembered_cm=_centimetres(obstacles, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
-        )
+        return view.state(standing, self._reported, self._gate, self.orders, now_s, watchers, watchers_more)
 
     # --- what orders must know (orders.Rules) ------------------------------------------------------
 
@@ -534,55 +499,10 @@ class Core:
             return self._ros.phase, self._ros.text
         if self._base.listeners == 0:
             return "connecting", self._problem(f"Nothing on the robot listens to {topics.drive.name}.")
-        if self._odometry is None or now_s - self._odometry[0] > ODOMETRY_ONLINE_S:
+        odometry = self._reported.odometry
+        if odometry is None or now_s - odometry[0] > ODOMETRY_ONLINE_S:
             return "connecting", self._problem(f"No odometry comes from {topics.odometry.name}.")
         return "online", self._ros.problems[0] if self._ros.problems else ""
 
     def _problem(self, otherwise: str) -> str:
         return self._ros.problems[0] if self._ros.problems else otherwise
-
-    def _odometry_view(self) -> wire.Odometry | None:
-        if self._odometry is None:
-            return None
-        _, pose, velocity = self._odometry
-        return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
-
-    def _range_cm(self, sonar: SonarSource, now_s: float) -> int | None:
-        range_m = self._gate.sonar_range(sonar.frame_id, now_s)
-        return None if range_m is None else round(range_m * 100)
-
-
-def _centimetres(obstacles: Obstacles, kinds: Collection[Kind], grain: int = 1) -> list[int]:
-    """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
-    sources = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
-    points = obstacles.points[np.isin(obstacles.source, sources)]
-    near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
-    places = np.rint(near * (100 / grain)).astype(np.int64)
-    if grain > 1:
-        _, kept = np.unique((places[:, 0] << 32) + places[:, 1], return_index=True)
-        places = places[kept] * grain
-    flat: list[int] = places.ravel().tolist()
-    return flat
-
-
-def _verdict_view(verdict: Verdict) -> wire.Verdict:
-    def rounded(velocity: Velocity) -> tuple[float, float, float]:
-        return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
-
-    return wire.Verdict(
-        code=verdict.code,
-        text=verdict.text,
-        asked=rounded(verdict.asked),
-        allowed=rounded(verdict.velocity),
-        sensor=verdict.sensor,
-        distance_m=_rounded(verdict.distance_m),
-        bearing=_rounded(verdict.bearing),
-        side=verdict.side,
-        point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
-        limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in verdict.limits],
-        way=verdict.way,
-    )
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 2)

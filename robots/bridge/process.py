@@ -15,6 +15,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from robots import wire
+from robots.bridge import view
 from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drives import DriveLog
@@ -48,14 +49,15 @@ class Bridge:
         self._base = RosBase(config)
         self._records = Records(sink)
         self._drives = DriveLog(self._records, self._base.map_to_odom)
-        gate = Gate(config.gate)
+        self._gate = Gate(config.gate)
+        self._sonars = config.topics.sonars
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000
         self._inspection = Inspection(config, self._publishing_lost)
         self._core = Core(
             config,
             self._base,
-            gate,
+            self._gate,
             self._drives,
             left,
             self._announce,
@@ -143,9 +145,10 @@ class Bridge:
         if not looked_at or now_s - self._viewed_s < gap_s:
             return
         self._viewed_s = now_s
-        view = wire.encode(wire.View(self._state(now_s), self._core.scan(now_s)))
+        scan = view.scan(self._gate, self._sonars, now_s)
+        shown = wire.encode(wire.View(self._state(now_s), scan))
         for link in looked_at:
-            link.show(view)
+            link.show(shown)
 
     def _state(self, now_s: float) -> wire.State:
         more = sum(link.watchers_more for link in self._links.links)

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
-COMMAND_LIFE_S = 0.3  # what was held before such a gap says nothing of the hand now
+COMMAND_LIFE_S = 0.3  # of every command; what was held before such a gap says nothing of the hand now
 SHORTEST_S = 0.005  # two commands of one burst are taken to be this far apart
 
 Factor = Annotated[float, Meta(ge=0.0, le=1.0)]

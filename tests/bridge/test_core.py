@@ -3,11 +3,10 @@
 import itertools
 
 import msgspec
-import numpy as np
 import pytest
 
 from robots.bridge.core import RosStatus
-from robots.bridge.gate.values import STILL, Hold, Obstacles, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Hold, Velocity, Verdict
 from robots.bridge.store import Persisted
 from robots.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
@@ -563,16 +562,3 @@ def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench
     )
     bench.core.revoke(1, "enough", bench.now_s)
     assert bench.core.state(bench.now_s, []).verdict.limits == []
-
-
-def test_a_picture_has_one_point_for_each_six_centimetres_of_what_is_remembered(bench):
-    near = np.array([(1.0, 0.5), (1.01, 0.51), (1.2, -0.5), (20.0, 0.0)])
-    bench.gate.obstacles = lambda _now_s: Obstacles(
-        near, np.array([1, 1, 1, 1]), ("laser", "seen"), ("scan", "memory")
-    )
-    scan = bench.core.scan(bench.now_s)
-    assert sorted(zip(scan.remembered_cm[::2], scan.remembered_cm[1::2], strict=True)) == [
-        (102, 48),
-        (120, -48),
-    ]
-    assert scan.laser_cm == scan.depth_cm == []

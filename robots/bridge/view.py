@@ -1,0 +1,145 @@
+"""What is shown of the robot: its state, and a picture of what is seen. Pure: values in, messages out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from msgspec import Struct
+
+from robots import wire
+from robots.bridge.config import CLOCK_SKEW_S, SonarSource
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import Kind, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.orders import Orders
+from robots.wire import Grant, StopState
+
+VIEW_RADIUS_M = 8.0
+DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
+
+
+class Reported(Struct):
+    """What the robot told of itself last."""
+
+    odometry: tuple[float, Pose, Velocity] | None = None  # when it arrived, and what it said
+    battery_percent: float | None = None
+    charging: bool | None = None
+    skew_s: float | None = None  # of its clock against ours, steadied
+
+
+class Standing(NamedTuple):
+    """How things stand by the bridge's rules."""
+
+    phase: wire.Phase
+    text: str
+    stop: StopState
+    grant: Grant | None
+    seq: int | None
+    neutral_needed: str | None
+    foreign: list[str]  # other nodes that publish to the drive topic
+    verdict: Verdict
+    refused: Counter[str]
+
+
+def state(
+    standing: Standing,
+    reported: Reported,
+    gate: Gate,
+    orders: Orders,
+    now_s: float,
+    watchers: list[str],
+    watchers_more: int,
+) -> wire.State:
+    """The robot as it is now."""
+    grant, skew_s = standing.grant, reported.skew_s
+    return wire.State(
+        phase=standing.phase,
+        text=standing.text,
+        stop=standing.stop,
+        # Limits are the driver's; some sensors are listened to only for one.
+        verdict=_verdict(standing.verdict if grant else standing.verdict._replace(limits=())),
+        odometry=_odometry(reported),
+        sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
+        battery_percent=reported.battery_percent,
+        charging=reported.charging,
+        holder=grant.holder if grant else None,
+        fence=grant.fence if grant else None,
+        seq=standing.seq,
+        neutral_needed=standing.neutral_needed if grant else None,
+        foreign=standing.foreign,
+        watchers=watchers,
+        clock_skew_s=skew_s if skew_s and abs(skew_s) > CLOCK_SKEW_S else None,
+        refused=dict(standing.refused),
+        latency_s=round(gate.latency.in_force_s(now_s), 2),
+        latency_measured=gate.latency.measured_s is not None,
+        arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in gate.arm_discs],
+        watchers_more=watchers_more,
+        motion=orders.motions.view(now_s),
+        motion_ended=orders.motions.last,
+        speech=orders.speaking.view(now_s),
+        speech_ended=orders.speaking.last,
+        chosen=orders.choices.chosen,
+        choice_ended=dict(orders.choices.gone),
+        publishing=orders.publishings.view,
+    )
+
+
+def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
+    """What is seen, for pictures."""
+    obstacles = gate.obstacles(now_s)
+    return wire.Scan(
+        laser_cm=_centimetres(obstacles, {"scan"}),
+        sonar_cm=[_range_cm(gate, sonar, now_s) for sonar in sonars],
+        depth_cm=_centimetres(obstacles, {"depth"}, DRAWN_GRAIN_CM),
+        remembered_cm=_centimetres(obstacles, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
+    )
+
+
+def _centimetres(obstacles: Obstacles, kinds: Collection[Kind], grain: int = 1) -> list[int]:
+    """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
+    sources = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
+    points = obstacles.points[np.isin(obstacles.source, sources)]
+    near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
+    places = np.rint(near * (100 / grain)).astype(np.int64)
+    if grain > 1:
+        _, kept = np.unique((places[:, 0] << 32) + places[:, 1], return_index=True)
+        places = places[kept] * grain
+    flat: list[int] = places.ravel().tolist()
+    return flat
+
+
+def _range_cm(gate: Gate, sonar: SonarSource, now_s: float) -> int | None:
+    range_m = gate.sonar_range(sonar.frame_id, now_s)
+    return None if range_m is None else round(range_m * 100)
+
+
+def _odometry(reported: Reported) -> wire.Odometry | None:
+    if reported.odometry is None:
+        return None
+    _, pose, velocity = reported.odometry
+    return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
+
+
+def _verdict(verdict: Verdict) -> wire.Verdict:
+    def rounded(velocity: Velocity) -> tuple[float, float, float]:
+        return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
+
+    return wire.Verdict(
+        code=verdict.code,
+        text=verdict.text,
+        asked=rounded(verdict.asked),
+        allowed=rounded(verdict.velocity),
+        sensor=verdict.sensor,
+        distance_m=_rounded(verdict.distance_m),
+        bearing=_rounded(verdict.bearing),
+        side=verdict.side,
+        point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
+        limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in verdict.limits],
+        way=verdict.way,
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 2)

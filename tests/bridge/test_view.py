@@ -1,0 +1,21 @@
+"""What is drawn for pages."""
+
+import numpy as np
+
+from robots.bridge import view
+from robots.bridge.gate.values import Obstacles
+from tests.bridge.support import CONFIG, OpenGate
+
+
+def test_a_picture_has_one_point_for_each_six_centimetres_of_what_is_remembered():
+    near = np.array([(1.0, 0.5), (1.01, 0.51), (1.2, -0.5), (20.0, 0.0)])
+    gate = OpenGate(CONFIG.gate)
+    gate.obstacles = lambda _now_s: Obstacles(
+        near, np.array([1, 1, 1, 1]), ("laser", "seen"), ("scan", "memory")
+    )
+    scan = view.scan(gate, (), 100.0)
+    assert sorted(zip(scan.remembered_cm[::2], scan.remembered_cm[1::2], strict=True)) == [
+        (102, 48),
+        (120, -48),
+    ]
+    assert scan.laser_cm == scan.depth_cm == []
