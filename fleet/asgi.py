@@ -10,9 +10,14 @@ from django.core.asgi import get_asgi_application
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
 http = get_asgi_application()
 
-from fleet.doors import guarded  # noqa: E402 - the applications are ready only now
+from django.db import connections  # noqa: E402 - the applications are ready only now
+
+from fleet.doors import guarded  # noqa: E402
+from fleet.environment import limit_queries  # noqa: E402
 from robots.ending import leave_within  # noqa: E402
 from teleop.routing import websocket_urlpatterns  # noqa: E402
+
+limit_queries(connections.settings["default"])
 
 # A stick's way leads through the event loop: at Python's usual 5 ms it would wait out each whole look at the database.
 sys.setswitchinterval(0.0005)

@@ -33,6 +33,7 @@ POSTGRESQL_OPTIONS = {
     "keepalives_interval": "2",
     "keepalives_count": "3",
 }
+LONGEST_QUERY_S = 30  # of a web process
 
 
 class Environment:
@@ -206,3 +207,13 @@ def database(url: str) -> dict[str, Any]:
         "PORT": str(port or ""),
         "OPTIONS": POSTGRESQL_OPTIONS | dict(parse_qsl(parts.query)),
     }
+
+
+def limit_queries(database: dict[str, Any]) -> None:
+    """Let PostgreSQL end a query that takes too long, in a web process: its threads are few, and people wait.
+
+    Commands are not limited: to verify or to migrate takes as long as it takes.
+    """
+    if database["ENGINE"].endswith("postgresql"):
+        options = database["OPTIONS"]
+        options["options"] = f"-c statement_timeout={LONGEST_QUERY_S}s {options['options']}"

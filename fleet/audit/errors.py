@@ -8,6 +8,7 @@ from typing import Final
 CAUSES = [
     ("locked", "locked", "another process keeps the database locked"),
     ("lock timeout", "locked", "another process keeps the database locked"),
+    ("statement timeout", "slow", "the database took too long"),
     ("full", "disk_full", "the disk of the database is full"),
     ("no space left", "disk_full", "the disk of the database is full"),
     ("readonly", "read_only", "the database is read-only"),

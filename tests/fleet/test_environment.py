@@ -126,6 +126,22 @@ def test_a_postgresql_url_is_read_whole():
     assert entry["OPTIONS"]["sslmode"] == "require"
 
 
+def test_a_query_of_a_web_process_is_limited_unless_the_url_says_otherwise():
+    plain, own = (
+        environment.database(f"postgresql://db.example/fleet{query}")
+        for query in ("", "?options=-c%20statement_timeout%3D5min")
+    )
+    for entry in (plain, own):
+        environment.limit_queries(entry)
+    assert plain["OPTIONS"]["options"] == "-c statement_timeout=30s -c lock_timeout=5s"
+    assert (
+        own["OPTIONS"]["options"] == "-c statement_timeout=30s -c statement_timeout=5min"
+    )  # the last counts
+    file = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
+    environment.limit_queries(file)
+    assert file == environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
+
+
 def test_a_sqlite_url_with_four_slashes_is_an_absolute_path():
     entry = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
     assert entry["NAME"] == "/var/lib/fleet/fleet.sqlite3"

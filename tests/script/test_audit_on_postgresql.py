@@ -27,6 +27,34 @@ TESTS = [
 ]
 
 
+LIMITS = """
+from django.db import connection
+with connection.cursor() as cursor:
+    for name in ("statement_timeout", "lock_timeout"):
+        cursor.execute(f"SHOW {name}")
+        print(cursor.fetchone()[0], end=" ")
+"""
+WEB, COMMAND = "import fleet.asgi", "import django; django.setup()"
+
+
+def test_a_query_of_a_web_process_is_limited_and_one_of_a_command_is_not(tmp_path: Path) -> None:
+    def limits(process: str, url: str) -> str:
+        settings = {
+            "FLEET_VAR": str(tmp_path / "var"),
+            "FLEET_HOSTS": "localhost",
+            "FLEET_SECRET_KEY": "k" * 32,
+        }
+        environment = (
+            outside() | settings | {"DJANGO_SETTINGS_MODULE": "fleet.settings", "FLEET_DATABASE_URL": url}
+        )
+        command = [sys.executable, "-c", f"{process}\n{LIMITS}"]
+        ran = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+        return ran.stdout.strip()
+
+    with postgresql() as url:
+        assert (limits(WEB, url), limits(COMMAND, url)) == ("30s 5s", "0 5s")
+
+
 @pytest.mark.timeout(400)  # hundreds of tests
 def test_what_holds_on_sqlite_holds_on_postgresql() -> None:
     command = [sys.executable, "-m", "pytest", "-q", *TESTS]
