@@ -1,7 +1,7 @@
 """The bridge's way to its inspector: a process that is there only while somebody looks, asks or publishes.
 
-Questions and looks of all links go in, answers and messages come out and are handed to the links that wanted them. All
-of it is bytes in a pipe: the control loop decodes no message of the robot's, and waits for nothing.
+Questions and looks of all links go in, answers and messages come out and are handed to the links that wanted them, by
+`robots.bridge.pipe`. All of it is bytes: the control loop decodes no message of the robot's, and waits for nothing.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
@@ -20,6 +19,8 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
+from robots.bridge.helper import Helper
+from robots.bridge.pipe import Alive, Check, Done, Question, Ready, Report, Request, Silence
 from robots.wire import MOST_LOOKS, Refusal
 
 log = logging.getLogger(__name__)
@@ -29,64 +30,9 @@ LINGER_S = 60.0  # an inspector that nobody needs ends after this
 ANSWER_S = 2.0  # a question is answered within this, or refused
 START_S = 10.0  # the same, while the process still starts
 SILENCE_S = 1.0  # a publishing ends within this, or the process does
-RESTART_S = (1.0, 10.0)  # the pause before another process, doubled while none lives for as long
-END_S = 2.0  # after its stdin was closed
 MOST_ASKED = 32  # questions of one link under way
 MOST_UNSENT = 200  # requests, while there is no process
-LARGEST_LINE = 4 * 1024 * 1024  # bytes
-LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
 
-
-class TooLate(Exception):
-    """Nobody waits for the answer any more: what was asked for must not be done."""
-
-
-class Question(Struct, frozen=True, tag_field="t", tag="inspect"):
-    """A viewer's question, until its asker is told that there is no answer. Answer: `wire.Inspected`."""
-
-    seq: int
-    ask: wire.Question
-    until_s: float | None = None  # by the monotonic clock, which all processes of a machine share
-
-    def require_time(self) -> None:
-        """Before anything is done. Raises `TooLate`."""
-        if self.until_s is not None and time.monotonic() >= self.until_s:
-            raise TooLate
-
-
-class Check(Struct, frozen=True, tag_field="t", tag="check"):
-    """Do the fields of this order fit its definition? Answer: `Done`."""
-
-    number: int
-    order: wire.Publish
-
-
-class Silence(Struct, frozen=True, tag_field="t", tag="silence"):
-    """Publish no more there; None: nothing of what was given until now, also of what waits. Answer: `Done`."""
-
-    number: int
-    topic: str | None = None
-
-
-class Alive(Struct, frozen=True, tag_field="t", tag="alive"):
-    """The bridge is there: go on with what is published at a rate."""
-
-
-Request = Question | wire.LookAt | Check | wire.Publish | Silence | Alive
-
-
-class Ready(Struct, frozen=True, tag_field="t", tag="ready"):
-    """The inspector's first word."""
-
-
-class Done(Struct, frozen=True, tag_field="t", tag="done"):
-    """What `number` asked for was done, or why not."""
-
-    number: int
-    refusal: Refusal | None = None
-
-
-Report = Ready | Done | wire.Inspected | wire.Seen
 
 _report = msgspec.json.Decoder(Report)
 
@@ -134,9 +80,8 @@ class Inspection:
         command: Sequence[str] = COMMAND,
         linger_s: float = LINGER_S,
     ) -> None:
-        self._config = config
+        self._helper = Helper(command, msgspec.json.encode(config), self)
         self._lost = lost
-        self._command = command
         self._linger_s = linger_s
         self._looks: dict[Viewer, Mapping[str, float]] = {}
         self._talking: set[str] = set()  # topics that are published on at a rate
@@ -144,13 +89,16 @@ class Inspection:
         self._waiting: dict[int, _Waiting] = {}
         self._count = 0
         self._unsent: dict[int, bytes] = {}  # by number, until the process is there
-        self._process: asyncio.subprocess.Process | None = None
-        self._stdin: asyncio.StreamWriter | None = None
         self._ready = False
-        self._let_go = False  # the process was told to end
-        self._running: asyncio.Task[None] | None = None
         self._idle: asyncio.TimerHandle | None = None
-        self._closing = asyncio.Event()
+
+    async def close(self) -> None:
+        """The bridge ends."""
+        for waiting in self._waiting.values():
+            waiting.timer.cancel()
+        if self._idle is not None:
+            self._idle.cancel()
+        await self._helper.close()
 
     # --- who looks -----------------------------------------------------------------------------------
 
@@ -225,17 +173,30 @@ class Inspection:
             self._silence(None)
 
     def _silence(self, topic: str | None) -> None:
-        if self._process is not None:
+        if self._helper.lives:
             number = self._expect(None, self._silent, SILENCE_S)
             self._send(Silence(number, topic))
 
     def _silent(self, given: Refusal | None) -> None:
         if given is not None:
-            self._kill("it does not stop publishing")
+            self._helper.kill("it does not stop publishing")
 
-    # --- what it says -----------------------------------------------------------------------------------
+    # --- the process (helper.Partner) -------------------------------------------------------------------
 
-    def _hear(self, line: bytes) -> None:
+    def needed(self) -> bool:
+        """While somebody looks or publishes, and for a while after a question."""
+        return bool(self._wanted() or self._talking or self._waiting or self._idle)
+
+    def began(self) -> None:
+        """It is told what is looked at, and asked what waits."""
+        self._ready = False
+        self._send(wire.LookAt(self._wanted()))
+        if self._unsent:
+            self._helper.send(b"\n".join(self._unsent.values()))
+            self._unsent.clear()
+
+    def hear(self, line: bytes) -> None:
+        """An answer, or a message."""
         match _report.decode(line):
             case wire.Seen(topic=topic):
                 seen = line.rstrip()  # as it came: the link's report is the same
@@ -249,10 +210,19 @@ class Inspection:
             case Ready():
                 self._ready = True
 
+    def ended(self) -> None:
+        """What was published ended with it, and nothing begins again by itself."""
+        self._ready = self._has_published = False
+        if self._talking:
+            self._talking.clear()
+            self._lost()
+
+    # --- inside -----------------------------------------------------------------------------------------
+
     @property
     def _patience_s(self) -> float:
         """How long an answer may take."""
-        return ANSWER_S if self._ready else START_S
+        return ANSWER_S if self._ready and self._helper.listens else START_S
 
     def _expect(
         self,
@@ -279,8 +249,6 @@ class Inspection:
             waiting.timer.cancel()
             waiting.answer(given)
 
-    # --- the process ------------------------------------------------------------------------------------
-
     def _wanted(self) -> dict[str, float]:
         """The topics that anybody looks at, first come first served, with the highest rate."""
         wanted: dict[str, float] = {}
@@ -298,118 +266,26 @@ class Inspection:
 
     def _ask(self, number: int, request: Question | Check) -> None:
         """Send it now, or once there is a process."""
-        if self._stdin is not None:
+        if self._helper.listens:
             self._send(request)
         elif len(self._unsent) < MOST_UNSENT:
             self._unsent[number] = wire.encode(request)
 
     def _send(self, request: Request) -> bool:
         """To the process that is there now; what concerns publishing is for no other. False: none hears it."""
-        if self._stdin is None or self._stdin.is_closing():
-            return False
-        if self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
-            self._kill("it does not read")
-            return False
-        self._stdin.write(wire.encode(request) + b"\n")
-        return True
+        return self._helper.send(wire.encode(request))
 
     def _need(self) -> None:
         """Have a process, for another while."""
-        loop = asyncio.get_running_loop()
         if self._idle is not None:
             self._idle.cancel()
-        self._idle = loop.call_later(self._linger_s, self._end_if_idle)
-        if self._running is None and not self._closing.is_set():
-            self._running = loop.create_task(self._run())
+        self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end_if_idle)
+        self._helper.need()
 
     def _end_if_idle(self) -> None:
         self._idle = None
-        if not self._needed():
-            self._end()
-
-    def _needed(self) -> bool:
-        return (
-            bool(self._wanted() or self._talking or self._waiting or self._idle)
-            and not self._closing.is_set()
-        )
-
-    async def _run(self) -> None:
-        """One process after the other, for as long as one is needed."""
-        pause_s, longest_s = RESTART_S
-        try:
-            while self._needed():
-                began_s = time.monotonic()
-                try:
-                    await self._one()
-                except (OSError, ValueError):  # it cannot be started, or does not speak as it should
-                    log.exception("the inspector broke")
-                lived_s = time.monotonic() - began_s
-                pause_s = RESTART_S[0] if lived_s > longest_s else min(2 * pause_s, longest_s)
-                if self._needed() and not self._let_go:
-                    with suppress(asyncio.TimeoutError):
-                        await asyncio.wait_for(self._closing.wait(), pause_s)
-        finally:
-            self._running = None
-
-    async def _one(self) -> None:
-        """A process from its beginning to its end."""
-        pipe = asyncio.subprocess.PIPE
-        process = await asyncio.create_subprocess_exec(
-            *self._command, stdin=pipe, stdout=pipe, limit=LARGEST_LINE
-        )
-        assert process.stdin is not None and process.stdout is not None  # noqa: S101  (they are pipes)
-        self._process, self._stdin, self._let_go = process, process.stdin, False
-        try:
-            self._stdin.write(msgspec.json.encode(self._config) + b"\n")
-            if self._closing.is_set():  # while this was being started, so that `close` found nothing to end
-                self._end()
-            else:
-                self._send(wire.LookAt(self._wanted()))
-                for unsent in self._unsent.values():
-                    self._stdin.write(unsent + b"\n")
-                self._unsent.clear()
-            while line := await process.stdout.readline():
-                self._hear(line)
-        finally:
-            self._process = self._stdin = None
-            self._ready = self._has_published = False
-            process.stdin.close()
-            await _ended(process)
-            with suppress(OSError):  # at what it read no more
-                await process.stdin.wait_closed()
-            self._forget_publishing()
-
-    def _forget_publishing(self) -> None:
-        """What was published ended with the process, and nothing begins again by itself."""
-        if self._talking:
-            self._talking.clear()
-            self._lost()
-
-    def _end(self) -> None:
-        """Close its stdin, at which it ends; insist after a while. Who asks meanwhile asks the next one."""
-        process = self._process
-        self._let_go, self._ready = True, False
-        if self._stdin is not None:
-            self._stdin.close()
-            self._stdin = None
-        if process is not None:
-            asyncio.get_running_loop().call_later(END_S, partial(_kill, process))
-
-    def _kill(self, why: str) -> None:
-        log.error("the inspector is killed: %s", why)
-        if self._process is not None:
-            _kill(self._process)
-
-    async def close(self) -> None:
-        """The bridge ends."""
-        self._closing.set()
-        for waiting in self._waiting.values():
-            waiting.timer.cancel()
-        if self._idle is not None:
-            self._idle.cancel()
-        self._end()
-        if self._running is not None:
-            await self._running
+        if not self.needed():
+            self._helper.let_go()
 
 
 def _not_shown(topic: str) -> bytes:
@@ -417,18 +293,3 @@ def _not_shown(topic: str) -> bytes:
     refusal = Refusal("too_many_looks", text, "robot", {"limit": MOST_LOOKS})
     shown = wire.Shown(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
     return wire.encode(wire.Seen(topic, msgspec.Raw(wire.encode(shown))))
-
-
-async def _ended(process: asyncio.subprocess.Process) -> None:
-    """It has closed its stdout: it ends, or is made to."""
-    try:
-        await asyncio.wait_for(process.wait(), END_S)
-    except asyncio.TimeoutError:
-        _kill(process)
-        await process.wait()
-
-
-def _kill(process: asyncio.subprocess.Process) -> None:
-    if process.returncode is None:
-        with suppress(ProcessLookupError):
-            process.kill()

@@ -13,7 +13,7 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge import inspection
+from robots.bridge import helper, inspection
 from robots.bridge.inspection import MOST_ASKED, Inspection
 from tests.bridge.support import CONFIG
 
@@ -156,13 +156,13 @@ async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
 
 async def test_there_is_no_process_before_somebody_needs_one_nor_long_after(make):
     relay = make(linger_s=0.05)
-    assert relay._process is None
+    assert relay._helper._process is None
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._process
+    process = relay._helper._process
     relay._end_if_idle()  # looked at for longer than the pause
-    assert process is not None and relay._process is process and not relay._let_go
+    assert process is not None and relay._helper._process is process and not relay._helper._let_go
     relay.look_at(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
     relay.look_at(ann, {"/y": 1.0})  # and again
@@ -191,8 +191,8 @@ async def test_too_many_questions_at_once_are_refused(relay):
 
 @pytest.mark.parametrize("how", ["/die", "/babble"])
 async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_same(relay, monkeypatch, how):
-    monkeypatch.setattr(inspection, "RESTART_S", (0.01, 0.05))
-    monkeypatch.setattr(inspection, "END_S", 0.5)
+    monkeypatch.setattr(helper, "RESTART_S", (0.01, 0.05))
+    monkeypatch.setattr(helper, "END_S", 0.5)
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     relay.ask(ann, question(1))
@@ -205,7 +205,7 @@ async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_sa
 
 
 async def test_what_was_published_at_a_rate_is_told_as_lost_when_the_process_dies(make, monkeypatch):
-    monkeypatch.setattr(inspection, "RESTART_S", (0.01, 0.05))
+    monkeypatch.setattr(helper, "RESTART_S", (0.01, 0.05))
     lost = asyncio.Event()
     relay = make(lost=lost.set)
     ann = Viewer()
@@ -243,7 +243,7 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._process
+    process = relay._helper._process
     assert process is not None
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/notes"))
     relay.publish_stop("/notes")
@@ -256,11 +256,11 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
 
 
 async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
-    monkeypatch.setattr(inspection, "LARGEST_BACKLOG", 10_000)
+    monkeypatch.setattr(helper, "LARGEST_BACKLOG", 10_000)
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._process
+    process = relay._helper._process
     assert process is not None
     relay.ask(ann, question(1, "/doze"))
     assert relay.publish(ORDER)
@@ -283,7 +283,7 @@ async def test_with_the_bridge_its_inspector_ends(make):
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._process
+    process = relay._helper._process
     assert process is not None
     await relay.close()
     assert process.returncode == 0
@@ -293,7 +293,7 @@ async def test_an_inspector_that_was_just_being_started_ends_with_the_bridge_too
     relay = make()
     relay.ask(Viewer(), question(1, "/doze"))
     await asyncio.sleep(0)  # it is on its way
-    assert relay._running is not None and relay._process is None
+    assert relay._helper._running is not None and relay._helper._process is None
     await asyncio.wait_for(relay.close(), PATIENCE_S)
 
 

@@ -12,8 +12,8 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge import inspection
-from robots.bridge.inspection import Question, TooLate
+from robots.bridge import helper, inspection
+from robots.bridge.pipe import Question, TooLate
 from tests.bridge.test_inspection import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
 from tests.bridge.test_publishings import bench, note, settled
 
@@ -104,7 +104,7 @@ async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monke
     monkeypatch.setattr(inspection, "SILENCE_S", 0.05)
     relay, ear = await listen(confirms=False)
     await ear.hears("look_at")
-    process = relay._process
+    process = relay._helper._process
     relay.publish(ORDER)
     relay.halt()
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
@@ -163,15 +163,15 @@ def test_the_bridge_gives_it_in_every_tick_and_only_while_something_is_published
 
 async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_later(listen, monkeypatch):
     monkeypatch.setattr(inspection, "START_S", 0.05)
-    monkeypatch.setattr(inspection, "RESTART_S", (0.2, 0.2))
+    monkeypatch.setattr(helper, "RESTART_S", (0.2, 0.2))
     relay, ear = await listen()
-    relay._command, command = ("/nowhere/inspector",), relay._command
+    relay._helper._command, command = ("/nowhere/inspector",), relay._helper._command
     relay.ask(ear, wire.Inspect(1, CALL))
     refusal = (await ear.answer(1)).refusal
     assert refusal.code == "inspector_silent"
     assert refusal.text.endswith("ask again.")
     monkeypatch.setattr(inspection, "START_S", PATIENCE_S)
-    relay._command = command
+    relay._helper._command = command
     relay.ask(ear, question(2))
     await ear.answer(2)
     assert [line["ask"]["t"] for line in ear.heard if line["t"] == "inspect"] == ["parameter"]
@@ -204,16 +204,16 @@ async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_an
 async def test_who_asks_an_inspector_that_is_being_let_go_is_answered_by_the_next_without_a_pause(
     listen, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(inspection, "RESTART_S", (600.0, 600.0))
-    monkeypatch.setattr(inspection, "END_S", PATIENCE_S)
+    monkeypatch.setattr(helper, "RESTART_S", (600.0, 600.0))
+    monkeypatch.setattr(helper, "END_S", PATIENCE_S)
     monkeypatch.setattr(inspection, "ANSWER_S", 0.0)  # not enough for the process that ends
     may_end = tmp_path / "may end"
     os.mkfifo(may_end)
     relay, ear = await listen(end=f"open({str(may_end)!r}).read()")
     await ear.hears("look_at")
-    process = relay._process
+    process = relay._helper._process
     relay.look_at(ear, {})
-    relay._end()
+    relay._helper.let_go()
     assert process.returncode is None
     relay.ask(ear, question(1))
     await asyncio.to_thread(may_end.write_bytes, b"")

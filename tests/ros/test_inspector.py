@@ -24,10 +24,11 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.bridge.inspection import COMMAND, Alive, Check, Done, Question, Ready, Silence
-from robots.bridge.inspection import Report as InspectorReport
+from robots.bridge.inspection import COMMAND
+from robots.bridge.pipe import Alive, Check, Done, Question, Ready, Silence
+from robots.bridge.pipe import Report as InspectorReport
 from robots.bridge.ros.inspector import graph
-from robots.bridge.ros.inspector.__main__ import MOST_QUESTIONS, Inspector
+from robots.bridge.ros.inspector.answers import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.looks import rate_hz
 from robots.bridge.ros.types import message_class
 from tests.ros.bridge_support import tiago_config

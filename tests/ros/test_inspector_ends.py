@@ -17,8 +17,9 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from robots import wire
-from robots.bridge.inspection import SILENCE_S, Alive, Check, Question, Silence
-from robots.bridge.ros.inspector import __main__ as program
+from robots.bridge.inspection import SILENCE_S
+from robots.bridge.pipe import Alive, Check, Question, Silence
+from robots.bridge.ros.inspector import answers
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
@@ -141,8 +142,8 @@ def test_what_nobody_waits_for_any_more_is_not_carried_out(inspector):
 
 def test_a_call_for_which_it_gets_too_late_on_the_way_is_not_sent(rosmaster, ros, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    inspector = program.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
-    find, calls = program.services.find, []
+    inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
+    find, calls = answers.services.find, []
 
     def find_late(master, name):
         service = find(master, name)
@@ -150,7 +151,7 @@ def test_a_call_for_which_it_gets_too_late_on_the_way_is_not_sent(rosmaster, ros
         return service
 
     late = threading.Event()
-    monkeypatch.setattr(program.services, "find", find_late)
+    monkeypatch.setattr(answers.services, "find", find_late)
     monkeypatch.setattr(Question, "require_time", lambda _: late.is_set() and _too_late())
     with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
         inspector.hear(wire.encode(Question(1, wire.CallService("/lamp", {"data": True}), 0.0)))
@@ -159,13 +160,13 @@ def test_a_call_for_which_it_gets_too_late_on_the_way_is_not_sent(rosmaster, ros
 
 
 def _too_late() -> None:
-    raise program.TooLate
+    raise answers.TooLate
 
 
 def test_an_answer_that_is_longer_than_a_line_may_be_is_refused_in_words(rosmaster, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    inspector = program.Inspector(tiago_config(rosmaster, tmp_path), said.put)
-    monkeypatch.setattr(program, "LARGEST_ANSWER", 100)
+    inspector = answers.Inspector(tiago_config(rosmaster, tmp_path), said.put)
+    monkeypatch.setattr(answers, "LARGEST_ANSWER", 100)
     inspector.hear(wire.encode(Question(1, wire.Describe("std_msgs/String"))))
     assert b"too_large" in said.get(timeout=PATIENCE_S)
 
@@ -218,7 +219,7 @@ def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path,
 
 def test_what_another_process_checked_is_judged_again(rosmaster, ros, tmp_path):
     """An inspector that was started in between sends nothing that the list has not."""
-    inspector = program.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
+    inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):
         inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), Leave())
     assert inspector._node is None

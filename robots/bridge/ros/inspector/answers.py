@@ -1,0 +1,278 @@
+"""What the inspector does with each line of its bridge's: an answer, a look, a message to the robot, or a halt."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from robots import wire
+from robots.bridge.config import BridgeConfig
+from robots.bridge.fields import BadField, fitted
+from robots.bridge.never import COUNTERFEITED, admissible, names_set, why_never, why_never_sent
+from robots.bridge.packing import Broken, TooLarge
+from robots.bridge.pipe import (
+    Alive,
+    Check,
+    Done,
+    Question,
+    Report,
+    Request,
+    Silence,
+    TooLate,
+)
+from robots.bridge.ros.inspector import graph, services
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import Definition, Definitions
+from robots.bridge.ros.inspector.publishing import Leave
+from robots.bridge.ros.master import INSPECTOR, Master, MasterError
+from robots.bridge.ros.tcpros import Conversation, Header, first_told
+from robots.bridge.ros.types import message_class
+
+if TYPE_CHECKING:
+    from robots.bridge.ros.inspector.node import Node
+
+log = logging.getLogger(__name__)
+
+MOST_QUESTIONS = 16  # at once
+LARGEST_ANSWER = 1024 * 1024  # bytes; a line of the bridge's may have more
+
+_request = msgspec.json.Decoder(Request)
+
+
+class Inspector:
+    """Answers what one line asks."""
+
+    def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
+        self._config = config
+        self._allowed = admissible(config.allowed, config.topics)
+        self._master = Master(config.master_uri, INSPECTOR)
+        self._definitions = Definitions(Path(config.state_dir) / "definitions")
+        self._say = say
+        self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
+        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._node: Node | None = None
+        self._leave = Leave()  # to publish, until the next halt
+        self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
+
+    def hear(self, line: bytes) -> None:
+        """One request. Never waits for long, so that a halt and the end of stdin are always heard."""
+        self._leave.heard()
+        match _request.decode(line):
+            case Question() as question:
+                self._aside(partial(self._answer, question))
+            case Check(number=number, order=order):
+                self._aside(partial(self._check, number, order))
+            case wire.LookAt(topics=topics):
+                self._work.put(partial(self._look_at, topics))
+            case wire.Publish() as order:
+                self._work.put(partial(self._publish, order, self._leave))
+            case Silence(number=number, topic=None):
+                self._halt(number)
+            case Silence(number=number, topic=str(topic)):
+                self._work.put(partial(self._silence, number, topic))
+            case Alive():
+                pass  # that it came says it all
+
+    def run(self) -> None:
+        """Do what concerns the rospy node, one after the other."""
+        while True:
+            self._work.get()()
+
+    def close(self) -> None:
+        """Off the master's books."""
+        if self._node is not None:
+            self._node.close()
+
+    # --- what concerns the rospy node ------------------------------------------------------------------
+
+    def _made_node(self) -> Node:
+        """Made when it is needed: most questions are answered without, and sooner."""
+        if self._node is None:
+            from robots.bridge.ros.inspector.node import Node
+
+            self._node = Node(self._config, self._master, self._definitions, self._seen)
+        return self._node
+
+    def _look_at(self, topics: dict[str, float]) -> None:
+        if not topics and self._node is None:
+            return
+        try:
+            self._made_node().looks.look_at(topics)
+        except (OSError, MasterError):
+            text = f"No ROS master answers at {self._config.master_uri}."
+            refusal = wire.Refusal("robot_offline", text, "robot")
+            for topic in topics:
+                shown = wire.Shown(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+                self._seen(topic, wire.encode(shown))
+            raise
+
+    def _publish(self, order: wire.Publish, leave: Leave) -> None:
+        # Where another process of ours checked it, it is judged again: a fault ends this one, and that is told.
+        definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
+        values = fitted(definition.fields, order.fields)
+        self._made_node().publishings.publish(
+            order.topic, definition, lambda: definition.layout.write(values, _now()), leave, order.rate_hz
+        )
+
+    def _halt(self, number: int) -> None:
+        """What was to be published until now is not sent any more, wherever it waits."""
+        ended, self._leave = self._leave, Leave()
+        ended.end()
+        self._report(Done(number))
+
+    def _silence(self, number: int, topic: str) -> None:
+        if self._node is not None:
+            self._node.publishings.stop(topic)
+        self._report(Done(number))
+
+    # --- saying ---------------------------------------------------------------------------------------
+
+    def _report(self, report: Report) -> None:
+        self._say(wire.encode(report))
+
+    def _seen(self, topic: str, shown: bytes) -> None:
+        self._report(wire.Seen(topic, msgspec.Raw(shown)))
+
+    # --- questions ------------------------------------------------------------------------------------
+
+    def _aside(self, work: Callable[[], None]) -> None:
+        """On a thread of its own, for it may take a second; with no room, it stays unanswered and so refused."""
+
+        def run() -> None:
+            try:
+                work()
+            finally:
+                self._room.release()
+
+        if self._room.acquire(blocking=False):
+            threading.Thread(target=run, daemon=True).start()
+        else:
+            log.warning("more than %s questions at once: one is not answered", MOST_QUESTIONS)
+
+    def _answer(self, question: Question) -> None:
+        ask = question.ask
+        try:
+            answer = wire.encode(self._answered(question))
+            if len(answer) > LARGEST_ANSWER:
+                text = f"The answer has {len(answer)} bytes: too many to be shown."
+                raise Declined("too_large", text, bytes=len(answer), limit_bytes=LARGEST_ANSWER)
+        except Exception as error:  # noqa: BLE001  (a question's end: every one gets its answer)
+            answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
+        self._report(wire.Inspected(question.seq, msgspec.Raw(answer)))
+
+    def _answered(self, question: Question) -> wire.Answer:
+        question.require_time()
+        match question.ask:
+            case wire.ListTopics(seq=seq):
+                return graph.graph(self._master, seq)
+            case wire.Describe(type=type_name, topic=topic, seq=seq):
+                return _described(self._definition(type_name, topic), seq)
+            case wire.DescribeService(service=name, seq=seq):
+                return _described(services.find(self._master, name).request, seq)
+            case wire.ListParameters(seq=seq):
+                return graph.parameter_names(self._master, seq)
+            case wire.GetParameter(name=name, seq=seq):
+                return graph.parameter(self._master, name, seq)
+            case wire.SetParameter(name=name, value=value, seq=seq):
+                self._require("set", name)
+                self._require_admissible(name, value)
+                return graph.set_parameter(self._master, name, value, seq)
+            case wire.CallService(service=name, fields=fields, seq=seq):
+                service = services.find(self._master, name)
+                self._require("call", name, service.type)
+                called, shortened = services.call(service, fields, question.require_time)
+                return wire.Called(name, called, seq, shortened)
+
+    def _require(self, what: str, name: str, type_name: str = "") -> None:
+        """What the allow-list has not, nobody does. Who asks, the web process has checked, and the bridge."""
+        wanted = (what, name, type_name)
+        if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
+            as_type = f" as {type_name}" if type_name else ""
+            text = f"Nobody may {what} {name}{as_type}: the allow-list does not have it."
+            raise Declined("not_allowed", text, name=name, type=type_name)
+
+    def _require_admissible(self, name: str, value: object) -> None:
+        """No branch is set, or overwritten, that holds what no allow-list admits."""
+        for inner in names_set(name, value, self._master.parameter(name)):
+            if why := why_never("set", inner, "", self._config.topics):
+                raise Declined("not_allowed", f"Nobody may set {inner}: {why}.", name=inner)
+
+    def _definition(self, type_name: str, topic: str | None) -> Definition:
+        """As a publisher of the topic has it, if there is one of this type; else as known here."""
+        told = self._told(topic) if topic else {}
+        if told.get("type") == type_name:
+            return self._definitions.of_connection(told)
+        return self._definitions.of_type(type_name)
+
+    def _told(self, topic: str) -> Header:
+        """What the first publisher that can be reached says of itself; nothing if there is none."""
+        nodes = self._master.system_state().publishers.get(topic, [])
+        addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
+        told, unheard = first_told(Conversation.read_header, topic, addresses, INSPECTOR)
+        for node, why in unheard.items():
+            log.info("%s says nothing of %s: %s", node, topic, why)
+        return told or {}
+
+    def _sendable(self, order: wire.Publish) -> Definition:
+        """Of what the allow-list has, and no list would refuse."""
+        self._require("publish", order.topic, order.type)
+        definition = self._definition(order.type, order.topic)
+        _require_harmless(definition)
+        return definition
+
+    def _check(self, number: int, order: wire.Publish) -> None:
+        try:
+            definition = self._sendable(order)
+            definition.layout.write(fitted(definition.fields, order.fields), _now())
+            self._checked[order.topic, order.type] = definition
+            refusal = None
+        except Exception as error:  # noqa: BLE001  (as above)
+            refusal = _refusal(error)
+        self._report(Done(number, refusal))
+
+
+def _refusal(error: Exception) -> wire.Refusal:
+    """Why a question has no better answer."""
+    match error:
+        case BadField() | Declined():
+            return error.refusal
+        case TooLate():
+            return wire.Refusal("too_old", "Nobody waits for the answer any more: nothing was done.", "robot")
+        case TooLarge():
+            return wire.Refusal("too_large", str(error), "robot")
+        case MasterError() | OSError():
+            return wire.Refusal("robot_offline", str(error), "robot")
+        case Broken():
+            return wire.Refusal("broken", str(error), "robot")
+        case _:
+            log.error("a question found a fault", exc_info=error)
+            return wire.Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
+
+
+def _require_harmless(definition: Definition) -> None:
+    """Whatever types are called: a twist within it, or a twist's bytes anywhere in it, make it one."""
+    why = why_never_sent(definition.type, definition.fields)
+    if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
+        why = why_never_sent(twin, ())
+    if why:
+        text = f"Nobody may publish {definition.type}, for what its messages hold: {why}."
+        raise Declined("not_allowed", text, type=definition.type)
+
+
+def _described(definition: Definition, seq: int) -> wire.Described:
+    return wire.Described(
+        definition.type, definition.md5, definition.fields, definition.text, definition.known, seq
+    )
+
+
+def _now() -> tuple[int, int]:
+    secs, nsecs = divmod(time.time_ns(), 1_000_000_000)
+    return secs, nsecs
