@@ -19,7 +19,7 @@ from script.stack.places import REPOSITORY
 from script.stack.stack import SimulatedRobot
 
 PATIENCE_S = 15.0
-POLL_MS = 20
+POLL_MS = 50
 
 
 class Person:
@@ -42,9 +42,7 @@ class Person:
         self.stack = stack
         self.account = stack.accounts[role]
         self.context = browser.new_context(
-            viewport={"width": width, "height": height},
             has_touch=touch,
-            color_scheme=theme,  # type: ignore[arg-type]
             reduced_motion="reduce",
             ignore_https_errors=stack.certificate
             is not None,  # as a person does who goes on past the warning
@@ -59,6 +57,20 @@ class Person:
             "console", lambda line: self.complaints.append(line.text) if line.type == "error" else None
         )
         self.page.on("websocket", self._listen)
+        self.sit_down(width=width, height=height, theme=theme)
+
+    def sit_down(self, *, width: int = 1440, height: int = 900, theme: str = "light") -> None:
+        """In front of a window of this size, pixels; nothing was seen or done in it yet."""
+        self.page.set_viewport_size({"width": width, "height": height})
+        self.page.emulate_media(color_scheme=theme, forced_colors="null")  # type: ignore[arg-type]
+        for said in (self.complaints, self.heard, self.drives, self.sent):
+            said.clear()
+
+    def get_up(self) -> None:
+        """Close the page and forget what it stored, for somebody of the same role to sit down."""
+        self.open("/healthz")
+        self.page.evaluate("localStorage.clear(); sessionStorage.clear()")
+        self.page.mouse.move(-1, -1)
 
     def leave(self) -> None:
         """Close the browser context."""

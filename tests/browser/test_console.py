@@ -321,7 +321,7 @@ def bridge_of(stack: Stack, slug: str) -> int:
 
 
 def test_control_that_was_taken_over_while_the_connection_was_lost_is_told(person: Arrive) -> None:
-    operator, supervisor = person("operator"), person("supervisor")
+    operator, supervisor = person("operator", apart=True), person("supervisor")
     sockets: list[WebSocketRoute] = []
     lost = False
 

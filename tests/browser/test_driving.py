@@ -255,7 +255,7 @@ def test_a_duplicated_tab_is_a_tab_of_its_own(person: Arrive) -> None:
 
 
 def test_a_gamepad_drives_and_its_button_stops(person: Arrive) -> None:
-    operator = person("operator")
+    operator = person("operator", apart=True)
     operator.page.add_init_script(
         "window.pad = {connected: true, axes: [0, 0, 0, 0], buttons: [{}, {pressed: false}]};"
         "navigator.getGamepads = () => [window.pad];"
@@ -272,7 +272,7 @@ def test_a_gamepad_drives_and_its_button_stops(person: Arrive) -> None:
 
 
 def test_the_stop_goes_another_way_when_there_is_no_live_connection(person: Arrive) -> None:
-    operator, observer = person("operator"), person("observer")
+    operator, observer = person("operator"), person("observer", apart=True)
     operator.take("tiago-2")
     observer.page.route_web_socket("**/ws/**", lambda socket: socket.close())
     observer.open("/robots/tiago-2/")
@@ -285,7 +285,7 @@ def test_the_stop_goes_another_way_when_there_is_no_live_connection(person: Arri
 
 
 def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive) -> None:
-    operator, observer = person("operator"), person("observer")
+    operator, observer = person("operator", apart=True), person("observer")
     sockets: list[WebSocketRoute] = []
     lost = False
 
@@ -324,7 +324,7 @@ def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive)
 def test_the_stop_arrives_though_the_socket_swallows_everything(
     person: Arrive, path: str, button: str, told: str
 ) -> None:
-    operator, observer = person("operator"), person("observer")
+    operator, observer = person("operator"), person("observer", apart=True)
     operator.take("tiago-2")
     silent: list[WebSocketRoute] = []
     observer.page.route_web_socket("**/ws/**", lambda socket: silent.append(socket))  # and that is all

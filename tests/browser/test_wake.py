@@ -27,7 +27,7 @@ SHOW = "delete document.hidden; document.dispatchEvent(new Event('visibilitychan
 
 
 def test_the_screen_stays_on_while_one_has_control(person: Arrive) -> None:
-    operator = person("operator")
+    operator = person("operator", apart=True)
     page = operator.page
     page.add_init_script(KEEP_THE_LOCKS)
 
