@@ -45,7 +45,7 @@ class TooLarge(ValueError):
     """A message that would take too long to be read, or too much room when it is written."""
 
 
-class Limits(NamedTuple):
+class Detail(NamedTuple):
     """How much is read: of arrays longer than `whole` the `first` elements, of texts so many characters."""
 
     whole: int
@@ -56,10 +56,10 @@ class Limits(NamedTuple):
 class Reading:
     """The way through one message's bytes; `shortened` has the whole length of each array that was read in part."""
 
-    def __init__(self, data: bytes, limits: Limits) -> None:
+    def __init__(self, data: bytes, detail: Detail) -> None:
         self.data = data
         self.at = 0
-        self.limits = limits
+        self.detail = detail
         self.shortened: dict[str, int] = {}  # by path
         self._steps_left = MOST_STEPS
 
@@ -145,7 +145,7 @@ class _Text:
     def read(self, reading: Reading, path: str) -> str:
         size = reading.length()
         begin = reading.step(size)
-        kept = reading.limits.text
+        kept = reading.detail.text
         text = reading.data[begin : begin + min(size, 4 * kept)].decode(errors="replace")
         return text if len(text) <= kept and size <= 4 * kept else f"{text[:kept]}…"
 
@@ -167,8 +167,8 @@ class _Array:
         length = reading.length() if self._length < 0 else self._length
         self._check_room(reading, length)
         shown = length
-        if length > (reading.limits.whole if self._element.size != 0 else 1):
-            shown = reading.limits.first if self._element.size != 0 else 1
+        if length > (reading.detail.whole if self._element.size != 0 else 1):
+            shown = reading.detail.first if self._element.size != 0 else 1
             reading.shortened[path] = length
         values = [self._element.read(reading, f"{path}[{number}]") for number in range(shown)]
         self._skip(reading, length - shown)
@@ -246,9 +246,9 @@ class Layout:
     def __init__(self, definition: Sequence[Field]) -> None:
         self._message = _Message(definition, header=False)
 
-    def read(self, data: bytes, limits: Limits) -> tuple[dict[str, Any], dict[str, int]]:
+    def read(self, data: bytes, detail: Detail) -> tuple[dict[str, Any], dict[str, int]]:
         """The fields, and by path the whole lengths of arrays that were shortened. Raises `Broken` or `TooLarge`."""
-        reading = Reading(data, limits)
+        reading = Reading(data, detail)
         fields = self._message.read(reading, "")
         if reading.at != len(data):
             raise Broken(f"The message has {len(data)} bytes; its definition says {reading.at}.")

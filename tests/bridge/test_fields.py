@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.bridge.fields import FLOATS, INTEGERS, STAMPS, BadField, fitted
-from robots.bridge.packing import Broken, Layout, Limits
+from robots.bridge.packing import Broken, Detail, Layout
 from robots.wire import Field
 
-ALL = Limits(10**6, 10**6, 10**6)
+ALL = Detail(10**6, 10**6, 10**6)
 VECTOR = [Field(axis, "float64") for axis in "xyz"]
 TWIST = [Field(part, "geometry_msgs/Vector3", fields=VECTOR) for part in ("linear", "angular")]
 HEADER = [Field("seq", "uint32"), Field("stamp", "time"), Field("frame_id", "string")]
@@ -193,7 +193,7 @@ def test_a_message_that_was_cut_is_broken_not_a_crash(given, left):
     data = layout.write(fitted(EVERYTHING, given), (0, 0))
     for part in (data[:-1], data + b"\0", data[:left] + b"\xff" * 8):
         try:
-            layout.read(part, Limits(4, 2, 10))
+            layout.read(part, Detail(4, 2, 10))
         except Broken:
             continue
         assert len(part) != len(data) - 1 and len(part) != len(data) + 1
@@ -202,7 +202,7 @@ def test_a_message_that_was_cut_is_broken_not_a_crash(given, left):
 @given(st.binary(max_size=300))
 def test_any_bytes_are_a_message_or_broken(data):
     with suppress(Broken):
-        Layout(EVERYTHING).read(data, Limits(4, 2, 10))
+        Layout(EVERYTHING).read(data, Detail(4, 2, 10))
 
 
 def test_long_arrays_and_texts_are_read_in_part_and_the_rest_stepped_over():
@@ -210,7 +210,7 @@ def test_long_arrays_and_texts_are_read_in_part_and_the_rest_stepped_over():
         [Field("points", "p", array=-1, fields=[Field("name", "string")]), Field("last", "string")]
     )
     data = layout.write({"points": [{"name": "n" * 20}] * 9, "last": "é" * 30}, (0, 0))
-    fields, shortened = layout.read(data, Limits(4, 2, 10))
+    fields, shortened = layout.read(data, Detail(4, 2, 10))
     assert fields == {"points": [{"name": "n" * 10 + "…"}] * 2, "last": "é" * 10 + "…"}
     assert shortened == {"points": 9}
 

@@ -4,10 +4,10 @@ import time
 
 import pytest
 
-from robots.bridge.packing import LARGEST_WRITTEN, MOST_STEPS, Layout, Limits, TooLarge
+from robots.bridge.packing import LARGEST_WRITTEN, MOST_STEPS, Detail, Layout, TooLarge
 from robots.wire import Field
 
-LIMITS = Limits(whole=32, first=16, text=500)
+DETAIL = Detail(whole=32, first=16, text=500)
 SOON_S = 5.0  # on a busy machine; without a bound it is minutes, or for ever
 
 
@@ -20,7 +20,7 @@ def nested(array, depth):
 
 
 def test_elements_of_no_bytes_are_shown_once_however_many_there_are():
-    shown, shortened = Layout(nested(32, 5)).read(b"", LIMITS)
+    shown, shortened = Layout(nested(32, 5)).read(b"", DETAIL)
     assert shown == {"a": [{"a": [{"a": [{"a": [{"a": [{}]}]}]}]}]}
     assert shortened["a"] == 32
 
@@ -32,7 +32,7 @@ def test_a_message_of_too_many_parts_is_not_read_to_its_end():
     data = count.to_bytes(4, "little") + bytes(4 * count)
     began_s = time.monotonic()
     with pytest.raises(TooLarge, match="too many parts"):
-        Layout([parts]).read(data, LIMITS)
+        Layout([parts]).read(data, DETAIL)
     assert time.monotonic() - began_s < SOON_S
 
 
@@ -43,14 +43,14 @@ def test_parts_of_no_bytes_count_where_they_are_shown():
     count = (32).to_bytes(4, "little")
     data = count + 32 * (count + bytes(4 * 32))
     with pytest.raises(TooLarge, match="too many parts"):
-        Layout([outer]).read(data, LIMITS)
+        Layout([outer]).read(data, DETAIL)
 
 
 def test_a_large_message_of_few_parts_is_read():
     texts = Field("texts", "string", array=-1)
     count = MOST_STEPS // 3
-    shown, _ = Layout([texts]).read(count.to_bytes(4, "little") + bytes(4 * count), LIMITS)
-    assert shown == {"texts": [""] * LIMITS.first}
+    shown, _ = Layout([texts]).read(count.to_bytes(4, "little") + bytes(4 * count), DETAIL)
+    assert shown == {"texts": [""] * DETAIL.first}
 
 
 def test_few_given_elements_that_mean_many_bytes_are_not_written():

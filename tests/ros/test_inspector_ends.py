@@ -23,7 +23,7 @@ from robots.bridge.ros.inspector import answers
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
-from robots.bridge.ros.inspector.publishing import Leave, Publishings
+from robots.bridge.ros.inspector.publishing import Leave, Talks
 from robots.bridge.ros.master import Master
 from robots.bridge.ros.publishing import heard_by
 from robots.bridge.ros.tcpros import connect_to_publisher
@@ -212,8 +212,8 @@ def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given
 
 def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path, given_up):
     definition = Definitions(tmp_path).of_type("std_msgs/String")
-    publishings = Publishings(Master(rosmaster.uri, "/test"))
-    publishings.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), Leave(), NEVER_HZ)
+    talks = Talks(Master(rosmaster.uri, "/test"))
+    talks.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), Leave(), NEVER_HZ)
     assert given_up.wait(PATIENCE_S)
 
 

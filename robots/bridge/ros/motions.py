@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.motions import offered, recorded
-from robots.bridge.packing import Limits
+from robots.bridge.packing import Detail
 from robots.bridge.ros.actions import ActionTopics
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
@@ -16,7 +16,7 @@ from robots.bridge.ros.master import Master, MasterError
 from robots.bridge.ros.types import message_class
 from robots.wire import MotionOffer
 
-WHOLE = Limits(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
+WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
 ERRORS = {  # PlayMotionResult's codes in words
     "MOTION_NOT_FOUND": "the robot does not know this motion",
     "CONTROLLER_BUSY": "something else moves these joints",

@@ -118,7 +118,7 @@ class Inspector:
         # Where another process of ours checked it, it is judged again: a fault ends this one, and that is told.
         definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
         values = fitted(definition.fields, order.fields)
-        self._made_node().publishings.publish(
+        self._made_node().talks.publish(
             order.topic, definition, lambda: definition.layout.write(values, _now()), leave, order.rate_hz
         )
 
@@ -130,7 +130,7 @@ class Inspector:
 
     def _silence(self, number: int, topic: str) -> None:
         if self._node is not None:
-            self._node.publishings.stop(topic)
+            self._node.talks.stop(topic)
         self._report(Done(number))
 
     # --- saying ---------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ import rospy
 from msgspec.structs import replace
 
 from robots import wire
-from robots.bridge.packing import Broken, Limits, TooLarge
+from robots.bridge.packing import Broken, Detail, TooLarge
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.inspector.vital import start_vital
@@ -26,7 +26,7 @@ from robots.bridge.ros.inspector.vital import start_vital
 log = logging.getLogger(__name__)
 
 LARGEST_SHOWN = 16 * 1024  # bytes of a `Shown`
-LEVELS = (Limits(32, 16, 500), Limits(8, 4, 100), Limits(2, 1, 40))  # of detail; the first that fits is shown
+LEVELS = (Detail(32, 16, 500), Detail(8, 4, 100), Detail(2, 1, 40))  # of detail; the first that fits is shown
 # what is known is said this often without a message, too: for its figures, and for who looks later
 AGAIN_S = 1.0
 LONGEST_NAME = 200  # characters of what a publisher says of itself
@@ -133,9 +133,9 @@ def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
 
 def _filled(shown: wire.Shown, definition: Definition, data: bytes, wall_s: float) -> bytes:
     """With as much detail as fits."""
-    for limits in LEVELS:
+    for detail in LEVELS:
         try:
-            fields, shortened = definition.layout.read(data, limits)
+            fields, shortened = definition.layout.read(data, detail)
         except TooLarge:
             continue
         encoded = _encode(replace(shown, fields=fields, shortened=shortened, age_s=_age_s(fields, wall_s)))

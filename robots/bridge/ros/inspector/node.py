@@ -13,7 +13,7 @@ import rospy
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
-from robots.bridge.ros.inspector.publishing import Publishings
+from robots.bridge.ros.inspector.publishing import Talks
 from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.master import INSPECTOR, DeathWatch, Master
 
@@ -47,7 +47,7 @@ class Node:
         )
         start_vital(partial(_end_with_the_master, watch), "master")
         self.looks = Looks(definitions, send)
-        self.publishings = Publishings(master)
+        self.talks = Talks(master)
 
     def close(self) -> None:
         """Off the master's books."""

@@ -127,7 +127,7 @@ def _send(publisher: rospy.Publisher, data: Bytes) -> None:
     publish(publisher, publisher.data_class().deserialize(data()))
 
 
-class Publishings:
+class Talks:
     """All that is published, by topic."""
 
     def __init__(self, master: Master) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from robots.bridge.fields import fitted
-from robots.bridge.packing import Limits
+from robots.bridge.packing import Detail
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
 from robots.bridge.ros.master import INSPECTOR, Master, NotThere
@@ -18,7 +18,7 @@ from robots.bridge.ros.types import UnknownTypeError, service_class
 
 CALL_S = 1.5  # until a service must have answered
 LARGEST_ANSWER = 16 * 1024 * 1024  # bytes
-SHOWN = Limits(whole=64, first=32, text=2000)  # of an answer
+SHOWN = Detail(whole=64, first=32, text=2000)  # of an answer
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def find(master: Master, name: str) -> Service:
 
 
 def call(
-    service: Service, given: dict[str, Any], require_time: Callable[[], None], limits: Limits = SHOWN
+    service: Service, given: dict[str, Any], require_time: Callable[[], None], detail: Detail = SHOWN
 ) -> tuple[dict[str, Any], dict[str, int]]:
     """Its answer, and by path the whole lengths of its arrays that were shortened.
 
@@ -85,7 +85,7 @@ def call(
     if succeeded != b"\x01":
         said = answer.decode(errors="replace")[:300] or "without a word why"
         raise Declined("service_failed", f"{service.name} said no: {said}", service=service.name)
-    return service.response.layout.read(answer, limits)
+    return service.response.layout.read(answer, detail)
 
 
 def _answer(conversation: Conversation) -> bytes:
