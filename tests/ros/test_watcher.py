@@ -126,6 +126,14 @@ def test_a_description_that_was_cut_short_is_asked_for_again(ros, bridges, rosma
         hand.close()
 
 
+def test_a_base_that_takes_another_type_is_not_said_not_to_listen(bridges, rosmaster):
+    hand = bridges(rosmaster, drive=Topic("/key_vel", "geometry_msgs/TwistStamped")).link()
+    state = hand.state_until(lambda state: "does not connect" in state.text, "who listens")
+    assert state.phase == "connecting"
+    assert state.text.startswith("/simulator_tiago_1 listens to /key_vel and does not connect: it takes no ")
+    hand.close()
+
+
 def test_a_bridge_that_could_join_but_half_ends_so_that_a_fresh_one_joins(bridges, rosmaster):
     bridge = bridges(rosmaster, speech=Topic("/tts", "std_msgs/Bool"))  # a voice that nobody can speak with
     assert bridge.process.wait(PATIENCE_S) == EXIT_NOT_JOINED

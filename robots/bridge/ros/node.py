@@ -75,6 +75,7 @@ class RosBase:
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
         self._names = Names()
+        self._is_unconnected = False  # whoever listens to the drive topic
         self._connecting = Errands("topics")
         self._reading = Errands("motions")
         self._joined = Seldom(self._read_joined, JOINED_GAP_S)
@@ -335,6 +336,7 @@ class RosBase:
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = [_wrong_type(topic, system.types) for topic in wanted]
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
+        problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
         return RosStatus("connecting", "", foreign, [problem for problem in problems if problem])
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
@@ -344,6 +346,20 @@ class RosBase:
             f"The robot calls itself {host or 'by no address'}, which cannot be resolved here: give it a host alias."
             for host in sorted(self._names.unknown({_host(uri) for uri in uris}))
         ]
+
+    def _unconnected(self, drive: Topic, nodes: Collection[str]) -> str:
+        """In words, if somebody listens to the drive topic and nobody connects, as it was at the survey before, too.
+
+        Of what type they take the master says nothing: its type of the topic is ours, as we advertise it.
+        """
+        listening = sorted(node for node in nodes if not is_own(node))
+        before, self._is_unconnected = self._is_unconnected, bool(listening) and not self.listeners
+        if not (before and self._is_unconnected):
+            return ""
+        return (
+            f"{listening[0]} listens to {drive.name} and does not connect: it takes no {drive.type}, "
+            "or cannot reach this computer at its advertised address."
+        )
 
     # --- topics --------------------------------------------------------------------------------------
 
