@@ -14,7 +14,7 @@ from robots.bridge.gate.depth import DepthImage, Lens, picture_of_image
 from robots.bridge.gate.depth_camera import Frame, frame_of
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import Posture
-from robots.bridge.gate.values import STILL, DepthView, Pose, Velocity
+from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
 from robots.bridge.recording import BadRecording, Recorder, replay
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 
@@ -95,9 +95,12 @@ TOLD = {
         (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf))
     ],
     "observe_scan": [
-        (LASER, WIDE, 0.1, np.array([1 / 3, math.nan, math.inf, -math.inf, -0.0]), -1.6, 0.1 / 3, 0.05, 25.0),
-        (LASER, WIDE, 0.1, np.array([0.1, math.nan, 25.0], dtype=np.float32), -1.6, 0.1, 0.05, 25.0),
-        (LASER, WIDE, 0.1, [0.1, math.inf], -1.6, 0.1, 0.05, 25.0),
+        (LaserScan(LASER, WIDE, 0.1, ranges, -1.6, 0.1 / 3, 0.05, 25.0),)
+        for ranges in (
+            np.array([1 / 3, math.nan, math.inf, -math.inf, -0.0]),
+            np.array([0.1, math.nan, 25.0], dtype=np.float32),
+            [0.1, math.inf],
+        )
     ],
     "observe_range": [("sonar", WIDE, 0.1, 1 / 3, math.inf), ("sonar", WIDE, 0.1, math.nan, 1.0)],
     "observe_depth": [(pictured(), WIDE, 1 / 3)],
