@@ -295,7 +295,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
     return {
         "sensor": verdict.sensor,
         "distance_m": _rounded(verdict.distance_m),
-        "bearing_rad": _rounded(verdict.bearing),
+        "bearing_rad": _rounded(verdict.bearing_rad),
         "side": verdict.side,
         "asked": _velocity(verdict.asked),
         "allowed": _velocity(verdict.velocity),

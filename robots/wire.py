@@ -445,7 +445,7 @@ class Verdict(Struct, frozen=True, omit_defaults=True):
     allowed: tuple[float, float, float]
     sensor: str | None = None
     distance_m: float | None = None  # gap between hull and obstacle
-    bearing: float | None = None  # of the obstacle, base frame
+    bearing_rad: float | None = None  # of the obstacle, base frame
     side: Side | None = None
     point: tuple[float, float] | None = None
     limits: list[SpeedLimit] = []

@@ -73,7 +73,7 @@ class Room:
         found = intruder(space, obstacles, gaps, self._gate.arm_discs)
         if found is None:
             return None
-        sensor, side = obstacles.names[found.source], words.side(found.bearing)
+        sensor, side = obstacles.names[found.source], words.side(found.bearing_rad)
         distance = words.figure(max(found.gap_m, 0.0))
         text = f"The arm would sweep where there is something: {sensor}, {distance} m {side}."
         gap_m = round(found.gap_m, 2)

@@ -133,7 +133,7 @@ def _verdict(verdict: Verdict) -> wire.Verdict:
         allowed=rounded(verdict.velocity),
         sensor=verdict.sensor,
         distance_m=_rounded(verdict.distance_m),
-        bearing=_rounded(verdict.bearing),
+        bearing_rad=_rounded(verdict.bearing_rad),
         side=verdict.side,
         point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
         limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in verdict.limits],

@@ -88,7 +88,7 @@ def test_the_nearest_of_what_stands_in_the_sweep_is_named():
     obstacles = seen((3.0, 0.0), (0.7, 0.7), (0.5, 0.5), (-0.5, 0.0))
     found = intruder([(0.6, 0.6, 0.2)], obstacles, gaps(obstacles))
     assert found.gap_m == pytest.approx(math.hypot(0.5, 0.5) - 0.27)
-    assert found.bearing == pytest.approx(math.pi / 4)
+    assert found.bearing_rad == pytest.approx(math.pi / 4)
 
 
 def test_nothing_in_the_sweep_is_no_intruder():

@@ -56,7 +56,7 @@ def test_slowed_says_how_much_is_left_what_saw_it_where_and_how_far():
     assert verdict.asked == Velocity(1.0, 0.0, 0.0)
     assert (verdict.sensor, verdict.side) == (LASER, "ahead")
     assert verdict.distance_m == pytest.approx(0.632, abs=0.01)
-    assert verdict.bearing == pytest.approx(0.0, abs=0.1)
+    assert verdict.bearing_rad == pytest.approx(0.0, abs=0.1)
     assert verdict.point == pytest.approx((0.9, 0.0), abs=0.06)
 
 

@@ -33,7 +33,7 @@ HELD = Verdict(
     text="slowed to 0.2 m/s: laser, 0.6 m ahead",
     sensor="/scan_raw",
     distance_m=0.6123,
-    bearing=0.1,
+    bearing_rad=0.1,
     side="ahead",
 )
 FIGURES_OF_HELD = {

@@ -35,7 +35,7 @@ class Intruder(NamedTuple):
 
     source: int
     gap_m: float
-    bearing: float
+    bearing_rad: float
 
 
 def swept(

@@ -143,7 +143,7 @@ class Verdict(NamedTuple):
     text: str
     sensor: str | None = None
     distance_m: float | None = None
-    bearing: float | None = None
+    bearing_rad: float | None = None  # of the obstacle, base frame
     side: Side | None = None
     point: tuple[float, float] | None = None
     limits: tuple[Hold, ...] = ()
