@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import queue
 import socket
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -18,7 +19,7 @@ import pytest
 from robots.bridge.ros import master, node
 from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.master import Master, MasterError, SystemState
+from robots.bridge.ros.master import TIMEOUT_S, Master, MasterError, SystemState
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tcpros import Conversation, connect, first_told
 from tests.bridge.support import CONFIG
@@ -77,8 +78,8 @@ def test_no_answer_is_not_taken_for_none_of_that_name():
 
 
 @contextmanager
-def dripping() -> Iterator[tuple[str, queue.SimpleQueue[float]]]:
-    """A master that answers without an end, byte by byte: its address, and for how long (s) it was listened to."""
+def dripping(parts: Iterable[bytes], pause_s: float) -> Iterator[tuple[str, queue.SimpleQueue[float]]]:
+    """A master that answers one call in parts, with pauses: its address, and for how long (s) it was listened to."""
     heard: queue.SimpleQueue[float] = queue.SimpleQueue()
     over = threading.Event()
 
@@ -87,8 +88,10 @@ def dripping() -> Iterator[tuple[str, queue.SimpleQueue[float]]]:
         began_s = time.monotonic()
         with connection, suppress(OSError):
             connection.sendall(b"HTTP/1.0 200 OK\r\n\r\n")
-            while not over.wait(0.02):
-                connection.sendall(b" ")
+            for part in parts:
+                if over.wait(pause_s):
+                    break
+                connection.sendall(part)
         heard.put(time.monotonic() - began_s)
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -103,10 +106,17 @@ def dripping() -> Iterator[tuple[str, queue.SimpleQueue[float]]]:
 
 def test_a_master_that_drips_its_answer_does_not_answer_and_is_listened_to_no_longer(monkeypatch):
     monkeypatch.setattr(master, "WHOLE_S", 0.5)
-    with dripping() as (uri, heard):
+    with dripping(itertools.repeat(b" "), 0.02) as (uri, heard):
         with pytest.raises(MasterError, match="does not answer"):
             Master(uri, "/test").alive()
         assert 0.5 < heard.get(timeout=10) < 5.0
+
+
+def test_an_answer_that_comes_slowly_and_steadily_is_heard_to_its_end():
+    answer = answer_of("a long one")
+    parts = [answer[at : at + 20] for at in range(0, len(answer), 20)]
+    with dripping(parts, 1.2 * TIMEOUT_S / len(parts)) as (uri, _):
+        assert Master(uri, "/test").call("getParam", "/story") == "a long one"
 
 
 @pytest.mark.parametrize("header", [b"\x01", b"\x00\x00\x00", b"\x01\x00\x00\x00x\x07"])
