@@ -559,6 +559,13 @@ class Publishing(Struct, frozen=True):
 Phase = Literal["waiting", "connecting", "online", "refused"]
 
 
+class NeutralNeeded(Struct, frozen=True):
+    """Why the stick must return to the middle before the robot moves; `text` goes on where a sentence says so."""
+
+    code: str  # see docs/protocol.md
+    text: str
+
+
 class State(Struct, frozen=True):
     """The robot as its bridge knows it."""
 
@@ -573,7 +580,7 @@ class State(Struct, frozen=True):
     holder: str | None
     fence: int | None
     seq: int | None  # last drive message that was accepted
-    neutral_needed: str | None  # why the stick must return to neutral first
+    neutral_needed: NeutralNeeded | None
     foreign: list[str]  # other nodes that publish to the drive topic
     watchers: list[str]  # as many as are named; see `watchers_more`
     clock_skew_s: float | None
@@ -935,10 +942,9 @@ class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
 
 
 class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
-    """Control under `fence` ended at the bridge; `reason` is a sentence."""
+    """Control under `fence` ended at the bridge."""
 
     fence: int
-    reason: str
 
 
 class Status(Struct, frozen=True, tag_field="t", tag="status"):

@@ -44,7 +44,7 @@ class Rules(Protocol):
     def why_not_still(self, now_s: float) -> Refusal | None:
         """The base moves, or is told to."""
 
-    def halt(self, reason: str, now_s: float) -> None:
+    def halt(self, code: str, reason: str, now_s: float) -> None:
         """Zero now, and a neutral stick before anything moves again."""
 
 
@@ -251,7 +251,7 @@ class Choices:
         """A base gets its zero first, where it got its speed."""
         if use == "drive":
             self._parted_s = None
-            self._rules.halt(why, now_s)
+            self._rules.halt("input_moved", why, now_s)
             self._switch.drive_to(name)
         elif use == "motions":
             self._switch.read_motions()

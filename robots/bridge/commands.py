@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from robots.bridge.gate.values import STILL, Limits, Velocity
 from robots.bridge.stick import COMMAND_LIFE_S, Memory, Position, StickStep, shaped
-from robots.wire import Drive, Refusal
+from robots.wire import Drive, NeutralNeeded, Refusal
 
 _WINDOW_S = 30.0
 
@@ -49,7 +49,7 @@ class Stick:
         self._age = AgeEstimator()
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
-        self.owes: str | None = None  # neutral, and why
+        self.owes: NeutralNeeded | None = None
         self.is_out = False  # as it was last seen, also if that command has died since
 
     @property
@@ -82,10 +82,10 @@ class Stick:
         """The command that holds now, None when the last has died."""
         return self._drive if now_s < self._dies_s else None
 
-    def owe(self, reason: str) -> None:
+    def owe(self, code: str, reason: str) -> None:
         """Nothing moves before this stick was in the middle. The first reason is the one that is told."""
         if self.owes is None:
-            self.owes = reason.rstrip(".")
+            self.owes = NeutralNeeded(code, reason.rstrip("."))
 
     def _shaped(self, drive: Drive, now_s: float) -> Drive:
         """The command with what the steps make of its position: once for each, whatever the ticks."""

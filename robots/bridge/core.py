@@ -127,10 +127,10 @@ class Core:
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
             self._count_anew()
-            self._owe_neutral("you have just taken control")
+            self._owe_neutral("control_taken", "you have just taken control")
         elif self._page_gone_s is not None or link != self.grants.link:
             self._count_anew()
-            self.halt("the page came back", now_s)
+            self.halt("page_back", "the page came back", now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
         self.grants.take(grant, link, now_s)
@@ -140,7 +140,7 @@ class Core:
         if self.grants.current and self.grants.current.fence == fence:
             self._end_control(reason, now_s)
 
-    def hold(self, fence: int, reason: str, link: int, now_s: float) -> None:
+    def hold(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
         """The holder's page is gone: zero now. A page that comes back counts its commands anew, and orders anew.
 
         By another link than the grant's it is late news: the page is back, by that one.
@@ -149,13 +149,14 @@ class Core:
             return
         self._page_gone_s = now_s
         self._count_anew()
-        self.halt(reason, now_s)
+        self.halt(code, reason, now_s)
         self.orders.page_left(now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:
         """A web process is gone. If control came through it, zero now; the grant runs out by itself."""
         if self.grants.current:
-            self.hold(self.grants.current.fence, "the console lost its link to the robot", link, now_s)
+            reason = "the console lost its link to the robot"
+            self.hold(self.grants.current.fence, reason, link, now_s, "link_lost")
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """A stick position: publish at once what the gate allows of it. Returns why nothing of it was, if so."""
@@ -184,7 +185,7 @@ class Core:
             stop = StopState("stopping", number=stop.number)
             self._stop_pressed_s = now_s
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
-        self.halt("the robot was stopped", now_s)
+        self.halt("stopped", "the robot was stopped", now_s)
         self._cancelling = True
         self._cancel_all(now_s)
         self.orders.stopped(by, now_s)
@@ -201,7 +202,7 @@ class Core:
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
         self._stop_pressed_s = None
-        self.halt("the stop was cleared", now_s)
+        self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
         self._verdict = _IDLE
         return None
@@ -247,7 +248,7 @@ class Core:
             self._joined_s = now_s
         elif was_joined and not joined:
             self._joined_s = float("inf")
-            self.halt("the robot’s ROS master was lost", now_s)
+            self.halt("robot_offline", "the robot’s ROS master was lost", now_s)
 
     def odometry(
         self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float
@@ -354,9 +355,9 @@ class Core:
             return Refusal("base_moving", text, "robot")
         return None
 
-    def halt(self, reason: str, now_s: float) -> None:
+    def halt(self, code: str, reason: str, now_s: float) -> None:
         """Zero now, and a neutral stick before anything moves again."""
-        self._need_neutral(reason)
+        self._need_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
@@ -367,7 +368,7 @@ class Core:
         """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
         grant = self.grants.current
         if self._asking and self._asking.current(now_s) is None:
-            self._need_neutral(f"no command came for {COMMAND_LIFE_S} s")
+            self._need_neutral("dead_man", f"no command came for {COMMAND_LIFE_S} s")
         self._asking, asked = self._wanted(grant, now_s) if grant else (None, STILL)
         refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
         self._passed = asked if refusal is None else STILL
@@ -375,9 +376,9 @@ class Core:
         if self._passed != STILL:
             self._drives.decided(verdict, now_s)
             if verdict.neutral:
-                self._need_neutral(verdict.text)
+                self._need_neutral(verdict.code, verdict.text)
         if refusal and refusal.code in _HALTING:
-            self._need_neutral(_HALTING[refusal.code])
+            self._need_neutral(refusal.code, _HALTING[refusal.code])
         if told := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
         stopped = self.stop_state.state != "clear"
@@ -430,8 +431,8 @@ class Core:
                 if stick is self._stick
                 else "Publish a velocity of zero first"
             )
-            text = f"{what}: {stick.owes}."
-            return Refusal("neutral_needed", text, "dead-man")
+            text = f"{what}: {stick.owes.text}."
+            return Refusal("neutral_needed", text, "dead-man", {"because": stick.owes.code})
         return self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
@@ -442,14 +443,14 @@ class Core:
             self._base.publish(velocity)
         self._sent = velocity
 
-    def _need_neutral(self, reason: str) -> None:
+    def _need_neutral(self, code: str, reason: str) -> None:
         """Something other than the operator stops the robot: a neutral stick before it moves again."""
         self._drives.halted(reason)
-        self._owe_neutral(reason)
+        self._owe_neutral(code, reason)
 
-    def _owe_neutral(self, reason: str) -> None:
+    def _owe_neutral(self, code: str, reason: str) -> None:
         for stick in (self._stick, self._twists):
-            stick.owe(reason)
+            stick.owe(code, reason)
 
     def _expire(self, now_s: float) -> None:
         """A grant that has run out is over, whichever comes first of the tick and what was waited for."""
@@ -460,9 +461,9 @@ class Core:
         ended = self.grants.end()
         if ended is None:
             return
-        self.halt(reason, now_s)
+        self.halt("control_ended", reason, now_s)
         self.orders.control_ended(reason, now_s)
-        self._announce(Ended(ended.fence, reason))
+        self._announce(Ended(ended.fence))
 
     def _repeat_cancel(self, now_s: float) -> None:
         """A cancel may reach nobody: the master is away, or a listener not connected yet. And others ask for more.

@@ -37,7 +37,7 @@ class Standing(NamedTuple):
     stop: StopState
     grant: Grant | None
     seq: int | None
-    neutral_needed: str | None
+    neutral_needed: wire.NeutralNeeded | None
     foreign: list[str]  # other nodes that publish to the drive topic
     verdict: Verdict
     refused: Counter[str]

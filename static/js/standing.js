@@ -104,7 +104,7 @@ export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
     return {
       level: "info",
       title: gettext("Let the stick return to the middle"),
-      text: because(state.neutral_needed),
+      text: because(state.neutral_needed?.text),
     };
   }
   return null;

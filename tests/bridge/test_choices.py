@@ -133,7 +133,8 @@ def test_the_old_drive_topic_gets_its_zero_before_the_new_one_gets_anything(benc
     [(topic, sent)] = bench.base.switched
     assert topic == "/phone_vel"
     assert bench.base.sent[sent - 1] == STILL
-    assert bench.core.state(bench.now_s, []).neutral_needed == "input goes to /phone_vel now"
+    needed = bench.core.state(bench.now_s, []).neutral_needed
+    assert needed == wire.NeutralNeeded("input_moved", "input goes to /phone_vel now")
     assert bench.stick(0.5).code == "neutral_needed"
     bench.stick(0.0)
     bench.driving()
@@ -306,7 +307,7 @@ def test_a_chosen_topic_that_vanishes_halts_the_base_and_input_goes_to_the_defau
     assert (topic, bench.base.sent[sent - 1]) == ("/key_vel", STILL)
     state = bench.core.state(bench.now_s, [])
     assert state.chosen == {}
-    assert state.neutral_needed == "/phone_vel is gone: input goes to /key_vel again"
+    assert state.neutral_needed.text == "/phone_vel is gone: input goes to /key_vel again"
 
 
 def test_choices_end_with_control_and_a_rolling_base_gets_its_zeros_where_it_got_its_speed(bench):

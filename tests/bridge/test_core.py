@@ -14,6 +14,10 @@ from tests.bridge.support import ORDERS, Bench, ObedientBench
 FORWARD = Velocity(0.5, 0.0, 0.0)
 
 
+def grant_of(fence):
+    return Grant(fence, 60.0, f"session-{fence}", "Ann", "ann-id", 1.0)
+
+
 @pytest.fixture
 def bench():
     bench = Bench().online()
@@ -51,8 +55,34 @@ def test_after_silence_the_stick_must_return_to_the_middle(bench):
     refusal = bench.stick(0.5)
     assert refusal.code == "neutral_needed"
     assert "no command came for 0.3 s" in refusal.text
+    assert refusal.figures == {"because": "dead_man"}
     assert bench.stick(0.0) is None
     bench.driving()
+
+
+def scan_goes_stale(bench):
+    bench.gate.says = lambda asked: Verdict(STILL, asked, "scan_stale", "stopped: laser", neutral=True)
+    bench.stick(0.5)
+
+
+@pytest.mark.parametrize(
+    ("happens", "code"),
+    [
+        (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
+        (lambda bench: bench.core.hold(1, "The page is gone.", 1, bench.now_s), "page_gone"),
+        (lambda bench: bench.core.link_lost(1, bench.now_s), "link_lost"),
+        (lambda bench: bench.core.ros_status(RosStatus("waiting", ""), bench.now_s), "robot_offline"),
+        (lambda bench: bench.core.grant(grant_of(2), 1, bench.now_s), "control_taken"),
+        (lambda bench: bench.core.grant(grant_of(1), 2, bench.now_s), "page_back"),
+        (lambda bench: bench.pass_time(0.5), "dead_man"),
+        (scan_goes_stale, "scan_stale"),
+    ],
+)
+def test_why_the_stick_must_return_is_told_by_a_code(bench, happens, code):
+    bench.granted().driving()
+    happens(bench)
+    needed = bench.core.state(bench.now_s, []).neutral_needed
+    assert needed.code == code and needed.text
 
 
 def test_silence_with_the_stick_in_the_middle_asks_for_nothing(bench):

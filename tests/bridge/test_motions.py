@@ -243,10 +243,10 @@ def test_while_it_runs_the_base_stands_and_afterwards_the_stick_returns_to_neutr
     assert bench.stick(0.5).code == "motion_running"
     assert bench.last == STILL
     told = "nothing drives during a motion"  # true while it runs, and afterwards
-    assert bench.core.state(bench.now_s, []).neutral_needed == told
+    assert bench.core.state(bench.now_s, []).neutral_needed.text == told
     ends(bench, goal_id, "succeeded")
     assert bench.stick(0.5).code == "neutral_needed"
-    assert bench.core.state(bench.now_s, []).neutral_needed == told
+    assert bench.core.state(bench.now_s, []).neutral_needed.text == told
     bench.stick(0.0)
     bench.driving()
 

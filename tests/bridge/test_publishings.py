@@ -295,7 +295,8 @@ def test_a_tool_that_rests_does_not_let_a_stick_go_on_that_never_was_in_the_midd
     for _ in range(10):  # the page is frozen, its stick held out
         bench.order(twist(bench, 0.0))
         bench.pass_time(0.05)
-    assert "no command" in bench.core.state(bench.now_s, []).neutral_needed
+    needed = bench.core.state(bench.now_s, []).neutral_needed
+    assert needed.code == "dead_man" and "no command" in needed.text
     assert bench.stick(0.5).code == "neutral_needed"
     bench.core.stop("Bob", "", bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)

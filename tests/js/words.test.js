@@ -58,7 +58,10 @@ describe("the banner", () => {
   });
 
   it("asks for a neutral stick, with the bridge's reason if it has one", () => {
-    const state = { ...ONLINE, neutral_needed: "the stop was cleared" };
+    const state = {
+      ...ONLINE,
+      neutral_needed: { code: "stop_cleared", text: "the stop was cleared" },
+    };
     expect(banner({ ...WELL, state, asksNeutral: true })).toMatchObject({
       title: "Let the stick return to the middle",
       text: "The stop was cleared.",
@@ -68,7 +71,10 @@ describe("the banner", () => {
   });
 
   it("leaves the stick where it is while a motion runs: the motion is told already", () => {
-    const state = { ...ONLINE, neutral_needed: "nothing drives during a motion" };
+    const state = {
+      ...ONLINE,
+      neutral_needed: { code: "motion_running", text: "nothing drives during a motion" },
+    };
     const runs = { ...state, motion: { number: 1, motion: "wave" } };
     expect(banner({ ...WELL, state: runs, asksNeutral: true })).toBeNull();
     expect(banner({ ...WELL, state: { ...state, motion: null }, asksNeutral: true }).text).toBe(
