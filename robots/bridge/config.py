@@ -40,7 +40,7 @@ class SonarSource(Struct, frozen=True):
     topic: str
     frame_id: str
     pose: tuple[float, float, float]
-    fov: float
+    fov: float  # of its cone, radians
     max_range_m: float
 
 

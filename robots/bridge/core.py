@@ -75,7 +75,7 @@ class RosStatus(Struct, frozen=True):
 class Core:
     """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on.
 
-    After `on_scan` is the time for a picture: a scan has just come.
+    `on_scan` is called once a scan is in: a picture drawn then is the freshest.
     """
 
     def __init__(
@@ -297,7 +297,7 @@ class Core:
         """Whether the robot is on its charger."""
         self._reported.charging = charging
 
-    # --- what is told of it --------------------------------------------------------------------------------
+    # --- what is told of it ------------------------------------------------------------------------
 
     def persisted(self) -> Persisted:
         """What must survive a kill."""
@@ -315,15 +315,15 @@ class Core:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
         standing = view.Standing(
-            phase,
-            text,
-            self.stop_state,
-            self.grants.current,
-            self._stick.seq,
-            (self._asking or self._stick).owes,
-            self._ros.foreign,
-            self._verdict,
-            self.refused,
+            phase=phase,
+            text=text,
+            stop=self.stop_state,
+            grant=self.grants.current,
+            seq=self._stick.seq,
+            neutral_needed=(self._asking or self._stick).owes,
+            foreign=self._ros.foreign,
+            verdict=self._verdict,
+            refused=self.refused,
         )
         return view.state(standing, self._reported, self._gate, self.orders, now_s, watchers, watchers_more)
 
