@@ -55,6 +55,7 @@ class RobotConsumer(RobotSocket):
         self._one_end = asyncio.Lock()
         self._standing: Standing | None = None
         self._told: tuple[object, ...] | None = None
+        self._withdrew = False  # its question itself, whatever a look before that still says of it
         self._asks: set[int] = set()
         self._asking = False
 
@@ -206,9 +207,10 @@ class RobotConsumer(RobotSocket):
                 await self._end_lease()
                 return
             case wire.Ask():
+                self._withdrew = False
                 await in_database(services.control_ask, **me, now=now)
             case wire.AskCancel():
-                self._asking = False
+                self._withdrew = True
                 await in_database(
                     services.control_ask_cancel,
                     robot_id=self.robot_id,
@@ -444,7 +446,7 @@ class RobotConsumer(RobotSocket):
                     await self.tell(notices.somebody_asks(ask.name))
         self._asks = {ask.id for ask in asks}
         asking = any(ask.tab.connection == self.id for ask in asks)
-        if self._asking and not asking:
+        if self._asking and not asking and not self._withdrew:
             await self.tell(notices.answered(free=standing.holding is None))
         self._asking = asking
 

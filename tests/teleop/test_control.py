@@ -330,6 +330,34 @@ async def test_a_question_is_withdrawn_when_its_page_is_closed(open_page):
     assert (await holder.hears("control"))["requests"] == []
 
 
+async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page, monkeypatch):
+    holder, asker = await open_page("operator"), await open_page("second")
+    await take(holder)
+    await asker.say("ask")
+    while not (await asker.hears("control"))["asking"]:
+        pass
+    looks, standing_of, cancel = threading.Semaphore(0), rooms.standing_of, services.control_ask_cancel
+
+    def looked(*args, **kwargs):
+        looks.release()
+        return standing_of(*args, **kwargs)
+
+    def cancelled_after_a_look(**kwargs):
+        for _ in range(3):
+            assert looks.acquire(timeout=5)
+        cancel(**kwargs)
+
+    monkeypatch.setattr(rooms, "LOOK_S", 0.02)
+    monkeypatch.setattr(rooms, "LOOKS_PER_FULL", 1)
+    monkeypatch.setattr(rooms, "standing_of", looked)
+    monkeypatch.setattr(services, "control_ask_cancel", cancelled_after_a_look)
+    await asker.say("ask_cancel")
+    while (await asker.hears("control"))["asking"]:
+        pass
+    await asker.hears_nothing("notice")
+    assert not [message for message in asker.inbox if message["t"] == "notice"]
+
+
 async def test_renewing_is_refused_while_somebody_asks(open_page):
     holder, asker = await open_page("operator"), await open_page("second")
     await take(holder)
