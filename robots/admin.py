@@ -274,7 +274,7 @@ class RobotProfileAdmin(RecordedAdmin):
         if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
             told = gettext(
                 "The blind speed of every %(name)s is %(now)s m/s now, it was %(before)s: where no sensor watches, "
-                "only the operator's eyes do."
+                "only the operator’s eyes do."
             )
             figures = {"now": f"{obj.blind_mps:g}", "before": f"{form.initial['blind_mps']:g}"}
             self.message_user(request, told % {"name": obj.name, **figures}, messages.WARNING)

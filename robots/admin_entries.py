@@ -165,7 +165,7 @@ class ImportForm(forms.Form):
         max_length=35,
         required=False,
         label=_("Language"),
-        help_text=_("Of lines without one, such as en-GB. Empty: the robot's first."),
+        help_text=_("Of lines without one, such as en-GB. Empty: the robot’s first."),
     )
     replace = forms.BooleanField(
         required=False, label=_("Replace"), help_text=_("Instead of what is there; otherwise after it.")

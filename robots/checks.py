@@ -58,19 +58,19 @@ def run_checks(robot: Robot) -> list[Check]:
         config = bridge_config(robot)
         environment = ros_environment(config, settings.FLEET_RUN_DIR)
     except Problems as problems:
-        return [Check(_("registry"), FAIL, str(problems), _("Correct the robot's entry or its profile."))]
+        return [Check(_("registry"), FAIL, str(problems), _("Correct the robot’s entry or its profile."))]
     except NoWrapper as error:
-        return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console's computer."))]
+        return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
     except OSError as error:
         text = _("The console cannot write them down (%s).") % error.strerror
-        return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console's computer full?"))]
+        return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]
     try:
         return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
     except subprocess.TimeoutExpired:
         text = _("No answer within %d s.") % PROBE_TIMEOUT_S
         return [Check(_("probe"), FAIL, text, _("Is the network overloaded?"))]
     except (subprocess.CalledProcessError, msgspec.DecodeError) as error:
-        return [Check(_("probe"), FAIL, _("The probe failed: %s") % error, _("See the console's log."))]
+        return [Check(_("probe"), FAIL, _("The probe failed: %s") % error, _("See the console’s log."))]
 
 
 def _elsewhere(robot: Robot) -> Iterator[Check]:
@@ -78,7 +78,7 @@ def _elsewhere(robot: Robot) -> Iterator[Check]:
         yield Check(
             _("asked from here"),
             WARN,
-            _("This computer asked, but the robot's bridge runs at %s.") % robot.bridge_address,
+            _("This computer asked, but the robot’s bridge runs at %s.") % robot.bridge_address,
             _("What counts is the answer of manage.py check_robot %s on that computer.") % robot.slug,
         )
 
@@ -156,8 +156,8 @@ def _names_here(hosts: list[HostFound]) -> Check:
         return Check(
             name,
             FAIL,
-            _("The robot's nodes call themselves %s, which cannot be resolved here.") % _and(unknown),
-            _("Add it to the robot's host aliases, such as %s.") % f'{{"{unknown[0]}": "10.68.0.1"}}',
+            _("The robot’s nodes call themselves %s, which cannot be resolved here.") % _and(unknown),
+            _("Add it to the robot’s host aliases, such as %s.") % f'{{"{unknown[0]}": "10.68.0.1"}}',
         )
     unreached = [f"{host.name} ({host.address}: {host.error})" for host in hosts if host.error]
     if unreached:
@@ -167,7 +167,7 @@ def _names_here(hosts: list[HostFound]) -> Check:
             _("Nodes on %s cannot be reached.") % _and(unreached),
             _("Is the address right (host aliases), a firewall between, or the node dead (rosnode cleanup)?"),
         )
-    return Check(name, OK, _("The robot's nodes (%s) can be reached.") % _and([host.name for host in hosts]))
+    return Check(name, OK, _("The robot’s nodes (%s) can be reached.") % _and([host.name for host in hosts]))
 
 
 def _names_there(callback: CallbackFound) -> Check:
@@ -177,7 +177,7 @@ def _names_there(callback: CallbackFound) -> Check:
     where = f"{callback.advertised} ({callback.error})" if callback.error else callback.advertised
     text = _("The robot could not call the console back at %s.") % where
     if callback.route and callback.advertised != callback.route:
-        return Check(name, FAIL, text, _("Set the robot's advertised address to %s.") % callback.route)
+        return Check(name, FAIL, text, _("Set the robot’s advertised address to %s.") % callback.route)
     return Check(name, FAIL, text, _("Does a firewall on this computer keep the robot out?"))
 
 
@@ -190,8 +190,8 @@ def _clock(topics: list[TopicFound]) -> Check:
     if abs(skew_s) <= CLOCK_SKEW_S:
         agree = _("Robot and console agree within %.2f s.") % max(abs(skew_s), 0.01)
         return Check(name, OK, agree)
-    ahead = _("The robot's stamps are %.1f s ahead of the console's clock.")
-    behind = _("The robot's stamps are %.1f s behind the console's clock.")
+    ahead = _("The robot’s stamps are %.1f s ahead of the console’s clock.")
+    behind = _("The robot’s stamps are %.1f s behind the console’s clock.")
     return Check(
         name,
         WARN,
@@ -227,7 +227,7 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
     if unseen:
         frames = {"unseen": _and(unseen), "frames": _and(found.frames)}
         text = _("%(topic)s says nothing from %(unseen)s, only from %(frames)s.") % {**words, **frames}
-        return Check(name, bad, text, _("Correct the sensors' frame ids in the profile."))
+        return Check(name, bad, text, _("Correct the sensors’ frame ids in the profile."))
     alive, quiet = _("%(topic)s (%(type)s): right type, alive."), _("%(topic)s (%(type)s): right type.")
     return Check(name, OK, (alive if found.messages else quiet) % words)
 
@@ -245,11 +245,11 @@ _KINDS = (
     *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions"), gettext_noop("map")),
 )
 _MISSING = gettext_noop(
-    "Is the node running, and is the topic's name in the robot's profile right (rostopic list)?"
+    "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"
 )
 _UNREADABLE = gettext_noop("See the answers on names above.")
-_UNKNOWN = gettext_noop("Choose one of the types that the profile's help text names.")
-_OTHER_VERSION = gettext_noop("The robot has another version of the message's package.")
+_UNKNOWN = gettext_noop("Choose one of the types that the profile’s help text names.")
+_OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
 _SILENT = gettext_noop("Is the sensor switched on and its driver well (rostopic hz)?")
 
 
@@ -258,7 +258,7 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
     words = {"topic": drive.name, "type": drive.type}
     if found.type not in (None, "*", drive.type):
         text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
-        yield Check(name, FAIL, text, _("Correct the profile's type."))
+        yield Check(name, FAIL, text, _("Correct the profile’s type."))
     elif not found.subscribers:
         yield Check(
             name,
@@ -276,9 +276,9 @@ def _others(topic: str, nodes: list[str]) -> Check:
     name = _("other drivers")
     if not nodes:
         return Check(name, OK, _("Nobody else publishes to %s.") % topic)
-    text = _("%(nodes)s publishes to %(topic)s too, past the console's gate.")
+    text = _("%(nodes)s publishes to %(topic)s too, past the console’s gate.")
     words = {"nodes": _and(nodes), "topic": topic}
-    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic of the console's own."))
+    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic of the console’s own."))
 
 
 def _and(names: list[str]) -> str:

@@ -222,9 +222,9 @@ def _head_problems(head: HeadSource) -> Iterator[str]:
 
 def _arm_problems(arm: ArmSource) -> Iterator[str]:
     if not arm.home:
-        yield "arm.home: must name the arm's joints"
+        yield "arm.home: must name the arm’s joints"
     if len(arm.links) < 2:
-        yield "arm.links: must name the arm's links from shoulder to tip"
+        yield "arm.links: must name the arm’s links from shoulder to tip"
     if not 0.0 < arm.tolerance <= 0.5:
         yield f"arm.tolerance: must be above 0 and at most 0.5 rad or m, not {arm.tolerance:g}"
     if not 0.02 <= arm.radius_m <= 0.5:
@@ -241,7 +241,7 @@ def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:
     yield from _name_problem(sonar.topic, f"{path}.topic")
     yield from _pose_problems(sonar, path)
     if not sonar.frame_id:
-        yield f"{path}.frame_id: must name the sensor's frame"
+        yield f"{path}.frame_id: must name the sensor’s frame"
     if not 0.0 < sonar.fov <= math.pi:
         yield f"{path}.fov: must be between 0 and 3.14 rad, not {sonar.fov:g}"
     if not 0.0 < sonar.max_range_m <= 50.0:
@@ -290,7 +290,7 @@ def _outline_problems(outline: list[tuple[float, float]]) -> Iterator[str]:
         yield "outline: the corners must go once around, in order, and form a convex polygon"
         return
     if not all(_turn(a, b, (0.0, 0.0)) * turns[0] > 0.0 for a, b in sides):
-        yield "outline: the base frame's origin (0, 0) must lie inside"
+        yield "outline: the base frame’s origin (0, 0) must lie inside"
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
@@ -329,9 +329,9 @@ def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]
     for name in PARAMETER_BOUNDS:
         mine, theirs = getattr(given, name), getattr(profile, name)
         if mine < theirs and name not in CAREFUL_WHEN_SMALL:
-            yield f"gate.{name}: {mine:g} is below the profile's {theirs:g}; a robot may only tighten"
+            yield f"gate.{name}: {mine:g} is below the profile’s {theirs:g}; a robot may only tighten"
         if mine > theirs and name in CAREFUL_WHEN_SMALL:
-            yield f"gate.{name}: {mine:g} is above the profile's {theirs:g}; a robot may only tighten"
+            yield f"gate.{name}: {mine:g} is above the profile’s {theirs:g}; a robot may only tighten"
 
 
 def unknown_steps(given: object) -> Iterator[str]:

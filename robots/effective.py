@@ -151,17 +151,17 @@ def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
 def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
     """An arm that would pass for smaller, or for folded sooner."""
     if given.radius_m < profile.radius_m:
-        yield f"arm.radius_m: {given.radius_m:g} is below the profile's {profile.radius_m:g}; only tighten"
+        yield f"arm.radius_m: {given.radius_m:g} is below the profile’s {profile.radius_m:g}; only tighten"
     if given.tolerance > profile.tolerance:
-        yield f"arm.tolerance: {given.tolerance:g} is above the profile's {profile.tolerance:g}; only tighten"
+        yield f"arm.tolerance: {given.tolerance:g} is above the profile’s {profile.tolerance:g}; only tighten"
 
 
 def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
     """Where a robot's depth camera would leave out what its profile's counts."""
     if given.height_m < profile.height_m:
-        yield f"depth.height_m: {given.height_m:g} is below the profile's {profile.height_m:g}; only tighten"
+        yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
     if given.own_m > profile.own_m:
-        yield f"depth.own_m: {given.own_m:g} is above the profile's {profile.own_m:g}; only tighten"
+        yield f"depth.own_m: {given.own_m:g} is above the profile’s {profile.own_m:g}; only tighten"
 
 
 def _careful(own: Parameters, theirs: Parameters) -> Parameters:
@@ -246,7 +246,7 @@ def _loosened_limits(own: Tightening, profile: RobotProfile) -> Iterator[str]:
         mine: float | None = getattr(own, name)
         theirs: float = getattr(profile, name)
         if mine is not None and mine > theirs:
-            yield f"limits.{name}: {mine:g} is above the profile's {theirs:g}; a robot may only tighten"
+            yield f"limits.{name}: {mine:g} is above the profile’s {theirs:g}; a robot may only tighten"
         if mine is not None and mine <= 0.0 < theirs and name not in MAY_BE_ZERO:
             yield f"limits.{name}: must be above 0, not {mine:g}"
         if mine is not None and mine < 0.0 and name in MAY_BE_ZERO:

@@ -22,7 +22,7 @@ class EndReason(models.TextChoices):
     TERM = "term", _("the term ended")
     AWAY = "away", _("the page was gone")
     RIGHT = "right", _("the right to control ended")
-    BRIDGE = "bridge", _("the robot's bridge refused it")
+    BRIDGE = "bridge", _("the robot’s bridge refused it")
 
 
 class ControlSession(models.Model):

@@ -135,9 +135,9 @@ class Allowance(OfProfileOrRobot):
         blank=True,
         help_text=_(
             "Of what is chosen: which input goes there. For driving it decides what wins over the console. "
-            "On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab's joystick and "
+            "On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab’s joystick and "
             "every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and "
-            "/tab_vel (100, not masked by emergency_brake) and a controller's own topic are refused here."
+            "/tab_vel (100, not masked by emergency_brake) and a controller’s own topic are refused here."
         ),
     )
     name = models.CharField(

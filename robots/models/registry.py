@@ -92,7 +92,7 @@ class RobotProfile(models.Model):
     reverse_mps = models.FloatField(
         _("reverse, m/s"),
         validators=_between(0.0, 3.0),
-        help_text=_("A positive number. TIAGo's own limit is 0.2."),
+        help_text=_("A positive number. TIAGo’s own limit is 0.2."),
     )
     lateral_mps = models.FloatField(
         _("sideways, m/s"),
@@ -112,7 +112,7 @@ class RobotProfile(models.Model):
         validators=_between(0.01, 0.5),
         help_text=_(
             "The fastest in directions, or at heights, that no sensor watches. Raising it trusts the "
-            "operator's eyes instead of a sensor."
+            "operator’s eyes instead of a sensor."
         ),
     )
     default_share = models.FloatField(
@@ -136,10 +136,10 @@ class RobotProfile(models.Model):
         validators=[topic_name],
         help_text=_(
             "Where velocities are published. On TIAGo this chooses what wins over the console. "
-            "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab's own joystick and every "
+            "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab’s own joystick and every "
             "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by "
             "the locks of priority 100: a console there ignores emergency_brake. "
-            "/mobile_base_controller/cmd_vel bypasses the mux, the joystick's priority and every lock."
+            "/mobile_base_controller/cmd_vel bypasses the mux, the joystick’s priority and every lock."
         ),
     )
     drive_type = models.CharField(
@@ -152,7 +152,7 @@ class RobotProfile(models.Model):
         _("footprint"),
         help_text=_(
             'Metres, base frame: {"radius_m": 0.27} or {"outline": [[0.3, 0.2], [-0.3, 0.2], ...]}, '
-            "convex, with the base frame's origin inside."
+            "convex, with the base frame’s origin inside."
         ),
     )
     topics = models.JSONField(
@@ -246,7 +246,7 @@ class Robot(models.Model):
         blank=True,
         help_text=_(
             "What the console calls itself to this robot, so that the robot can call back: this "
-            "computer's address in the robot's network, such as 10.68.0.2. Empty: this computer's host name."
+            "computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name."
         ),
     )
     host_aliases = models.JSONField(
@@ -254,7 +254,7 @@ class Robot(models.Model):
         default=dict,
         blank=True,
         help_text=_(
-            "Host names that the robot's nodes use and this network does not know, with addresses: "
+            "Host names that the robot’s nodes use and this network does not know, with addresses: "
             '{"tiago-42c": "10.68.0.1"}.'
         ),
     )
@@ -270,14 +270,14 @@ class Robot(models.Model):
         max_length=200,
         blank=True,
         validators=[topic_name],
-        help_text=_("Empty: the profile's. See there what the choice means."),
+        help_text=_("Empty: the profile’s. See there what the choice means."),
     )
     default_share = models.FloatField(
         _("default speed share"),
         null=True,
         blank=True,
         validators=_between(0.01, 1.0),
-        help_text=_("Empty: the profile's."),
+        help_text=_("Empty: the profile’s."),
     )
     max_share = models.FloatField(
         _("largest speed share"),
@@ -291,7 +291,7 @@ class Robot(models.Model):
         blank=True,
         help_text=_(
             'Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. '
-            "Entries of topics replace the profile's (null: this robot has no such thing); limits and gate may "
+            "Entries of topics replace the profile’s (null: this robot has no such thing); limits and gate may "
             'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.'
         ),
     )
@@ -301,7 +301,7 @@ class Robot(models.Model):
         null=True,
         blank=True,
         help_text=_(
-            "Empty or null: the profile's steps; else all that this robot's stick passes, as described there."
+            "Empty or null: the profile’s steps; else all that this robot’s stick passes, as described there."
         ),
     )
 
@@ -317,7 +317,7 @@ class Robot(models.Model):
                 name="one_robot_per_bridge_address",
                 violation_error_code="unique",  # said at the field
                 violation_error_message=_(
-                    "Another robot's bridge listens there already: each needs a host or a port of its own."
+                    "Another robot’s bridge listens there already: each needs a host or a port of its own."
                 ),
             )
         ]

@@ -96,7 +96,7 @@ def test_a_profiles_form_left_open_undoes_nothing_either(
 def test_a_wrong_entry_comes_back_with_its_path_and_changes_nothing(admin: Client, robot: Robot) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     page = admin.post(url, filled(admin, url, overrides='{"limits": {"forward_mps": 9}}')).content.decode()
-    assert "limits.forward_mps: 9 is above the profile&#x27;s 1" in page
+    assert "limits.forward_mps: 9 is above the profile’s 1" in page
     assert not Record.objects.filter(kind="robot.change").exists()
 
 

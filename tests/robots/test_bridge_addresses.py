@@ -41,7 +41,7 @@ def test_the_admin_says_it_at_the_field(robot: Robot, other_robot: Robot, staff,
     answer = client.post(page, {**entered, **texts, **rows, "bridge_address": ADDRESS})
     errors = answer.context["adminform"].form.errors
     assert list(errors) == ["bridge_address"]
-    assert "Another robot's bridge" in errors["bridge_address"][0]
+    assert "Another robot’s bridge" in errors["bridge_address"][0]
 
 
 def test_any_number_of_bridges_run_on_this_computer(robot: Robot, other_robot: Robot) -> None:

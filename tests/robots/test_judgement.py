@@ -79,7 +79,7 @@ def test_a_name_with_a_wrong_address_is_told_apart(config: BridgeConfig, well: F
 @pytest.mark.parametrize(
     ("advertised", "advice"),
     [
-        ("127.0.0.1", "Set the robot's advertised address to 10.68.0.2."),
+        ("127.0.0.1", "Set the robot’s advertised address to 10.68.0.2."),
         ("10.68.0.2", "Does a firewall on this computer keep the robot out?"),
     ],
 )

@@ -22,13 +22,13 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
-        ({"limits": {"forward_mps": 1.2}}, "limits.forward_mps: 1.2 is above the profile's 1"),
-        ({"limits": {"blind_mps": 0.5}}, "limits.blind_mps: 0.5 is above the profile's 0.3"),
-        ({"limits": {"linear_mps2": 2.0}}, "limits.linear_mps2: 2 is above the profile's 1"),
+        ({"limits": {"forward_mps": 1.2}}, "limits.forward_mps: 1.2 is above the profile’s 1"),
+        ({"limits": {"blind_mps": 0.5}}, "limits.blind_mps: 0.5 is above the profile’s 0.3"),
+        ({"limits": {"linear_mps2": 2.0}}, "limits.linear_mps2: 2 is above the profile’s 1"),
         ({"limits": {"turn_radps": 0.0}}, "limits.turn_radps: must be above 0"),
         ({"limits": {"reverse_mps": -0.1}}, "limits.reverse_mps: must not be negative"),
-        ({"gate": {"front_margin_m": 0.05}}, "gate.front_margin_m: 0.05 is below the profile's 0.08"),
-        ({"gate": {"deceleration_share": 0.9}}, "gate.deceleration_share: 0.9 is above the profile's 0.65"),
+        ({"gate": {"front_margin_m": 0.05}}, "gate.front_margin_m: 0.05 is below the profile’s 0.08"),
+        ({"gate": {"deceleration_share": 0.9}}, "gate.deceleration_share: 0.9 is above the profile’s 0.65"),
         ({"gate": {"latency_s": 5.0}}, "gate.latency_s: must be between 0.1 and 1, not 5"),
         (
             {"topics": {"scans": [{"topic": "scan", "pose": [0, 0, 0]}]}},
@@ -36,11 +36,11 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
         ),
         (
             {"topics": {"depth": DEPTH | {"height_m": 0.9}}},
-            "topics.depth.height_m: 0.9 is below the profile's 1.1",
+            "topics.depth.height_m: 0.9 is below the profile’s 1.1",
         ),
         (
             {"topics": {"depth": DEPTH | {"own_m": 0.2}}},
-            "topics.depth.own_m: 0.2 is above the profile's 0.05",
+            "topics.depth.own_m: 0.2 is above the profile’s 0.05",
         ),
         (
             {"topics": {"depth": DEPTH | {"fov": 63.0}}},
@@ -55,14 +55,14 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
         ({"topics": {"head": HEAD | {"pan_joint": ""}}}, "topics.head.pan_joint: must name a joint"),
         (
             {"topics": {"arm": ARM | {"tolerance": 0.4}}},
-            "topics.arm.tolerance: 0.4 is above the profile's 0.15",
+            "topics.arm.tolerance: 0.4 is above the profile’s 0.15",
         ),
         (
             {"topics": {"arm": ARM | {"radius_m": 0.03}}},
-            "topics.arm.radius_m: 0.03 is below the profile's 0.07",
+            "topics.arm.radius_m: 0.03 is below the profile’s 0.07",
         ),
-        ({"topics": {"arm": ARM | {"home": {}}}}, "topics.arm.home: must name the arm's joints"),
-        ({"topics": {"arm": ARM | {"links": ["hand"]}}}, "topics.arm.links: must name the arm's links"),
+        ({"topics": {"arm": ARM | {"home": {}}}}, "topics.arm.home: must name the arm’s joints"),
+        ({"topics": {"arm": ARM | {"links": ["hand"]}}}, "topics.arm.links: must name the arm’s links"),
         ({"topics": {"arm": ARM, "joint_states": None}}, "topics.arm: needs joint_states"),
         ({"topics": {"lidar": "/scan"}}, "topics.lidar: there is no such field"),
         ({"speed": 2}, "speed: there is no such field (there are: gate, limits, topics)"),
@@ -145,7 +145,7 @@ def test_a_robot_whose_profile_was_lowered_below_it_can_still_be_taken_out_of_se
     robot.overrides = {"limits": {"forward_mps": 0.8}, "gate": {"front_margin_m": 0.2}}
     robot.profile.forward_mps = 0.5
     robot.profile.gate = {"front_margin_m": 0.5}
-    with pytest.raises(ValidationError, match="above the profile's"):
+    with pytest.raises(ValidationError, match="above the profile’s"):
         robot.full_clean()
     robot.enabled = False
     robot.full_clean()

@@ -152,7 +152,7 @@ def test_a_clock_an_hour_ahead_is_reported(robot: Robot, ros: RosClient) -> None
         answers = check(robot, ros.master)
     assert answers["odometry"]["level"] == "ok"
     assert answers["clock"]["level"] == "warn"
-    assert "s ahead of the console's clock" in answers["clock"]["text"]
+    assert "s ahead of the console’s clock" in answers["clock"]["text"]
 
 
 def test_a_topic_of_another_type_is_told_with_both(robot: Robot, ros: RosClient) -> None:
