@@ -316,7 +316,8 @@ class ControlPage {
   /** Drives while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
-    this.#desk.fence = drives ? this.#control.fence : null;
+    const none = this.#control === null ? undefined : null; // as long as nobody has told
+    this.#desk.fence = drives ? this.#control.fence : none;
     if (drives) {
       this.#sender.start(this.#control.fence);
     } else {

@@ -12,6 +12,10 @@ import { Say, speechEndNotice } from "./say.js";
 import { socketUrl } from "./socket.js";
 import { TopicsTab } from "./topics/topics_tab.js";
 
+function noVoice() {
+  return gettext("This robot has no voice.");
+}
+
 export class Desk {
   #orders;
   #motions;
@@ -29,7 +33,7 @@ export class Desk {
   #chosen = {};
   #tab = null;
   #role = "observer";
-  #fence = null;
+  #fence; // of this tab's control; null: it has none; undefined: not known
 
   /**
    * @param {Record<string, HTMLElement>} parts
@@ -83,6 +87,9 @@ export class Desk {
   set offers(offers) {
     this.#uses = offers.uses ?? {};
     this.#motions.offers = offers;
+    this.#motions.idle = this.#uses.motions?.refusal?.text ?? "";
+    const mute = this.#uses.speech ? this.#uses.speech.refusal?.text : noVoice();
+    this.#say.mute = this.#phrases.mute = mute ?? "";
     this.#say.languages = offers.languages ?? [];
     this.#topics.offers = offers;
     this.#markTopic();
@@ -104,10 +111,10 @@ export class Desk {
     this.#markTopic();
   }
 
-  /** @param {?number} fence of this tab's control; null: it has none */
+  /** @param {?number} fence of this tab's control; null: it has none; undefined: not known */
   set fence(fence) {
     this.#fence = fence;
-    this.#orders.fence = fence;
+    this.#orders.fence = fence ?? null;
     this.#enable();
   }
 
@@ -160,7 +167,7 @@ export class Desk {
   }
 
   #enable() {
-    const mayAct = this.#fence !== null;
+    const mayAct = this.#fence === undefined ? null : this.#fence !== null;
     const mayCancel = mayAct || isAtLeast(this.#role, "supervisor");
     this.#motions.mayCancel = this.#running.mayCancel = mayCancel;
     for (const part of this.#acting) part.mayAct = mayAct;

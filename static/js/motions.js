@@ -1,6 +1,6 @@
 /** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
 
-import { dim, make, makeButton, mark, say, show } from "./dom.js";
+import { dim, make, makeButton, mark, say, sayOrHide, show } from "./dom.js";
 import { levelOf } from "./endings.js";
 import { SearchList } from "./list.js";
 
@@ -52,7 +52,8 @@ export class Motions {
   #running = null;
   #ended = null; // the motion that was over last
   #endedMs = 0;
-  #mayAct = false;
+  #mayAct = null;
+  #idle = ""; // why the robot performs none
   #mayCancel = false;
   #listening = new AbortController();
 
@@ -95,10 +96,15 @@ export class Motions {
     this.#show();
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
-    show(this.#parts["motions-hint"], !may);
+    this.#show();
+  }
+
+  /** @param {string} why the robot performs none now, empty if it does */
+  set idle(why) {
+    this.#idle = why;
     this.#show();
   }
 
@@ -153,13 +159,15 @@ export class Motions {
   /** Another motion may be pressed while one runs: the robot says why not, and who runs which. */
   #show() {
     const [play, cancel] = [gettext("Play"), gettext("Cancel")];
+    const takeControl = this.#mayAct === false ? gettext("Take control to play one.") : "";
+    sayOrHide(this.#parts["motions-hint"], this.#idle || takeControl);
     for (const [name, { button, act }] of this.#buttons) {
       const runs = name === this.#running;
       mark(button, "runs", runs);
       const [now, later] = runs ? [cancel, play] : [play, cancel];
       say(act, now);
       act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
-      dim(button, runs ? !this.#mayCancel : !this.#mayAct);
+      dim(button, runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "");
     }
   }
 }

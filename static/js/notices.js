@@ -1,7 +1,8 @@
 /** What came of a person's input: told once at the edge of the screen, and kept in a log. */
 
 import { closable } from "./dialog.js";
-import { make, makeButton, mark, say, show } from "./dom.js";
+import { make, makeButton, mark, say } from "./dom.js";
+import { SearchList } from "./list.js";
 import { timeText } from "./times.js";
 
 const SHOWN_MS = 5000;
@@ -29,6 +30,18 @@ function words(level, said) {
   sign.setAttribute("aria-hidden", "true");
   const strong = make("strong", { className: "notice-word", text: word });
   return [sign, make("p", { children: [strong, " ", said] })];
+}
+
+/** An entry of the log. */
+function logRow({ level, text, times, at }) {
+  const time = make("time", { text: timeText(at) });
+  time.dateTime = at.toISOString();
+  const count = make("span", { className: "notice-times", text: timesText(times) });
+  return make("div", {
+    className: "notice",
+    data: { level },
+    children: [...words(level, make("span", { text })), count, time],
+  });
 }
 
 function timesText(times) {
@@ -113,16 +126,23 @@ export class Notices {
   #parts;
   #shown = new Map();
   #log = [];
+  #list;
   #announced = new Map(); // what a screen reader is being told, until when
   #cameFrom = null; // where the focus was before it came to the notices
   #listening = new AbortController();
 
   /**
-   * @param {{notices, said, alarm, "log-open", "log-dialog", "log-list", "log-none"}} parts `said` and `alarm` are live
+   * @param {{notices, said, alarm, "log-open", "log-dialog", "log-list"}} parts `said` and `alarm` are live
    *   regions, polite and assertive, that only screen readers see
    */
   constructor(parts) {
     this.#parts = parts;
+    this.#list = new SearchList(parts["log-list"], {
+      label: gettext("Search notices"),
+      text: ({ level, text, at }) => [levels()[level].word, text, timeText(at)].join(" "),
+      row: logRow,
+    });
+    this.#list.empty = gettext("There were none since this page was opened.");
     const { signal } = this.#listening;
     parts["log-open"].addEventListener("click", () => this.#openLog(), { signal });
     closable(parts["log-dialog"], signal);
@@ -146,13 +166,14 @@ export class Notices {
     else this.#begin(key, entry);
     this.#announce(key, entry);
     this.#log = [entry, ...this.#log.filter((other) => other !== entry)].slice(0, KEPT);
-    if (this.#parts["log-dialog"].open) this.#fillLog();
+    if (this.#parts["log-dialog"].open) this.#list.items = this.#log;
   }
 
   close() {
     for (const { item } of [...this.#shown.values()]) item.end();
     for (const timer of this.#announced.values()) clearTimeout(timer);
     this.#listening.abort();
+    this.#list.close();
   }
 
   #begin(key, entry) {
@@ -189,22 +210,8 @@ export class Notices {
   }
 
   #openLog() {
-    this.#fillLog();
+    this.#list.clear();
+    this.#list.items = this.#log;
     this.#parts["log-dialog"].show();
-  }
-
-  #fillLog() {
-    const rows = this.#log.map(({ level, text, times, at }) => {
-      const time = make("time", { text: timeText(at) });
-      time.dateTime = at.toISOString();
-      const count = make("span", { className: "notice-times", text: timesText(times) });
-      return make("li", {
-        className: "notice",
-        data: { level },
-        children: [...words(level, make("span", { text })), count, time],
-      });
-    });
-    this.#parts["log-list"].replaceChildren(...rows);
-    show(this.#parts["log-none"], rows.length === 0);
   }
 }

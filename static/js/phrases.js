@@ -9,6 +9,9 @@ export class Phrases {
   #parts;
   #url;
   #list;
+  #mayAct = null;
+  #mute = "";
+  #none = "";
 
   /**
    * @param {Record<string, HTMLElement>} parts
@@ -26,9 +29,16 @@ export class Phrases {
     });
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
-    this.#list.dimmed = !may;
+    this.#mayAct = may;
+    this.#tell();
+  }
+
+  /** @param {string} why the robot cannot speak now, empty if it can */
+  set mute(why) {
+    this.#mute = why;
+    this.#tell();
   }
 
   /** Reads them from the console. */
@@ -55,8 +65,15 @@ export class Phrases {
     this.#say(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
   }
 
+  /** @param {string} text why there are none */
   #say(text) {
-    sayOrHide(this.#parts["phrases-none"], text);
+    this.#none = text;
+    this.#tell();
+  }
+
+  #tell() {
+    this.#list.dimmed = !this.#mayAct || this.#mute !== "";
+    sayOrHide(this.#parts["phrases-none"], this.#none || this.#mute);
   }
 }
 

@@ -17,6 +17,11 @@ function lengthOf(text) {
   return Array.from(text).length;
 }
 
+/** A sentence that ends with a quotation has one full stop: the quotation's own, if that has one. */
+function endedOnce(sentence) {
+  return sentence.replace(/([\p{Sentence_Terminal}…]\p{P}*\p{Cf}*”)\.$/u, "$1");
+}
+
 /** How a speech ended, as a notice. */
 export function speechEndNotice({ outcome, text: why }, text) {
   const outcomes = {
@@ -28,7 +33,8 @@ export function speechEndNotice({ outcome, text: why }, text) {
     stopped: gettext("Ended by the stop: “%s”."),
     unheard: gettext("Nothing more was heard of “%s”."),
   };
-  const said = interpolate(outcomes[outcome] ?? `${outcome}: “%s”`, [isolated(shortened(text))]);
+  const words = outcomes[outcome] ?? `${outcome}: “%s”.`;
+  const said = endedOnce(interpolate(words, [isolated(shortened(text))]));
   return {
     level: levelOf(outcome),
     code: `speech ${outcome} ${text}`,
@@ -43,7 +49,8 @@ export class Say {
   #list;
   #language = recall(LANGUAGE, null);
   #own = [];
-  #mayAct = false;
+  #mayAct = null; // whether this tab has control; null: not known yet
+  #mute = ""; // why the robot cannot speak
   #isSending = false;
   #listening = new AbortController();
 
@@ -80,11 +87,16 @@ export class Say {
     this.#showLanguage();
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
-    show(this.#parts["say-hint"], !may);
-    this.#count();
+    this.#hint();
+  }
+
+  /** @param {string} why the robot cannot speak now, empty if it can */
+  set mute(why) {
+    this.#mute = why;
+    this.#hint();
   }
 
   get language() {
@@ -127,6 +139,13 @@ export class Say {
 
   // --- text ------------------------------------------------------------------------------------
 
+  /** What keeps the robot from speaking, whatever the text is. */
+  #hint() {
+    const takeControl = this.#mayAct === false ? gettext("Take control first.") : "";
+    sayOrHide(this.#parts["say-hint"], this.#mute || takeControl);
+    this.#count();
+  }
+
   #typed() {
     this.#say("");
     this.#count();
@@ -137,7 +156,7 @@ export class Say {
     const { "say-count": count, "say-send": send } = this.#parts;
     say(count, `${length} / ${LONGEST}`);
     mark(count, "over", length > LONGEST);
-    dim(send, !this.#mayAct || length > LONGEST);
+    dim(send, !this.#mayAct || this.#mute !== "" || length > LONGEST);
   }
 
   /** Enter sends; Shift and Enter break the line; what is being composed (an accent, a syllable) is not yet a text. */
@@ -166,6 +185,7 @@ export class Say {
     const unspeakable = UNSPEAKABLE.exec(text);
     if (unspeakable) return this.#pointOut(text, unspeakable);
     if (!HEARD.test(text)) return gettext("Write what the robot should say.");
+    if (this.#mute) return this.#mute;
     if (!this.#mayAct) return gettext("Take control first: then the robot can speak.");
     if (lengthOf(text) > LONGEST)
       return interpolate(gettext("At most %s characters: shorten it."), [LONGEST]);

@@ -36,8 +36,9 @@ export class Tabs extends EventTarget {
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root carries data-tab for the style sheet
-   * @param {HTMLElement} list its links with role "tab" lead to the tabs by hash; the first is the default
+   * @param {HTMLElement} root carries data-tab for the style sheet, and data-stick where there is the joystick
+   * @param {HTMLElement} list its links with role "tab" lead to the tabs by hash; the first is the default. Those with
+   *   data-stick have the joystick.
    * @param {HTMLElement} panel what the tabs show, each in its own way
    */
   constructor(root, list, panel) {
@@ -85,6 +86,7 @@ export class Tabs extends EventTarget {
     this.#links.get(tab).scrollIntoView({ block: "nearest", inline: "nearest" });
     this.#panel.setAttribute("aria-labelledby", this.#links.get(tab).id);
     mark(this.#root, "tab", tab);
+    mark(this.#root, "stick", "stick" in this.#links.get(tab).dataset);
     this.dispatchEvent(new CustomEvent("change", { detail: { tab, before } }));
   }
 

@@ -104,6 +104,15 @@ describe("the list of motions", () => {
     expect(button("Wave").getAttribute("aria-disabled")).toBeNull();
     motions.mayAct = motions.mayCancel = true;
     expect(button("Bow").getAttribute("aria-disabled")).toBeNull();
+    expect(parts["motions-hint"].hidden).toBe(true);
+    motions.idle = "Nothing on the robot listens to /play_motion/goal.";
+    expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
+    expect(parts["motions-hint"].textContent).toContain("/play_motion/goal");
+  });
+
+  it("does not ask to take control before it is known who has it", () => {
+    motions.mayAct = null;
+    expect(parts["motions-hint"].hidden).toBe(true);
   });
 
   it("says why there are none, and asks the robot again", () => {

@@ -2,7 +2,7 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Notices } from "../../static/js/notices.js";
 
 function pageParts() {
-  const names = ["notices", "said", "alarm", "log-list", "log-none"];
+  const names = ["notices", "said", "alarm", "log-list"];
   const parts = Object.fromEntries(names.map((name) => [name, document.createElement("div")]));
   const dialog = document.createElement("dialog");
   const close = document.createElement("button");
@@ -148,12 +148,12 @@ describe("notices", () => {
       notices.add({ level: "success", code: `said ${i}`, text: `Said ${i}.` });
     expect(texts()).toEqual(["Said 119.", "Said 118.", "Said 117.", "Said 116."]);
     parts["log-open"].click();
-    expect(parts["log-list"].children).toHaveLength(100);
-    expect(parts["log-list"].firstElementChild.textContent).toContain("Said 119.");
+    expect(parts["log-list"].querySelectorAll("li")).toHaveLength(100);
+    expect(parts["log-list"].querySelector("li").textContent).toContain("Said 119.");
     const time = parts["log-list"].querySelector("time");
     const told = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(new Date());
     expect(time.textContent).toContain(told.find(({ type }) => type === "timeZoneName").value);
-    expect(parts["log-none"].hidden).toBe(true);
+    expect(parts["log-list"].querySelector("ul ~ p:not([hidden])")).toBeNull();
   });
 
   it("are never more than two at once where the window is low", () => {
@@ -161,6 +161,26 @@ describe("notices", () => {
     for (const text of ["One.", "Two.", "Three."]) notices.add({ level: "info", code: text, text });
     expect(texts()).toEqual(["Three.", "Two."]);
     vi.unstubAllGlobals();
+  });
+
+  it("are searched in the log by level and words, and a new one comes to what fits", () => {
+    parts["log-open"].click();
+    const shown = () =>
+      [...parts["log-list"].querySelectorAll("li:not([hidden]) p > span")].map(
+        (text) => text.textContent,
+      );
+    expect(parts["log-list"].querySelector("ul ~ p:not([hidden])").textContent).toContain("none");
+    notices.add({ level: "warning", code: "a", text: "Wave: cancelled." });
+    notices.add({ level: "success", code: "b", text: "Wave: done." });
+    const field = parts["log-list"].querySelector("input");
+    expect(field.hidden).toBe(false);
+    field.value = "WARNING wàve";
+    field.dispatchEvent(new Event("input"));
+    expect(shown()).toEqual(["Wave: cancelled."]);
+    notices.add({ level: "warning", code: "c", text: "Wave: failed." });
+    expect(shown()).toEqual(["Wave: failed.", "Wave: cancelled."]);
+    field.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape", cancelable: true }));
+    expect(shown()).toHaveLength(3);
   });
 
   it("are in the log with the newest first, also where the newest is a repeat", () => {

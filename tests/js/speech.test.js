@@ -152,6 +152,24 @@ describe("a text of one's own", () => {
     expect(parts["say-fault"].textContent).toContain("Take control");
   });
 
+  it("is told to be in vain beforehand: without control, or a voice; and nothing while neither is known", () => {
+    const { "say-hint": hint, "say-send": button } = parts;
+    form.mayAct = null;
+    expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, "true"]);
+    form.mayAct = false;
+    expect(hint.textContent).toContain("Take control");
+    form.mute = "Nothing on the robot listens to /tts/goal.";
+    form.mayAct = true;
+    expect(hint.textContent).toContain("Nothing on the robot listens");
+    expect(button.getAttribute("aria-disabled")).toBe("true");
+    write("Hola");
+    press("Enter");
+    expect(send).not.toHaveBeenCalled();
+    expect(parts["say-fault"].textContent).toContain("Nothing on the robot listens");
+    form.mute = "";
+    expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, null]);
+  });
+
   it("is in a language that is found by the name that it has for itself", () => {
     parts.language.click();
     const search = parts["language-list"].querySelector("input");
@@ -195,6 +213,10 @@ describe("phrases", () => {
     expect(send).toHaveBeenCalledWith({ t: "say", text: "مرحبا", language: "ar" });
     phrases.mayAct = false;
     expect(buttons.every((button) => button.getAttribute("aria-disabled"))).toBe(true);
+    phrases.mayAct = true;
+    phrases.mute = "This robot has no voice.";
+    expect(buttons.every((button) => button.getAttribute("aria-disabled"))).toBe(true);
+    expect(parts["phrases-none"].textContent).toBe("This robot has no voice.");
   });
 
   it("say so when they cannot be read", async () => {
@@ -405,5 +427,7 @@ describe("what is being said", () => {
       text: "The robot failed to say “\u2068Hola\u2069”. No voice.",
     });
     expect(speechEndNotice({ outcome: "unheard", text: "" }, "Hola").level).toBe("warning");
+    for (const text of ["Hola.", "¿Qué?", "مرحبا؟", "你好。", "He said “no.”", `${"a".repeat(60)}`])
+      expect(speechEndNotice({ outcome: "done", text: "" }, text).text).toMatch(/”$/); // its own is enough
   });
 });

@@ -69,6 +69,14 @@ describe("the tabs", () => {
     expect(changes).toHaveLength(2);
   });
 
+  it("tell the style sheet which of them have the joystick", () => {
+    link("centre").dataset.stick = "";
+    tabs.begin();
+    expect(root.dataset.stick).toBe("true");
+    goTo("#drive");
+    expect(root.dataset.stick).toBeUndefined();
+  });
+
   it("stay where they are when the address names something else", () => {
     tabs.begin();
     goTo("#drive");

@@ -84,12 +84,12 @@ export class PublishPanel extends EventTarget {
     this.#parts["publish-running"].replaceChildren(...items);
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     const stops = this.#parts["publish-running"].querySelectorAll("button");
     for (const button of [this.#parts["publish-send"], ...stops]) dim(button, !may);
-    show(this.#parts["publish-control"], !may);
+    show(this.#parts["publish-control"], may === false);
   }
 
   /** What the robot's side refused of the last message, which is told already: this says in which field. */

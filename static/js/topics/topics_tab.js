@@ -34,6 +34,7 @@ export class TopicsTab {
   #choosing = null; // the use for which another topic is being chosen
   #chosen = {}; // by use, where it is not the default
   #role = "observer";
+  #mayAct = null;
   #listening = new AbortController();
   #isShown = false;
   #again = null; // a refresh that will be tried again, or is
@@ -76,10 +77,11 @@ export class TopicsTab {
     this.#publish.running = [...publishing, ...this.#repeater.running];
   }
 
-  /** @param {boolean} may this tab has control of the robot */
+  /** @param {?boolean} may this tab has control of the robot; null: not known yet */
   set mayAct(may) {
+    this.#mayAct = may;
     this.#choices.mayAct = may;
-    show(this.#parts["uses-control"], !may);
+    show(this.#parts["uses-control"], may === false);
     this.#publish.mayAct = may;
     if (may) return;
     this.#repeater.end();
@@ -227,6 +229,7 @@ export class TopicsTab {
   // --- where input goes ------------------------------------------------------------------------
 
   #openChoice(use) {
+    if (!this.#mayAct) return this.#warn(gettext("Take control first."));
     this.#choosing = use;
     this.#parts["choose-title"].textContent = interpolate(gettext("Where %s goes"), [
       useLabel(use),

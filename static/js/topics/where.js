@@ -1,6 +1,6 @@
 /** Where input goes: for each use its topic now, the way back to the default, and what else could be chosen. */
 
-import { make, makeButton, say, show } from "../dom.js";
+import { dim, make, makeButton, say, sayOrHide, show } from "../dom.js";
 import { whyNot } from "../roles.js";
 import { USES, useLabel } from "../uses.js";
 
@@ -70,11 +70,11 @@ export class Choices extends EventTarget {
     const note = make("span", { className: "badge" });
     const back = this.#button(gettext("Back to the default"), "choose", { use, topic: null });
     const change = this.#button(gettext("Change…"), "list", { use });
-    const words = make("div", {
-      children: [make("h3", { text: useLabel(use) }), make("p", { children: [topic, " ", note] })],
-    });
+    const why = make("p", { className: "quiet" });
+    const goes = make("p", { children: [topic, " ", note] });
+    const words = make("div", { children: [make("h3", { text: useLabel(use) }), goes, why] });
     const item = make("li", { className: "use", children: [words, back, change] });
-    return { item, topic, note, back, change };
+    return { item, topic, note, why, back, change };
   }
 
   #button(text, event, detail) {
@@ -84,13 +84,14 @@ export class Choices extends EventTarget {
   }
 
   #show() {
-    for (const [use, { item, topic, note, back, change }] of this.#rows) {
+    for (const [use, { item, topic, note, why, back, change }] of this.#rows) {
       const chosen = this.#chosen[use];
       say(topic, chosen ?? this.#offers[use].topic);
       say(note, chosen ? gettext("chosen") : gettext("default"));
       item.dataset.chosen = Boolean(chosen);
       show(back, Boolean(chosen));
-      back.disabled = change.disabled = !this.#mayAct;
+      sayOrHide(why, this.#offers[use].refusal?.text ?? "");
+      for (const button of [back, change]) dim(button, !this.#mayAct);
     }
   }
 }

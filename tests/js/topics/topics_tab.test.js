@@ -42,6 +42,18 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     vi.useRealTimers();
   });
 
+  it("says that control is needed to choose, when that is known and pressed", () => {
+    const control = document.querySelector("[data-part=uses-control]");
+    const [, change] = document.querySelectorAll("[data-part=uses] button");
+    tab.mayAct = null;
+    expect(control.hidden).toBe(true);
+    tab.mayAct = false;
+    expect(control.hidden).toBe(false);
+    change.click();
+    expect(told).toEqual(["Take control first."]);
+    expect(document.querySelector("dialog").open).toBe(false);
+  });
+
   it("tells so once, and every empty list says that the robot is asked", async () => {
     [...document.querySelectorAll("button")].find((b) => b.textContent === "Change…").click();
     for (const name of ["topic-list", "service-list", "parameter-list", "choose-list"])

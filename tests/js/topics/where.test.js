@@ -55,6 +55,15 @@ describe("the rows of where input goes", () => {
     back.click();
     expect(chosen).toHaveBeenCalledWith({ use: "drive", topic: null });
     choices.mayAct = false;
-    expect(back.disabled).toBe(true);
+    expect(back.getAttribute("aria-disabled")).toBe("true");
+  });
+
+  it("say why input would be in vain", () => {
+    const list = document.createElement("ul");
+    const choices = new Choices(list);
+    choices.uses = { drive: { ...OFFER, refusal: { text: "Nothing listens to /key_vel." } } };
+    expect(list.querySelector(".quiet").textContent).toBe("Nothing listens to /key_vel.");
+    choices.uses = { drive: OFFER };
+    expect(list.querySelector(".quiet").hidden).toBe(true);
   });
 });
