@@ -38,14 +38,14 @@ function doneText(t, { holder, remaining_s: remainingS }) {
   return texts[t] ?? "";
 }
 
-/** Whether `control` as it is now answers what was asked for. Of a term that goes on, less is left each time. */
-function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, remainedS) {
+/** Whether `control` as it is now answers what was asked for. */
+function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewedS) {
   switch (t) {
     case "take":
     case "take_over":
       return state === "yours";
     case "renew":
-      return state === "yours" && remainingS > remainedS - SPREAD_S;
+      return state === "yours" && remainingS > renewedS;
     case "release":
     case "hand_over":
       return state !== "yours";
@@ -63,6 +63,7 @@ export class Errands {
   #tell;
   #waiting = new Map(); // by what was asked for: timers, and whether it was said to be late
   #remainedS = 0; // of the term, when control was last heard of
+  #heardMs = 0; // that moment
 
   /**
    * @param {(message: object) => boolean} send whether there was a connection
@@ -88,8 +89,13 @@ export class Errands {
 
   /** @param {object} control as the server says it stands @returns {boolean} whether something was done by it */
   heard(control) {
-    const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, this.#remainedS));
+    const now = performance.now();
+    const sinceS = (now - this.#heardMs) / 1000;
+    // Of a term that goes on, less is left by this time. One that was renewed may have been told a while later.
+    const renewedS = this.#remainedS - Math.max(SPREAD_S, sinceS / 2);
+    const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, renewedS));
     this.#remainedS = control.remaining_s ?? 0;
+    this.#heardMs = now;
     for (const t of done) this.done(t, control);
     return done.length > 0;
   }
