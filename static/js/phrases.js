@@ -1,6 +1,6 @@
 /** Ready-made messages, each in its own script: a press and the robot says it. */
 
-import { make, makeButton, sayOrHide } from "./dom.js";
+import { make, makeButton, mark, sayOrHide } from "./dom.js";
 import { inLanguage, languageName } from "./languages.js";
 import { SearchList } from "./list.js";
 import { readJson } from "./read.js";
@@ -73,7 +73,9 @@ export class Phrases {
 
   #tell() {
     this.#list.dimmed = !this.#mayAct || this.#mute !== "";
-    sayOrHide(this.#parts["phrases-none"], this.#none || this.#mute);
+    const { "phrases-none": words } = this.#parts;
+    sayOrHide(words, this.#none || this.#mute);
+    mark(words, "mute", this.#none === ""); // where one can write a text, that form says so
   }
 }
 
