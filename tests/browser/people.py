@@ -12,13 +12,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Locator, Page, WebSocket
+from playwright.sync_api import Browser, Locator, Page, WebSocket, expect
 
 from script.stack.client import Console
 from script.stack.places import REPOSITORY
 from script.stack.stack import SimulatedRobot
 
-PATIENCE_S = 15.0
+PATIENCE_S = 30.0
+expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
 
 
@@ -183,6 +184,37 @@ class Person:
         box = self.part("zone").bounding_box()
         assert box is not None
         return 0.45 * min(box["width"], box["height"])
+
+    def push(self, *keys: str, until: Callable[[], Any], what: str) -> None:
+        """Hold these keys until something is true; they stay down.
+
+        Where the stick has to return to the middle, because a busy machine heard a scan too late, they are let go of
+        and pressed again, as a person does.
+        """
+
+        def there() -> bool:
+            if self.state["neutral_needed"]:
+                self.let_go(*keys)
+                self.until(lambda: self.state["neutral_needed"] is None, "a free stick")
+                press()
+            return bool(until())
+
+        def press() -> None:
+            for key in keys:
+                self.page.keyboard.down(key)
+
+        press()
+        self.until(there, what)
+
+    def drive(self, *keys: str, metres: float) -> None:
+        """Hold these keys until odometry is this far from where it was; they stay down."""
+        start = self.place
+        self.push(*keys, until=lambda: math.dist(self.place, start) > metres, what=f"{metres} m by odometry")
+
+    def let_go(self, *keys: str) -> None:
+        """Release these keys."""
+        for key in keys:
+            self.page.keyboard.up(key)
 
     # --- waiting ---------------------------------------------------------------------------------
 

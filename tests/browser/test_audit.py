@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from script.stack.stack import Stack
 from tests.browser.people import Person
@@ -44,15 +45,11 @@ def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
     go_to(operator, "Speech")
     operator.part("say-text").fill(SENTENCE)
     operator.part("say-text").press("Enter")
-    notice(operator, f"Said: “\u2068{SENTENCE}\u2069”.")
+    notice(operator, f"Said: “\u2068{SENTENCE}\u2069”")
     go_to(operator, "Drive")
     operator.page.locator("main").focus()
-    start = operator.place
-    operator.page.keyboard.down("a")
-    operator.page.keyboard.down("w")
-    operator.until_driven(start, 0.3)
-    operator.page.keyboard.up("w")
-    operator.page.keyboard.up("a")
+    operator.drive("a", "w", metres=0.3)
+    operator.let_go("a", "w")
     operator.until_still()
     operator.page.wait_for_timeout(1000)  # standstill is what ends a drive
     operator.release()
@@ -73,8 +70,9 @@ def test_staff_find_a_sentence_in_three_steps_and_follow_the_path_of_who_said_it
     page.get_by_label("Person").select_option(label=spoken.account.username.capitalize())
     page.get_by_label("Said").fill("warm charger")
     page.get_by_role("button", name="Show", exact=True).click()
+    page.wait_for_url(re.compile("warm"))
     found = page.locator(".audit-table tr", has_text=SENTENCE)
-    assert found.count() == 1
+    expect(found).to_have_count(1)
     outcomes_stay_whole_words(staff)
 
     with page.expect_download() as download:
@@ -118,6 +116,7 @@ def scrub_the_path(staff: Person) -> None:
     def place() -> str | None:
         return marker.get_attribute("transform")
 
+    staff.page.wait_for_load_state()  # with its script
     drives.last.locator("time").click()
     assert drives.last.get_attribute("aria-current") == "true"
     begun = place()

@@ -8,7 +8,7 @@ import signal
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Locator, WebSocketRoute
+from playwright.sync_api import Locator, WebSocketRoute, expect
 
 from benchmarks.parts import proc
 from script.stack.stack import Stack
@@ -87,9 +87,7 @@ def test_the_address_names_the_tab(person: Arrive) -> None:
 def test_a_change_of_tab_stops_the_base_and_latches_nothing(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
-    start = operator.place
-    operator.page.keyboard.down("ArrowDown")
-    operator.until_driven(start, 0.1)
+    operator.drive("ArrowDown", metres=0.1)
     operator.page.evaluate("location.hash = 'motions'")
     operator.until(lambda: operator.last_drive == (0, 0, 0), "a stick in the middle")
     operator.until_still()
@@ -110,8 +108,8 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     assert [box_of(row), box_of(row.get_by_text("Cancel"))] == place
     for name in TABS:
         go_to(operator, name)
-        assert operator.part("motion-cancel").is_visible(), name
-        assert operator.part("motion-name").inner_text() == "Inspect surroundings"
+        expect(operator.part("motion-cancel"), name).to_be_visible()
+        expect(operator.part("motion-name")).to_have_text("Inspect surroundings")
     go_to(operator, "Motions")
     search = operator.page.get_by_label("Search motions")
     search.fill("WÀV")
@@ -143,8 +141,8 @@ def test_a_sentence_in_spanish_is_said_another_cancelled_a_phrase_said_and_one_r
     text.press("Enter")
     operator.until(lambda: (operator.state["speech"] or {}).get("word"), "a word that is spoken")
     assert operator.state["speech"]["language"].startswith("es")
-    assert operator.part("speech-word").inner_text() != ""
-    notice(operator, "Said: “\u2068Me llamo TIAGo.\u2069”.")
+    expect(operator.part("speech-word")).not_to_be_empty()
+    notice(operator, "Said: “\u2068Me llamo TIAGo.\u2069”")
     newest = operator.part("history-list").locator(".hit").first
     operator.until(lambda: "done" in newest.inner_text(), "its end in the history")
     assert "Me llamo TIAGo." in newest.inner_text()
@@ -178,7 +176,7 @@ def test_keys_write_in_a_field_and_a_map_of_them_opens_on_a_question_mark(person
     assert all((drive["x"], drive["w"]) == (0, 0) for drive in operator.drives)
     go_to(operator, "Drive")
     operator.page.keyboard.press("?")
-    assert operator.page.get_by_role("dialog", name="Keyboard and gamepad").is_visible()
+    expect(operator.page.get_by_role("dialog", name="Keyboard and gamepad")).to_be_visible()
     assert found_by_axe(operator) == []
     operator.page.keyboard.press("Escape")
     assert not operator.page.get_by_role("dialog").is_visible()
@@ -225,10 +223,9 @@ def test_buttons_that_have_done_their_work_hand_the_focus_on(person: Arrive) -> 
     focused = operator.page.locator(":focus")
     operator.page.get_by_role("button", name="Take control").press("Enter")
     operator.until_in_control()
-    assert focused.get_attribute("data-action") == "renew"
+    expect(focused).to_have_attribute("data-action", "renew")
     operator.page.get_by_role("button", name="Release").press("Enter")
-    operator.page.get_by_role("button", name="Take control").wait_for()
-    assert focused.get_attribute("data-action") == "take"
+    expect(focused).to_have_attribute("data-action", "take")
 
 
 def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
@@ -238,6 +235,7 @@ def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
     mouse, (x, y) = operator.page.mouse, (take["x"] + take["width"] * 0.6, take["y"] + take["height"] / 2)
     mouse.click(x, y)
     operator.until_in_control()
+    operator.page.get_by_role("button", name="Release").wait_for()
     assert (
         operator.page.evaluate("([x, y]) => document.elementFromPoint(x, y).innerText", [x, y]) == "Release"
     )
@@ -280,7 +278,7 @@ def test_notices_are_kept_in_a_log_and_never_lie_over_stop_or_joystick(
     for _ in range(6):
         play.evaluate("button => button.click()")
     notice(observer, re.compile("Take control first"))
-    assert observer.page.locator(".notices .notice-times").first.inner_text().endswith("6")
+    expect(observer.page.locator(".notices .notice-times").first).to_have_text(re.compile("6$"))
     shown = box_of(observer.page.locator(".notices .notice").first)  # it goes by itself
     for protected in (observer.page.locator("form.stop .stop-button"), observer.part("zone")):
         assert not overlap(shown, box_of(protected))
@@ -289,9 +287,9 @@ def test_notices_are_kept_in_a_log_and_never_lie_over_stop_or_joystick(
     menu.press("Enter")
     observer.page.get_by_role("button", name="Notices").press("Enter")
     log = observer.page.get_by_role("dialog", name="Notices")
-    assert log.get_by_text(re.compile(r"^.6$")).is_visible()
+    expect(log.get_by_text(re.compile(r"^.6$"))).to_be_visible()
     observer.page.keyboard.press("Escape")
-    assert not log.is_visible()
+    expect(log).to_be_hidden()
     assert menu.evaluate("menu => menu === document.activeElement")
 
 
@@ -386,7 +384,7 @@ def test_while_the_robot_is_out_of_reach_inputs_give_way_but_for_what_one_is_wri
     operator.page.locator(".control[data-cut]").wait_for()
     operator.page.keyboard.type(" wo dd")  # elsewhere letters drive, and a space stops
     assert text.input_value() == "was wo dd"
-    assert "No link to the robot" in banner.inner_text()
+    expect(banner).to_contain_text("No link to the robot")
     go_to(operator, "Motions")
     assert not motions.is_visible()
     motions.wait_for()  # the supervisor started another bridge

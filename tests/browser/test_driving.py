@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import WebSocketRoute
+from playwright.sync_api import WebSocketRoute, expect
 
 from script.stack.stack import Stack
 from tests.browser.people import Fingers, Person
@@ -36,13 +36,13 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     # Along the wall it moves again; then the stop, with the first finger still on the stick.
     fingers.move(1, (x, y + operator.stick_reach))
     operator.until(lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
-    assert "Reversing" in operator.part("hint").inner_text()
+    expect(operator.part("hint")).to_contain_text("Reversing")
     fingers.put(2, operator.middle_of("stop"))
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "confirmed standstill")
     operator.until_still()
     assert operator.last_drive == (0, 0, 0)
     standstill_ms = operator.state["stop"]["standstill_ms"]
-    assert f"{standstill_ms:.0f}\u00a0ms" in operator.part("stop-state").inner_text()
+    expect(operator.part("stop-state")).to_contain_text(f"{standstill_ms:.0f}\u00a0ms")
     assert operator.sent.count("stop") == 1
 
     # The finger that is still down moves nothing, not even after the stop was cleared.
@@ -60,7 +60,7 @@ def test_a_second_person_asks_for_control_and_gets_it(person: Arrive) -> None:
     operator, supervisor = person("operator"), person("supervisor")
     operator.take("tiago-2")
     supervisor.watch("tiago-2")
-    assert supervisor.part("who").inner_text() == "Operator has control"
+    expect(supervisor.part("who")).to_have_text("Operator has control")
 
     supervisor.press("Ask for control")
     hand_over = operator.page.get_by_role("button", name="Hand over to Supervisor")
@@ -69,11 +69,9 @@ def test_a_second_person_asks_for_control_and_gets_it(person: Arrive) -> None:
 
     supervisor.until_in_control()
     operator.until(lambda: operator.control["state"] == "other", "control to be gone")
-    assert operator.part("who").inner_text() == "Supervisor has control"
-    start = supervisor.place
-    supervisor.page.keyboard.down("w")
-    supervisor.until_driven(start, 0.1)
-    supervisor.page.keyboard.up("w")
+    expect(operator.part("who")).to_have_text("Supervisor has control")
+    supervisor.drive("w", metres=0.1)
+    supervisor.let_go("w")
     supervisor.release()
 
 
@@ -96,16 +94,14 @@ def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
     observer.page.keyboard.press("Space")
     observer.page.keyboard.press("w")
 
-    start = operator.place
-    operator.page.keyboard.down("ArrowUp")
-    operator.until_driven(start, 0.1)
+    operator.drive("ArrowUp", metres=0.1)
     assert operator.state["stop"]["state"] == "clear"
     assert observer.drives == []
     operator.page.keyboard.press("Space")
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
     operator.page.keyboard.up("ArrowUp")
     observer.until(lambda: observer.state["stop"]["state"] == "stopped", "the stop, for those who watch")
-    assert observer.part("banner-title").inner_text() == "Stopped by Operator"
+    expect(observer.part("banner-title")).to_have_text("Stopped by Operator")
     assert not observer.part("clear").is_visible()
     operator.clear()
 
@@ -129,9 +125,7 @@ def test_an_observer_may_stop(person: Arrive) -> None:
     operator, observer = person("operator"), person("observer")
     operator.take("tiago-2")
     observer.watch("tiago-2")
-    start = operator.place
-    operator.page.keyboard.down("w")
-    operator.until_driven(start, 0.1)
+    operator.drive("w", metres=0.1)
     observer.page.get_by_role("button", name="Stop").click()
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
     assert operator.last_drive == (0, 0, 0)
@@ -160,7 +154,7 @@ def test_zero_goes_out_at_once_when_the_page_is_left(person: Arrive, happening: 
     operator.until(lambda: operator.drives and operator.last_drive == (0, 0, -1), "a turn to the right")
     operator.page.evaluate(happening)
     mouse.move(x + operator.stick_reach, y + 3)
-    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero", timeout_s=1)
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero")
     operator.page.wait_for_timeout(250)
     assert operator.last_drive == (0, 0, 0)
     operator.until_still()
@@ -178,7 +172,7 @@ def test_changing_the_input_means_zero_until_both_have_rested(person: Arrive) ->
     mouse.move(x - operator.stick_reach, y)
     operator.until(lambda: operator.drives and operator.last_drive == (0, 0, 1), "a turn to the left")
     keyboard.down("d")
-    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero", timeout_s=1)
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero")
     mouse.up()
     keyboard.up("d")
     keyboard.down("d")
@@ -201,7 +195,7 @@ def test_a_sticky_stick_stays_and_ends_with_any_other_input(person: Arrive) -> N
     operator.page.wait_for_timeout(400)
     assert operator.last_drive == (0, 0, -1)
     operator.page.keyboard.press("w")
-    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero", timeout_s=1)
+    operator.until(lambda: operator.last_drive == (0, 0, 0), "zero")
     operator.release()
 
 
@@ -225,15 +219,13 @@ def test_a_reload_keeps_control_and_the_robot_stands_meanwhile(person: Arrive) -
     operator = person("operator")
     operator.take("tiago-2")
     fence = operator.control["fence"]
-    operator.page.keyboard.down("a")
-    operator.until(lambda: operator.state["odometry"]["w"] > 0.1, "a turn to the left")
-    operator.page.keyboard.up("a")
+    operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.1, what="a turn to the left")
+    operator.let_go("a")
     operator.watch("tiago-2")
     operator.until_in_control()
     assert operator.control["fence"] == fence
-    operator.page.keyboard.down("a")
-    operator.until(lambda: operator.state["odometry"]["w"] > 0.1, "a turn to the left again")
-    operator.page.keyboard.up("a")
+    operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.1, what="a turn to the left again")
+    operator.let_go("a")
     operator.release()
 
 
@@ -350,7 +342,7 @@ def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: S
         return all(card["state"] and card["state"]["stop"]["state"] == "stopped" for card in cards)
 
     staff.until(stopped, "every robot to be stopped")
-    assert staff.page.locator(".robot[data-stopped]").count() == len(stack.robots)
+    expect(staff.page.locator(".robot[data-stopped]")).to_have_count(len(stack.robots))
     for slug in stack.robots:
         staff.watch(slug)
         staff.clear()

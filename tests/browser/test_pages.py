@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator
+from playwright.sync_api import Locator, expect
 
 from tests.browser.people import Person
 
@@ -56,6 +56,7 @@ def test_axe_has_nothing_against_any_page_light_or_dark(person: Arrive) -> None:
     staff = person("staff")
     for path in PAGES:
         staff.open(path)
+        expect(staff.page.locator("[data-stale]")).to_have_count(0)  # cards are pale until a robot is heard
         for theme in ("light", "dark"):
             staff.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
             staff.page.evaluate(
@@ -183,12 +184,13 @@ def test_every_list_has_a_search_that_keys_are_enough_for(person: Arrive) -> Non
             rows.first.wait_for()
             many = rows.count()
             field.fill(text)
-            assert rows.count() == 1, label
+            expect(rows, label).to_have_count(1)
             field.press("Tab")
             focused = page.evaluate("document.activeElement.closest('li')?.innerText")
             assert focused == rows.first.evaluate("row => row.innerText"), label
             field.press("Escape")
-            assert (field.input_value(), rows.count()) == ("", many), label
+            expect(field, label).to_have_value("")
+            expect(rows, label).to_have_count(many)
             field.fill(text)
             field.press("Enter")
     # What Enter acted on: each by its own list.

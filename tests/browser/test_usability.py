@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from script.stack.places import REPOSITORY
 from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
@@ -169,7 +170,7 @@ def driven_by_keys(robot: SimulatedRobot) -> float:
 def follow_course(tasks: Tasks) -> int:
     """With the mouse on the joystick, at the speed that the page offers. How often it was seized: once, as a rule."""
     person, follower = tasks.person, Follower()
-    assert person.part("speed").inner_text().startswith(f"{SHARE:.2f}")
+    expect(person.part("speed")).to_have_text(re.compile(rf"^\s*{SHARE:.2f}"))
     grip, seized = seize_stick(tasks), 1
     deadline = time.monotonic() + PATIENCE_S
     while not follower.arrived:
