@@ -39,6 +39,7 @@ from script.stack.places import (
 from script.stack.processes import Child, ChildDied, ReservedPort, end_all
 
 ROLES = ("observer", "operator", "supervisor", "staff")
+READY_S = 120.0  # on a slow machine that does much else; as a rule it takes ten
 LONGEST_SOCKET_PATH = 107  # sun_path has 108 bytes with its closing zero
 SOCKET_NAME_LENGTH = len("/123456789012.sock")
 
@@ -179,7 +180,7 @@ class Stack:
 
     # --- start -----------------------------------------------------------------------------------
 
-    def start(self, timeout_s: float = 60.0) -> None:
+    def start(self, timeout_s: float = READY_S) -> None:
         """Start everything; returns when people can sign in and every robot is online."""
         self.launch()
         try:
@@ -329,7 +330,7 @@ class Stack:
 
     # --- ready -----------------------------------------------------------------------------------
 
-    def wait_ready(self, timeout_s: float = 60.0) -> None:
+    def wait_ready(self, timeout_s: float = READY_S) -> None:
         """Until people can sign in and every robot is online."""
         deadline = time.monotonic() + timeout_s
         self.wait_web(deadline)

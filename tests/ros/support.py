@@ -27,7 +27,7 @@ from robots.bridge.ros.publishing import immediate_publisher
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 ROSMASTER = "/usr/bin/rosmaster"
-PATIENCE_S = 20.0
+PATIENCE_S = 30.0
 # rospy also logs as the interpreter exits, when pytest's streams are closed.
 logging.getLogger("rospy").setLevel(logging.WARNING)
 LAST_TOPIC = "/scan"  # what a simulator advertises last, whatever its base

@@ -34,7 +34,7 @@ from robots.bridge.store import Store
 from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
 from tests.bridge.support import MemorySink
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
-from tests.ros.support import Master, SimulatorProcess, until
+from tests.ros.support import PATIENCE_S, Master, SimulatorProcess, until
 
 ODOMETRY = "/mobile_base_controller/odom"
 
@@ -229,7 +229,7 @@ def test_a_bridge_that_lost_its_name_ends_so_that_a_fresh_one_joins(bridge, brid
     with ServerProxy(rosmaster.uri) as master:  # another node of this name, which is gone again at once
         gone = "http://127.0.0.1:9/"
         master.registerPublisher("/fleet_bridge", "/elsewhere", "std_msgs/Empty", gone)
-        assert bridge.process.wait(10) == EXIT_NAME_LOST  # although it publishes all the time
+        assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST  # although it publishes all the time
         fresh = bridges(rosmaster, bridge.config).link()
         fresh.state_until(drivable, "the fresh bridge to be online")
         master.unregisterPublisher("/fleet_bridge", "/elsewhere", gone)

@@ -12,7 +12,7 @@ from pathlib import Path
 import rosgraph
 
 from tests.ros.meddling import CUT_SHORT, meddled
-from tests.ros.support import REPOSITORY, end, until
+from tests.ros.support import PATIENCE_S, REPOSITORY, end, until
 
 HANGING_S = 3.0  # to end although the master hangs
 
@@ -50,13 +50,13 @@ def test_sigterm_ends_it_and_unregisters_it(make_master, simulator):
 def test_sigint_ends_it(make_master, simulator):
     robot = simulator(master=make_master())
     robot.process.send_signal(signal.SIGINT)
-    assert robot.process.wait(5) == 0
+    assert robot.process.wait(PATIENCE_S) == 0
 
 
 def test_it_exits_with_its_parent(make_master, simulator):
     robot = simulator(master=make_master())
     robot.process.stdin.close()
-    assert robot.process.wait(5) == 0
+    assert robot.process.wait(PATIENCE_S) == 0
 
 
 def test_it_ends_although_its_master_hangs(make_master, simulator):
@@ -118,7 +118,7 @@ def test_it_waits_for_a_master_that_is_not_there_yet(make_master, simulator, tmp
         master.start()
         until(lambda: topics_of(master, "/simulator_early"), "it came")
         process.terminate()
-        assert process.wait(5) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def test_other_bases_speak_their_profiles_topics(make_master, simulator):

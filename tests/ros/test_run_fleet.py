@@ -16,7 +16,7 @@ from django.db import connection
 from robots.models import BridgeStatus, Robot
 from robots.selectors import link_address
 from robots.services import robot_save
-from tests.ros.support import REPOSITORY, Master, end, until
+from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -93,7 +93,7 @@ def test_every_bridge_ends_with_its_supervisor_however_that_ends(
 ) -> None:
     bridges = [supervisor.bridge_of(there), supervisor.bridge_of(away)]
     supervisor.process.kill()
-    _, alive = psutil.wait_procs(bridges, timeout=10.0)
+    _, alive = psutil.wait_procs(bridges, timeout=PATIENCE_S)
     assert alive == []
     supervisor.process.wait()
     again = Supervisor()
@@ -109,6 +109,6 @@ def test_a_signal_ends_supervisor_and_bridges_in_order(
 ) -> None:
     bridge = supervisor.bridge_of(there)
     supervisor.process.send_signal(number)
-    assert supervisor.process.wait(6.0) == 0
+    assert supervisor.process.wait(PATIENCE_S) == 0
     assert not bridge.is_running()
     assert BridgeStatus.objects.get(robot=there).state == BridgeStatus.State.STOPPED

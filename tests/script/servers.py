@@ -18,7 +18,7 @@ from tests.script.support import Family, outside, until
 
 PROGRAMS = Path("/usr/lib/postgresql")
 OWNER = "postgres"  # by Debian's package; PostgreSQL does not run as root
-STARTED_S = 10.0
+STARTED_S = 30.0
 POSTGRESQL_END = signal.SIGQUIT  # at once; SIGTERM would wait for its clients
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks.parts.proc import children
 
-ENDED_S = 10.0
+ENDED_S = 30.0
 
 
 def until(condition: Callable[[], object], what: str, timeout_s: float) -> None:

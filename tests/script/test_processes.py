@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from script.stack.processes import TIED_TO_US, Child
+from script.stack.processes import ENDING_SIGNALS, TIED_TO_US, Child
 from tests.script.support import ENDED_S
 
 
@@ -26,6 +27,27 @@ def test_a_child_that_crashes_says_where(tmp_path: Path) -> None:
     assert child.wait(ENDED_S)
     assert child.fate() == "was ended by SIGSEGV"
     assert "in here" in child.last_lines()
+
+
+WAITING = """
+import os, sys
+from script.stack.processes import Ended, ended_by_signals
+try:
+    with ended_by_signals():
+        for number in sys.argv[1:]:
+            os.kill(os.getpid(), int(number))
+except Ended:
+    os.kill(os.getpid(), int(number))
+    print("undisturbed")
+"""
+
+
+@pytest.mark.parametrize("number", ENDING_SIGNALS)
+def test_ctrl_c_and_a_closed_terminal_end_a_command_that_then_cleans_up_undisturbed(
+    number: signal.Signals,
+) -> None:
+    command = [sys.executable, "-c", WAITING, str(number.value)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "undisturbed\n"
 
 
 def test_a_child_whose_parent_is_gone_already_does_not_begin() -> None:

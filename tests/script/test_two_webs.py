@@ -20,8 +20,8 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, daphne
 from tests.script.servers import Redis, postgresql
 from tests.script.support import listens, until
 
-READY_S = 60.0
-NEWS_S = 5.0
+READY_S = 120.0
+NEWS_S = 15.0
 ZERO_S = 2.0  # from the death of a web process to standstill, as a page sees it
 ROBOT = PRACTICE_ROBOTS[0].slug
 

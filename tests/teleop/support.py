@@ -20,7 +20,7 @@ from robots.selectors import link_address
 from robots.wire import Odometry, Refusal, State, StopState, Verdict
 from teleop.database import in_database
 
-TIMEOUT_S = 5.0
+TIMEOUT_S = 20.0
 PATIENCE_S = 20.0  # until something is on record: a busy machine takes its time
 M = TypeVar("M", bound=msgspec.Struct)
 T = TypeVar("T")
