@@ -247,6 +247,11 @@ class RobotConsumer(RobotSocket):
         """The fencing number of that."""
         return self.grip.fence if self.grip else None
 
+    @property
+    def role_in_control(self) -> Role | None:
+        """The role in which that was got."""
+        return self.grip.holding.role if self.grip else None
+
     async def stands(self, standing: Standing) -> None:
         """Follow the lease: grip what is ours, let go what is not, say what is new."""
         self._standing = standing
@@ -289,12 +294,6 @@ class RobotConsumer(RobotSocket):
         if self.grip and refused.fence == self.fence:
             beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
 
-    async def uses(self, role: Role) -> None:
-        """Before what needs this role. NotDone: that cannot be noted."""
-        if self.grip and role > self.grip.holding.role:
-            session = self.grip.holding.session
-            await in_database(services.lease_used, robot_id=self.robot_id, session=session, role=role)
-
     # --- control on this connection ------------------------------------------------------------------
 
     async def _follow_lease(self, standing: Standing) -> None:
@@ -303,8 +302,6 @@ class RobotConsumer(RobotSocket):
             ours = None
         if self.grip and (ours is None or ours.session != self.held_session):
             await self._lost(standing)
-        if self.grip and ours:
-            self.grip.holding = ours
         if ours and self.grip is None and not self._gone and isinstance(self.rights.permit, Permit):
             self._asking = False  # if it asked, it has its answer
             self.grip = Grip(
@@ -346,7 +343,7 @@ class RobotConsumer(RobotSocket):
     async def _follow_permit(self) -> None:
         """End control when the right to it ended; follow a changed limit.
 
-        Also when the role is below the one in which control was got or used: what was begun in that ends with control.
+        Also when the role is a lower one than that in which control was got: what was begun in that ends with control.
         """
         permit, role = self.rights.permit, self.rights.role
         if self.grip is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from django.db import DatabaseError
 
@@ -13,8 +13,9 @@ from fleet.accounts.models import User
 from robots import wire
 from robots.bridge import twists
 from robots.bridge.config import Allowed
+from robots.link import LinkRefused
 from robots.models import Role
-from robots.wire import Accepted, LinkCancel, NotDone, Order, Refusal, Refused, kind_of
+from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
 from teleop.database import in_database
 from teleop.rooms import Room
 from teleop.rules import NO_LEASE
@@ -43,18 +44,12 @@ class Page(Protocol):
     def fence(self) -> int | None:
         """The fencing number of its control, if it has control."""
 
-    async def uses(self, role: Role) -> None:
-        """Before what needs this role: if it falls, control ends, and what was begun with it. NotDone: not noted."""
+    @property
+    def role_in_control(self) -> Role | None:
+        """The role in which it got control."""
 
     async def answer(self, answer: Accepted | Refused) -> None:
         """Tell the page what became of an order."""
-
-
-class _Needed(NamedTuple):
-    """The lowest role that may use a topic; None: nobody may."""
-
-    role: Role | None
-    topic: str
 
 
 class Orders:
@@ -66,42 +61,51 @@ class Orders:
 
     async def take(self, order: Order) -> None:
         """Begin an order. Its answer comes beside: the stick never waits for it."""
-        needed = self._needed(order)
-        refusal = self._why_not(order, needed) or (BUSY if self._under_way >= UNDER_WAY else None)
+        refusal = self._why_not(order) or (BUSY if self._under_way >= UNDER_WAY else None)
         if refusal is not None:
             await self._answer(order, refusal)
             return
         self._under_way += 1
-        beside(self._hand_on(order, needed))
+        beside(self._hand_on(order))
 
-    def _why_not(self, order: Order, needed: _Needed | None) -> Refusal | None:
+    def _why_not(self, order: Order) -> Refusal | None:
         if order.fence is None:
             return None if self._page.rights.supervises else _NOT_YOURS
-        held = not_held(order.fence, self._page.fence)
-        return held or (why_role(self._page.rights, *needed) if needed else None)
+        return not_held(order.fence, self._page.fence) or self._why_not_there(order)
 
-    def _needed(self, order: Order) -> _Needed | None:
-        """What the allow-list says of where the order goes; None: whoever has control may."""
+    def _why_not_there(self, order: Order) -> Refusal | None:
+        """What the allow-list and this person's role have against where the order goes."""
         allowed, offers = self._page.room.entry.allowed, self._page.room.link.offers or wire.Offers()
         match order:
             case wire.Publish(type=type_) if type_ in twists.TYPES:
                 return None  # the bridge passes it through the gate, as the stick, or not at all
             case wire.Publish(topic=topic, type=type_):
-                return _Needed(role_for(allowed, "publish", topic, type_), topic)
+                needed = role_for(allowed, "publish", topic, type_)
             case wire.Choose(topic=str(topic), use=use) if not _is_default(offers, use, topic):
-                return _Needed(role_for(allowed, "choose", topic, use=use), topic)
+                needed = role_for(allowed, "choose", topic, use=use)
             case wire.Say(topic=str(topic)) if not _is_default(offers, "speech", topic):
-                return _Needed(role_for(allowed, "choose", topic, use="speech"), topic)
+                needed = role_for(allowed, "choose", topic, use="speech")
             case _:
                 return None
+        return why_role(self._page.rights, needed, topic) or self._why_not_yet(needed, topic)
 
-    async def _hand_on(self, order: Order, needed: _Needed | None) -> None:
+    def _why_not_yet(self, needed: Role | None, topic: str) -> Refusal | None:
+        """A role that rose counts from the next control on: what this one began would outlive its fall."""
+        got_in = self._page.role_in_control
+        if needed is None or got_in is None or got_in >= needed:
+            return None
+        text = (
+            f"For {topic} one needs the role {needed.value}, and you took control as {got_in.value}: "
+            "release it and take it again."
+        )
+        figures = {"name": topic, "role": needed.value, "taken_as": got_in.value}
+        return Refusal("role_of_control", text, "account", figures)
+
+    async def _hand_on(self, order: Order) -> None:
         try:
-            if needed and needed.role:
-                await self._page.uses(needed.role)
             answer = await self._asked(order)
             refusal = answer.refusal if isinstance(answer, Refused) else None
-        except NotDone as refused:
+        except LinkRefused as refused:
             refusal = refused.refusal
         finally:
             self._under_way -= 1

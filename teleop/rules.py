@@ -46,7 +46,7 @@ class Holding(Struct, frozen=True):
     user: UUID
     name: str
     tab: Tab
-    role: Role  # the highest that its holder has used it in: to get it, or for something since
+    role: Role  # of its holder when it was given
     fence: int
     term_ends_at: datetime
     seen_at: datetime  # when its page was last known to be there

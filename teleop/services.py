@@ -162,14 +162,6 @@ def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datet
     mine.update(seen_at=seen_at)
 
 
-def lease_used(*, robot_id: UUID, session: UUID, role: Role) -> None:
-    """Note that its holder begins what this role may, whatever the one in which it was got: it ends with that role."""
-    lower = [other for other in Role if other < role]
-    with change():
-        mine = Lease.objects.filter(robot_id=robot_id, session_id=session, role__in=lower)
-        mine.update(role=role)
-
-
 def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> None:
     """Note that the holder's page is gone; from now on it may come back for `rules.GRACE_S`."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)

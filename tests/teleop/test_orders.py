@@ -7,11 +7,9 @@ from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed
 from robots.models import Allowance, RobotRole
-from robots.wire import Refusal
 from teleop import selectors
 from teleop.database import in_database
 from teleop.orders import UNDER_WAY
-from teleop.services import NotStored
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -266,47 +264,17 @@ def set_role(person, role):
     return in_database(lambda: RobotRole.objects.filter(user=person).update(role=role))
 
 
-async def chooses_as_supervisor(page):
-    await page.say("choose", fence=FENCE, use="drive", topic="/nav_vel", seq=1)
-    await page.hears("accepted", of="choose", seq=1)
-
-
-async def test_what_a_role_that_rose_was_used_for_ends_with_control_when_it_falls_back(
-    risen, bridge, supervisor
-):
-    await chooses_as_supervisor(risen)
-    await set_role(supervisor, "operator")
-    assert (await bridge.hears(wire.Revoke)).fence == FENCE
-    await risen.hears("notice", code="role_lowered")
-    await risen.hears("control", state="free")
-
-
-async def test_so_it_does_on_another_connection(risen, open_page, bridge, supervisor):
-    await chooses_as_supervisor(risen)
-    await risen.close()
-    await set_role(supervisor, "operator")
-    again = await open_page("supervisor")
-    await again.hears("notice", code="role_lowered")
-    assert (await bridge.hears(wire.Revoke)).fence == FENCE
-
-
-async def test_what_an_operator_may_as_well_does_not_count(risen, bridge, supervisor):
-    await risen.say("choose", fence=FENCE, use="drive", topic="/phone_vel", seq=1)
-    await risen.hears("accepted", of="choose", seq=1)
-    await set_role(supervisor, "operator")
-    await risen.hears("welcome", role="operator")
-    await risen.hears_nothing("notice")
-    assert not bridge.all(wire.Revoke)
-
-
-async def test_what_cannot_be_noted_is_not_asked_of_the_robot(risen, bridge, monkeypatch):
-    def locked(**_told):
-        raise NotStored(Refusal("database_locked", "Not done: locked. Try again.", "database"))
-
-    monkeypatch.setattr("teleop.services.lease_used", locked)
+async def test_a_role_that_rose_counts_from_the_next_control_on(risen, bridge):
     await risen.say("choose", fence=FENCE, use="drive", topic="/nav_vel", seq=1)
-    assert (await risen.hears("refused", of="choose", seq=1))["refusal"]["code"] == "database_locked"
+    refusal = (await risen.hears("refused", of="choose", seq=1))["refusal"]
+    assert (refusal["code"], refusal["figures"]["taken_as"]) == ("role_of_control", "operator")
     assert not bridge.all(wire.Choose)
+    await risen.say("release")
+    await risen.hears("control", state="free")
+    await risen.say("take")
+    fence = (await risen.hears("control", state="yours"))["fence"]
+    await risen.say("choose", fence=fence, use="drive", topic="/nav_vel", seq=2)
+    await risen.hears("accepted", of="choose", seq=2)
 
 
 # --- what the robot offers --------------------------------------------------------------------------
