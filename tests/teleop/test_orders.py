@@ -248,6 +248,14 @@ async def test_with_the_role_for_it_more_may_be_chosen(open_page, bridge):
     await page.hears("accepted", of="choose", seq=1)
 
 
+async def test_orders_reach_the_bridge_in_the_order_in_which_they_came(holder, bridge):
+    for seq in range(1, 7):
+        await holder.say("say", fence=FENCE, text=str(seq), language="en", seq=seq)
+    for seq in range(1, 7):
+        await holder.hears("accepted", of="say", seq=seq)
+    assert [message.text for message in bridge.all(wire.Say)] == ["1", "2", "3", "4", "5", "6"]
+
+
 @pytest.fixture
 async def risen(open_page, supervisor):
     """The page of one who took control as an operator and is a supervisor since."""
