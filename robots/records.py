@@ -253,9 +253,8 @@ class AuditSink:
             ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
             starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
             if kind == end:
-                starts = starts.filter(
-                    of=None, outcome=""
-                )  # whoever cancels a motion has the outcome at once
+                # Whoever cancels a motion has the outcome at once.
+                starts = starts.filter(of=None, outcome="")
             missing += starts.exclude(Exists(ends))
         return sorted(missing, key=lambda start: -start.pk)
 

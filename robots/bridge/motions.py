@@ -23,9 +23,8 @@ from robots.bridge.sink import Parameters
 from robots.wire import Refusal
 
 FARTHEST = 100.0  # rad or m: no joint of an arm goes there
-MOST_LEFT = (
-    3  # goals on record at a time that nobody watches: ids are what anybody on the robot's network says
-)
+# Goals that nobody watches, on record or to be put there, at a time: ids are what anybody on the robot's network says.
+MOST_LEFT = 3
 PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
 
 
@@ -150,7 +149,7 @@ class Motions(Goals[Piece]):
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
         self._strays: dict[str, float] = {}  # actions with a goal that nobody watches: cancelled last
-        self._left: dict[str, _Left] = {}  # such goals, by id, as far as they are on record
+        self._left: dict[str, _Left] = {}  # such goals, by id, as far as they are put on record
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Why the base must stand, and no other motion may begin: one runs."""
@@ -221,7 +220,7 @@ class Motions(Goals[Piece]):
             text = "The robot took too long to tell how it would move: ask again."
             self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
         for goal_id, left in list(self._left.items()):
-            if now_s - left.heard_s > UNHEARD_S:
+            if left.record.done() and now_s - left.heard_s > UNHEARD_S:
                 self._end_left(goal_id, left.outcome, now_s)
         super().tick(now_s)
 

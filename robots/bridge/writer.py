@@ -2,8 +2,9 @@
 
 What is asked for must be written before it is done: if it cannot be, it is refused and forgotten. What has happened
 must be written sooner or later: it is kept, and tried again, ahead of all that comes after it. As nothing can be asked
-for successfully meanwhile, what is kept is no more than the ends of what was under way. While the robot drives, a
-pulse tells every half second whether the database can be written at all.
+for successfully meanwhile, what is kept is no more than the ends of what was under way, and whoever keeps what the
+robot tells by itself must bound it. While the robot drives, a pulse tells every half second whether the database can
+be written at all.
 """
 
 from __future__ import annotations

@@ -505,6 +505,25 @@ def test_however_many_ids_somebody_makes_up_few_are_on_record(bench):
     assert cancels(bench) == [*on_record, *["bridge_ended"] * 3]
 
 
+@pytest.mark.parametrize(
+    "away", [lambda sink: setattr(sink, "fails", "disk full"), lambda sink: sink.open.clear()]
+)
+def test_nor_are_more_of_them_kept_for_a_database_that_is_away_however_long(bench, away):
+    away(bench.sink)
+    for number in range(20):
+        bench.core.orders.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
+        bench.pass_time(2.2)
+    assert len(bench.base.cancelled_goals) == 20
+    bench.sink.fails = None
+    bench.sink.open.set()
+    bench.recorded()
+    bench.pass_time(0.6)
+    assert cancels(bench) == [
+        *[("/play_motion", f"fleet_bridge-{number}") for number in range(3)],
+        *["unheard"] * 3,
+    ]
+
+
 def test_cancelling_what_was_left_does_not_wait_for_its_record(bench):
     bench.sink.open.clear()
     bench.core.orders.motions.running("/play_motion", ["fleet_bridge-left"], bench.now_s)
