@@ -248,8 +248,17 @@ class _Path:
         profile = clutter.gate.profile
         config = BridgeConfig("0", "bench", "Bench", "", None, {}, topics, profile, "turn", LinkAddress(), "")
         left = Persisted(False, "", "", 0)
-        drives = DriveLog(Records(_NoRecords()))
-        self._core = Core(config, self._base, clutter.gate, drives, left, lambda _ended: None, _NoTopics())
+        records = Records(_NoRecords())
+        self._core = Core(
+            config,
+            self._base,
+            clutter.gate,
+            records,
+            DriveLog(records),
+            left,
+            lambda _ended: None,
+            _NoTopics(),
+        )
         self._core.ros_status(RosStatus("connecting", ""), 0.0)
         self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
 

@@ -27,7 +27,7 @@ from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
 from robots.bridge.publishings import Publisher
-from robots.bridge.records import Asker, unrecorded
+from robots.bridge.records import Asker, Records, unrecorded
 from robots.bridge.stick import COMMAND_LIFE_S
 from robots.bridge.store import Persisted
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
@@ -72,6 +72,15 @@ class RosStatus(Struct, frozen=True):
     problems: list[str] = []
 
 
+class Reported(Struct):
+    """What the robot told of itself last."""
+
+    odometry: tuple[float, Pose, Velocity] | None = None  # when it arrived, and what it said
+    battery_percent: float | None = None
+    charging: bool | None = None
+    skew_s: float | None = None  # of its clock against ours, steadied
+
+
 class Core:
     """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on.
 
@@ -83,6 +92,7 @@ class Core:
         config: BridgeConfig,
         base: Base,
         gate: Gate,
+        records: Records,
         drives: DriveLog,
         left: Persisted,
         announce: Callable[[Ended | wire.Offers], None],
@@ -98,6 +108,7 @@ class Core:
         self.refused: Counter[str] = Counter()
         self._base = base
         self._gate = gate
+        self._records = records
         self._drives = drives
         self._announce = announce
         self._on_scan = on_scan
@@ -115,9 +126,9 @@ class Core:
         self._joined_s = float("inf")  # the robot's master
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
-        self._reported = view.Reported()
+        self._reported = Reported()
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
-        self.orders = Orders(config, base, gate, drives.records, self, publisher, announce)
+        self.orders = Orders(config, base, gate, records, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -192,7 +203,7 @@ class Core:
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
             grant = self.grants.current
-            self._drives.records.stopped(holder_of(grant) if grant else None, self.stop_state.number, now_s)
+            self._records.stopped(holder_of(grant) if grant else None, self.stop_state.number, now_s)
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
         """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since."""
@@ -216,8 +227,8 @@ class Core:
         still = self._gate.standstill(now_s)
         if still is None:
             self._drives.halted("nothing new came from odometry")
-        busy = bool(self.orders.under_way)
-        self._drives.tick(now_s, self._passed == STILL and still is not False, busy)
+        self._records.tick(now_s, watched=self._drives.under_way or bool(self.orders.under_way))
+        self._drives.tick(now_s, self._passed == STILL and still is not False)
         self._watch_records(now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
@@ -234,6 +245,7 @@ class Core:
     def close(self, now_s: float) -> None:
         """The bridge ends: nobody has control any more, and nothing begins."""
         self.orders.close(now_s)
+        self._drives.end("bridge_ended", "the bridge ended", now_s)
         self.grants.end()
 
     # --- what the robot says ---------------------------------------------------------------------
@@ -314,6 +326,7 @@ class Core:
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
+        told = self._reported
         standing = view.Standing(
             phase=phase,
             text=text,
@@ -324,8 +337,12 @@ class Core:
             foreign=self._ros.foreign,
             verdict=self._verdict,
             refused=self.refused,
+            odometry=told.odometry and told.odometry[1:],
+            battery_percent=told.battery_percent,
+            charging=told.charging,
+            skew_s=told.skew_s,
         )
-        return view.state(standing, self._reported, self._gate, self.orders, now_s, watchers, watchers_more)
+        return view.state(standing, self._gate, self.orders, now_s, watchers, watchers_more)
 
     # --- what orders must know (orders.Rules) ------------------------------------------------------
 
@@ -388,7 +405,7 @@ class Core:
 
     def _watch_records(self, now_s: float) -> None:
         """What cannot be recorded does not go on, nor does what waited for its record begin late."""
-        why = self._drives.records.overdue(now_s)
+        why = self._records.overdue(now_s)
         if why is None:
             self._unrecorded = None
         elif self._unrecorded is None:

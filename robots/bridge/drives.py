@@ -69,7 +69,7 @@ class DriveLog:
     """
 
     def __init__(self, records: Records, map_to_odom: Callable[[], Pose | None] = lambda: None) -> None:
-        self.records = records
+        self._records = records
         self._sink = records.sink
         self._map_to_odom = map_to_odom
         self._pose: Pose | None = None
@@ -87,8 +87,13 @@ class DriveLog:
     @property
     def why_not(self) -> Refusal | None:
         """Why no drive begins: what was to be recorded last was not. One under way goes on until that is overdue."""
-        trouble = self.records.trouble
+        trouble = self._records.trouble
         return unrecorded(trouble.why) if trouble is not None and not self._committed else None
+
+    @property
+    def under_way(self) -> bool:
+        """Whether there is a drive, be its start on record or not yet."""
+        return self._drive is not None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
         """Odometry: where the robot is, and what the drive's figures and path are made of."""
@@ -119,17 +124,16 @@ class DriveLog:
         else:
             current.also.add(verdict.code)
 
-    def tick(self, now_s: float, still: bool, busy: bool = False) -> None:
-        """Once per period. `still`: zero is sent and odometry shows standstill; `busy`: something else goes on."""
+    def tick(self, now_s: float, still: bool) -> None:
+        """Once per period. `still`: zero is sent and odometry shows standstill."""
         drive = self._drive
-        self.records.tick(now_s, watched=busy or drive is not None)
         if drive is None or not drive.number.done():
             return
         if not self._committed:
             self._drive = None
             return
         if len(drive.track.fresh) >= SIMPLIFIED_AT_ONCE:
-            self.records.aside(partial(drive.path.extend, drive.track.taken()))
+            self._records.aside(partial(drive.path.extend, drive.track.taken()))
         if not still:
             drive.still_since_s = None
             return
@@ -147,7 +151,7 @@ class DriveLog:
             return
         self._end_intervention(now_s)
         self._drive = None
-        self.records.aside(partial(drive.path.extend, drive.track.taken(last=True)))
+        self._records.aside(partial(drive.path.extend, drive.track.taken(last=True)))
         track, end = drive.track, self._place
 
         def write() -> None:
@@ -165,12 +169,7 @@ class DriveLog:
             )
             self._sink.end_drive(drive.number.result(), drive.holder, summary)
 
-        self.records.keep(write, now_s, of=drive.number)
-
-    def close(self, now_s: float) -> None:
-        """End what is open and wait for the records."""
-        self.end("bridge_ended", "the bridge ended", now_s)
-        self.records.close()
+        self._records.keep(write, now_s, of=drive.number)
 
     @property
     def _committed(self) -> bool:
@@ -184,7 +183,7 @@ class DriveLog:
 
     def _begin(self, holder: Holder, now_s: float) -> None:
         start = self._place
-        number = self.records.ask(lambda: self._sink.begin_drive(holder, start), now_s)
+        number = self._records.ask(lambda: self._sink.begin_drive(holder, start), now_s)
         self._drive = _Drive(holder, now_s, number, Track(now_s))
         if self._pose is not None:
             self._drive.track.moved(self._pose, STILL, now_s)
@@ -193,7 +192,7 @@ class DriveLog:
         drive.interventions += 1
         number, holder = drive.number.result(), drive.holder
         start = GateStart(verdict, now_s - drive.started_s, self._pose)
-        begun = self.records.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)
+        begun = self._records.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)
         self._intervention = _Intervention(holder, now_s, begun, verdict, now_s, self._pose)
 
     def _end_intervention(self, now_s: float) -> None:
@@ -203,7 +202,7 @@ class DriveLog:
         summary = GateSummary(
             current.held_s - current.began_s, sorted(current.also), current.nearest, current.held_at
         )
-        self.records.keep(
+        self._records.keep(
             lambda: self._sink.end_gate(current.number.result(), current.holder, summary),
             now_s,
             of=current.number,

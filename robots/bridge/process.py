@@ -48,7 +48,6 @@ class Bridge:
         left = store.load(config.last_fence)
         self._base = RosBase(config)
         self._records = Records(sink)
-        self._drives = DriveLog(self._records, self._base.map_to_odom)
         self._gate = Gate(config.gate)
         self._sonars = config.topics.sonars
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
@@ -58,7 +57,8 @@ class Bridge:
             config,
             self._base,
             self._gate,
-            self._drives,
+            self._records,
+            DriveLog(self._records, self._base.map_to_odom),
             left,
             self._announce,
             self._inspection,
@@ -89,12 +89,11 @@ class Bridge:
             self._ended.set()
             leave_within(END_S)
             self._links.shut()  # nobody drives a robot that is being let go of
-            now_s = time.monotonic()
-            self._let_go(now_s)
+            self._let_go(time.monotonic())
             await self._maps.close()
             await asyncio.gather(
                 self._inspection.close(),
-                asyncio.to_thread(self._drives.close, now_s),  # after it, no record calls the loop
+                asyncio.to_thread(self._records.close),  # after it, no record calls the loop
             )
             await self._links.close()
             self._leasing.close()

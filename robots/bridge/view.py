@@ -1,4 +1,4 @@
-"""What is shown of the robot: its state, and a picture of what is seen. Pure: values in, messages out."""
+"""What is shown of the robot: its state, and a picture of what is seen. Asks, and changes nothing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from msgspec import Struct
 
 from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
@@ -20,17 +19,8 @@ VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 
-class Reported(Struct):
-    """What the robot told of itself last."""
-
-    odometry: tuple[float, Pose, Velocity] | None = None  # when it arrived, and what it said
-    battery_percent: float | None = None
-    charging: bool | None = None
-    skew_s: float | None = None  # of its clock against ours, steadied
-
-
 class Standing(NamedTuple):
-    """How things stand by the bridge's rules."""
+    """How things stand by the bridge's rules, and what the robot told of itself."""
 
     phase: wire.Phase
     text: str
@@ -41,29 +31,27 @@ class Standing(NamedTuple):
     foreign: list[str]  # other nodes that publish to the drive topic
     verdict: Verdict
     refused: Counter[str]
+    odometry: tuple[Pose, Velocity] | None
+    battery_percent: float | None
+    charging: bool | None
+    skew_s: float | None  # of the robot's clock against ours
 
 
 def state(
-    standing: Standing,
-    reported: Reported,
-    gate: Gate,
-    orders: Orders,
-    now_s: float,
-    watchers: list[str],
-    watchers_more: int,
+    standing: Standing, gate: Gate, orders: Orders, now_s: float, watchers: list[str], watchers_more: int
 ) -> wire.State:
     """The robot as it is now."""
-    grant, skew_s = standing.grant, reported.skew_s
+    grant, skew_s = standing.grant, standing.skew_s
     return wire.State(
         phase=standing.phase,
         text=standing.text,
         stop=standing.stop,
         # Limits are the driver's; some sensors are listened to only for one.
         verdict=_verdict(standing.verdict if grant else standing.verdict._replace(limits=())),
-        odometry=_odometry(reported),
+        odometry=_odometry(*standing.odometry) if standing.odometry else None,
         sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
-        battery_percent=reported.battery_percent,
-        charging=reported.charging,
+        battery_percent=standing.battery_percent,
+        charging=standing.charging,
         holder=grant.holder if grant else None,
         fence=grant.fence if grant else None,
         seq=standing.seq,
@@ -115,10 +103,7 @@ def _range_cm(gate: Gate, sonar: SonarSource, now_s: float) -> int | None:
     return None if range_m is None else round(range_m * 100)
 
 
-def _odometry(reported: Reported) -> wire.Odometry | None:
-    if reported.odometry is None:
-        return None
-    _, pose, velocity = reported.odometry
+def _odometry(pose: Pose, velocity: Velocity) -> wire.Odometry:
     return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
 
 

@@ -285,12 +285,26 @@ class Bench:
         self.drives = DriveLog(self.records, lambda: self.map_to_odom)
         self.told: list[Ended | wire.Offers] = []  # to every link
         state = left or Persisted(False, "", "", 0)
-        self.core = Core(config, self.base, self.gate, self.drives, state, self.told.append, self.publisher)  # type: ignore[arg-type]
+        self.core = Core(
+            config,
+            self.base,
+            self.gate,  # type: ignore[arg-type]
+            self.records,
+            self.drives,
+            state,
+            self.told.append,
+            self.publisher,
+        )
         self.seq = 0
         self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
         self.speed = STILL
         self.x = 0.0
         self.map_to_odom: Pose | None = None
+
+    def close(self) -> None:
+        """The bridge ends."""
+        self.core.close(self.now_s)
+        self.records.close()
 
     def online(self) -> Bench:
         """The robot's master is there and odometry comes."""

@@ -22,7 +22,7 @@ def grant_of(fence):
 def bench():
     bench = Bench().online()
     yield bench
-    bench.drives.close(bench.now_s)
+    bench.close()
 
 
 def test_nothing_moves_without_control(bench):

@@ -20,7 +20,7 @@ def bench() -> Iterator[Bench]:
     bench = Bench().online().granted()
     yield bench
     bench.sink.open.set()
-    bench.drives.close(bench.now_s)
+    bench.close()
 
 
 def rolls(bench: Bench, seconds: float, speed: Velocity = FORWARD, stick: float = 0.5) -> None:
@@ -65,6 +65,14 @@ def test_a_drive_tells_its_path_and_where_it_began_and_ended(bench: Bench) -> No
     assert summary.end.pose == Pose(bench.x, 0.0, 0.0)
     assert (summary.top_mps, summary.interventions) == (0.5, 0)
     assert (summary.outcome, summary.ended_by) == ("standstill", "standstill")
+
+
+def test_the_end_of_the_bridge_ends_the_drive_on_record(bench: Bench) -> None:
+    bench.driving()
+    rolls(bench, 1.0)
+    bench.core.close(bench.now_s)
+    summary = drive_of(bench)
+    assert (summary.outcome, summary.ended_by) == ("bridge_ended", "the bridge ended")
 
 
 def test_a_path_is_no_longer_than_its_corners_need(bench: Bench) -> None:

@@ -163,7 +163,7 @@ async def bridge(address):
     await bridge.server.start()
     yield bridge
     await bridge.server.close()
-    bridge.bench.drives.close(0.0)
+    bridge.bench.close()
 
 
 @pytest.fixture

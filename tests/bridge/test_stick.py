@@ -204,7 +204,7 @@ def test_a_command_that_is_refused_leaves_no_trace():
 def bench():
     bench = Bench(config=msgspec.structs.replace(CONFIG, stick=DEFAULT)).online().granted()
     yield bench
-    bench.drives.close(bench.now_s)
+    bench.close()
 
 
 def test_the_robot_is_asked_what_the_chain_gives(bench):
@@ -244,4 +244,4 @@ def test_a_new_holder_inherits_no_hand(bench):
         each.recorded()
         each.pass_time(0.05)
     assert bench.core.state(bench.now_s, []).verdict.asked == fresh.core.state(fresh.now_s, []).verdict.asked
-    fresh.drives.close(fresh.now_s)
+    fresh.close()

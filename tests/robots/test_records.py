@@ -353,7 +353,7 @@ def bench(sink: AuditSink, holder: Holder) -> Iterator[Bench]:
     bench.core.grant(grant, 1, bench.now_s)
     bench.stick(0.0)
     yield bench
-    bench.drives.close(bench.now_s)
+    bench.close()
 
 
 def held_stick(bench: Bench, seconds: float) -> Refusal | None:
