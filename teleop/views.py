@@ -12,7 +12,7 @@ from django.views.decorators.http import require_POST, require_safe
 from fleet.accounts.requests import person_of, wants_json
 from robots.models import Robot
 from robots.selectors import robot_seen_by, robots_visible_to, supervises
-from robots.wire import Refusal
+from robots.wire import PROTOCOL, Refusal
 from teleop import stopping
 
 
@@ -27,7 +27,7 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
     """One robot: drive it, or watch who does."""
     person = person_of(request)
     robot = robot_seen_by(person, slug)
-    told = {"robot": robot, "supervises": supervises(person, robot)}
+    told = {"robot": robot, "supervises": supervises(person, robot), "protocol": PROTOCOL}
     return render(request, "teleop/control.html", told)
 
 

@@ -69,6 +69,7 @@ class ControlPage {
   #control = null;
   #mine = false; // control, as the server last said; also while the connection is lost
   #left = false; // the connection was lost with control, and how that stands now is not known yet
+  #outdated = false; // the console speaks another version of the protocol than this page
   #facts = null;
   #state = null;
   #gone = null;
@@ -219,7 +220,7 @@ class ControlPage {
   /** Another tab: the base stands, and nothing is latched by it. */
   #changed(tab, before) {
     if (before !== null) this.#zero("tab-changed");
-    this.#desk.tab = tab;
+    if (!this.#outdated) this.#desk.tab = tab;
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -285,12 +286,20 @@ class ControlPage {
   }
 
   #onWelcome(welcome) {
+    if (welcome.protocol !== Number(this.#root.dataset.protocol)) return this.#outdate();
     const { robot } = welcome;
     this.#facts = robot;
     this.#options.facts = robot;
     this.#picture.facts = robot;
     this.#face.facts = robot;
     this.#desk.welcome = welcome;
+  }
+
+  /** A page left open over an upgrade asks for nothing any more but the stop, by the form's own address. */
+  #outdate() {
+    this.#outdated = true;
+    this.#desk.tab = null;
+    this.#socket.close();
   }
 
   #onControl(control) {
@@ -387,6 +396,7 @@ class ControlPage {
     const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));
     mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);
     this.#face.show({
+      outdated: this.#outdated,
       connected: this.#socket.open,
       gone: this.#gone,
       state: this.#state,

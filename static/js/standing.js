@@ -61,6 +61,7 @@ function stopBanner(stop) {
 
 /**
  * @param {object} now
+ * @param {boolean} now.outdated the page is of another version than the console, and speaks with it no more
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
  * @param {object | null} now.state the robot's newest `State`
@@ -69,7 +70,14 @@ function stopBanner(stop) {
  *   nothing else keeps the robot from driving
  * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, info
  */
-export function banner({ connected, gone, state, sinceViewMs, asksNeutral }) {
+export function banner({ outdated, connected, gone, state, sinceViewMs, asksNeutral }) {
+  if (outdated) {
+    return {
+      level: "fault",
+      title: gettext("This page is of another version"),
+      text: gettext("Reload it."),
+    };
+  }
   if (!connected) {
     return {
       level: "fault",

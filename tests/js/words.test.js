@@ -57,6 +57,11 @@ describe("the banner", () => {
     expect(banner({ ...WELL, sinceViewMs: 2400 }).text).toContain(todo);
   });
 
+  it("asks to load a page of another version anew, whatever else is wrong", () => {
+    const shown = banner({ ...WELL, outdated: true, connected: false });
+    expect(shown).toMatchObject({ title: "This page is of another version", text: "Reload it." });
+  });
+
   it("asks for a neutral stick, with the bridge's reason if it has one", () => {
     const state = {
       ...ONLINE,
