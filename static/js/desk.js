@@ -155,7 +155,7 @@ export class Desk {
   }
 
   async #send(order) {
-    const undo = this.#endingsOf(order)?.begin(order.text);
+    const undo = this.#endingsOf(order)?.begin(order.text, order.t.endsWith("_cancel"));
     const refusal = await this.#orders.send(order);
     if (refusal && refusal.code !== "no_answer") undo?.();
     return refusal;

@@ -9,6 +9,7 @@ export function levelOf(outcome) {
 /** Tells the person who began or cancelled something how it ended; others only see it end. */
 export class Endings {
   #mine = false; // the next ending answers to this page
+  #cancels = false; // which cancels what runs, and need not be told by whom that was
   #name = ""; // of what runs, or ran
   #tell;
   #last; // number of the ending that is known already
@@ -23,13 +24,14 @@ export class Endings {
   /**
    * The next ending answers to this page, which begins or cancels something.
    * @param {string} [name] of what it begins
+   * @param {boolean} [cancels] what runs
    * @returns {() => void} call it if that was refused: then nothing changed
    */
-  begin(name = this.#name) {
-    const before = [this.#mine, this.#name];
-    [this.#mine, this.#name] = [true, name];
+  begin(name = this.#name, cancels = false) {
+    const before = [this.#mine, this.#name, this.#cancels];
+    [this.#mine, this.#name, this.#cancels] = [true, name, cancels];
     return () => {
-      [this.#mine, this.#name] = before;
+      [this.#mine, this.#name, this.#cancels] = before;
     };
   }
 
@@ -51,8 +53,9 @@ export class Endings {
     this.#blind = false;
     if (!isNew && !isGone) return false;
     const how = isNew ? ended : { outcome: "unheard", text: "" };
-    if (this.#mine) this.#tell(how, how.name ?? this.#name);
-    this.#mine = false;
+    const known = this.#cancels && how.outcome === "cancelled";
+    if (this.#mine) this.#tell(known ? { ...how, text: "" } : how, how.name ?? this.#name);
+    this.#mine = this.#cancels = false;
     return true;
   }
 }

@@ -106,11 +106,6 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     operator.press("Play Inspect surroundings")
     operator.until(lambda: operator.state["motion"] is not None, "the motion")
     assert [box_of(row), box_of(row.get_by_text("Cancel"))] == place
-    for name in TABS:
-        go_to(operator, name)
-        expect(operator.part("motion-cancel"), name).to_be_visible()
-        expect(operator.part("motion-name")).to_have_text("Inspect surroundings")
-    go_to(operator, "Motions")
     search = operator.page.get_by_label("Search motions")
     search.fill("WÀV")
     search.press("Enter")
@@ -118,12 +113,17 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     search.press("Escape")
     assert search.input_value() == ""
     operator.press("Cancel Inspect surroundings")
-    notice(operator, re.compile("Inspect surroundings: cancelled"))
+    notice(operator, "Inspect surroundings: cancelled.")
     assert [box_of(row), box_of(row.get_by_text("Play"))] == place
 
-    operator.press("Play Head tour")
+    operator.press("Play Inspect surroundings")
+    for name in TABS:
+        go_to(operator, name)
+        expect(operator.part("motion-cancel"), name).to_be_visible()
+        expect(operator.part("motion-name")).to_have_text("Inspect surroundings")
     supervisor.part("motion-cancel").click()  # supervisors need no control for it
-    notice(supervisor, re.compile("Head tour: cancelled. Cancelled by Supervisor"))
+    notice(operator, "Inspect surroundings: cancelled. Cancelled by Supervisor.")
+    expect(notice(supervisor, "Inspect surroundings: cancelled.")).not_to_contain_text("by")
     operator.release()
 
 
@@ -347,6 +347,39 @@ def test_control_that_was_taken_over_while_the_connection_was_lost_is_told(perso
     operator.part("who").get_by_text("Supervisor has control").wait_for()
     assert logged(operator)[0] == "Control ended while the connection was lost."
     supervisor.release()
+
+
+def test_a_page_left_open_over_an_upgrade_asks_to_be_loaded_anew_and_still_stops(person: Arrive) -> None:
+    operator, observer = person("operator", apart=True), person("observer")
+    sockets: list[WebSocketRoute] = []
+    upgraded = False
+
+    def connect(socket: WebSocketRoute) -> None:
+        sockets.append(socket)
+        console = socket.connect_to_server()
+        if upgraded:
+            console.on_message(lambda text: socket.send(re.sub(r'"protocol":\d+', '"protocol":0', str(text))))
+
+    observer.watch("tiago-2")
+    operator.page.route_web_socket(re.compile("/ws/robots/tiago-2/$"), connect)
+    operator.open("/robots/tiago-2/#topics")
+    operator.press("Take control")
+    operator.page.get_by_role("button", name="Release").wait_for()
+    upgraded = True
+    sockets[0].close()
+    banner = operator.part("banner")
+    banner.get_by_text("This page is of another version").wait_for()
+    expect(banner).to_contain_text("Reload it.")
+    operator.page.locator("form.stop .stop-button").click()
+    observer.until(lambda: observer.state["stop"]["state"] == "stopped", "the stop")
+    assert len(sockets) == 2
+    expect(banner).to_contain_text("Reload it.")
+    upgraded = False
+    operator.page.reload()
+    operator.press("Clear stop…")
+    operator.page.get_by_role("dialog").get_by_role("button", name="Clear stop").click()
+    observer.until(lambda: observer.state["stop"]["state"] == "clear", "a robot that may drive")
+    operator.release()
 
 
 def test_while_the_robot_is_silent_that_is_said_and_inputs_give_way(person: Arrive, stack: Stack) -> None:

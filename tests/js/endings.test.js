@@ -28,6 +28,26 @@ describe("endings", () => {
     expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "done" }, "Hola"]]);
   });
 
+  it("are told without the words by whom, to the page that cancelled", () => {
+    const cancelled = { outcome: "cancelled", text: "Its holder cancelled it." };
+    const cancel = () => ends.begin(undefined, true);
+    ends.begin("Hola");
+    cancel()();
+    ends.follow(null, { number: 5, ...cancelled });
+    cancel();
+    ends.follow(null, { number: 6, ...cancelled });
+    cancel();
+    ends.follow(null, { number: 7, outcome: "stopped", text: "Bo stopped the robot." });
+    ends.begin("Adios");
+    ends.follow(null, { number: 8, ...cancelled });
+    expect(tell.mock.calls.map(([{ text }]) => text)).toEqual([
+      "Its holder cancelled it.",
+      "",
+      "Bo stopped the robot.",
+      "Its holder cancelled it.",
+    ]);
+  });
+
   it("of others are not told, nor one from before this page was opened", () => {
     expect(ends.follow(null, { number: 5, outcome: "done" })).toBe(true);
     expect(tell).not.toHaveBeenCalled();
