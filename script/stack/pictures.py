@@ -110,7 +110,7 @@ def drive_to_the_wall(page: Page, stack: Stack) -> None:
     let_go = page.locator("[data-part=banner]:visible")
     page.keyboard.down("w")
     while not near.is_visible():
-        near.or_(let_go).wait_for(timeout=1000 * DRIVEN_S)
+        near.or_(let_go).first.wait_for(timeout=1000 * DRIVEN_S)
         if let_go.is_visible():  # a busy machine heard a scan too late: the stick has to return to the middle
             page.keyboard.up("w")
             let_go.wait_for(state="hidden")

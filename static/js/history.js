@@ -58,7 +58,7 @@ export class History {
     });
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     this.#list.dimmed = !may;
   }

@@ -20,7 +20,7 @@ export class LookAhead {
     show(this.#button, has_head);
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     dim(this.#button, !may);
   }

@@ -76,7 +76,7 @@ export class Running {
     this.#showElsewhere();
   }
 
-  /** @param {boolean} may this tab has control */
+  /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
     this.#showElsewhere();
