@@ -51,7 +51,8 @@ class WhileWanted:
 
     def _follow(self) -> None:
         if self._wanted and not self._subscribers:
-            self._subscribers = [subscriber for part in self._parts for subscriber in part.listen()]
+            for part in self._parts:
+                self._subscribers += part.listen()  # now: if the next part breaks, this one is still left with control
         elif not self._wanted and self._subscribers:
             leaving, self._subscribers = self._subscribers, []
             for subscriber in leaving:

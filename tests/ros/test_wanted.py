@@ -1,0 +1,48 @@
+"""What is subscribed only while somebody has control."""
+
+from __future__ import annotations
+
+import contextlib
+
+from robots.bridge.ros.wanted import WhileWanted
+
+
+class AtOnce:
+    """Errands without a thread."""
+
+    def do(self, errand):
+        with contextlib.suppress(OSError):
+            errand()
+
+
+class Part:
+    """One topic, to which nobody can subscribe if it is broken."""
+
+    def __init__(self, broken=False):
+        self.broken = broken
+        self.subscribed = 0
+        self.forgot = 0
+
+    def listen(self):
+        if self.broken:
+            raise OSError("the master hung up")
+        self.subscribed += 1
+        return [self]
+
+    def unregister(self):
+        self.subscribed -= 1
+
+    def forget(self):
+        self.forgot += 1
+
+
+def test_what_was_subscribed_before_something_broke_is_left_with_control_and_all_is_tried_again_with_the_next():
+    first, second = Part(), Part(broken=True)
+    costly = WhileWanted(AtOnce(), first, second)
+    costly.look(True)
+    assert (first.subscribed, second.subscribed) == (1, 0)
+    costly.look(False)
+    assert (first.subscribed, first.forgot, second.forgot) == (0, 1, 1)
+    second.broken = False
+    costly.look(True)
+    assert (first.subscribed, second.subscribed) == (1, 1)
