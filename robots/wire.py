@@ -423,6 +423,7 @@ class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
 # --- bridge -> browser (through the web process, untouched) -----------------------------------
 
 
+# The gate's words (bridge/gate/values.py), which knows no wire: mypy sees in bridge/view.py that none is missing here.
 Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
