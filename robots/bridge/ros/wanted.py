@@ -52,7 +52,8 @@ class WhileWanted:
     def _follow(self) -> None:
         if self._wanted and not self._subscribers:
             for part in self._parts:
-                self._subscribers += part.listen()  # now: if the next part breaks, this one is still left with control
+                # At once: if the next part breaks, this one is still left with control.
+                self._subscribers += part.listen()
         elif not self._wanted and self._subscribers:
             leaving, self._subscribers = self._subscribers, []
             for subscriber in leaving:
