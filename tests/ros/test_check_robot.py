@@ -138,7 +138,7 @@ def test_nodes_with_an_unknown_name_are_found_and_an_alias_is_the_cure(
 def test_an_address_at_which_the_robot_cannot_call_back_is_found(robot: Robot, fresh_master: Master) -> None:
     answers = check(robot, fresh_master, advertised_address="console.invalid")
     assert answers["names, console to robot"]["level"] == "fail"
-    assert answers["names, console to robot"]["advice"] == "Set the robot's advertised address to 127.0.0.1."
+    assert answers["names, console to robot"]["advice"] == "Set the robot’s advertised address to 127.0.0.1."
 
 
 def test_the_check_leaves_nothing_at_the_master(robot: Robot, fresh_master: Master) -> None:
