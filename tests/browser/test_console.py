@@ -116,14 +116,18 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     notice(operator, "Inspect surroundings: cancelled.")
     assert [box_of(row), box_of(row.get_by_text("Play"))] == place
 
+    operator.press("Play Head tour")
+    supervisor.part("motion-cancel").click()  # supervisors need no control for it
+    notice(operator, "Head tour: cancelled. Cancelled by Supervisor.")
+    expect(notice(supervisor, "Head tour: cancelled.")).not_to_contain_text("by")
+
     operator.press("Play Inspect surroundings")
     for name in TABS:
         go_to(operator, name)
         expect(operator.part("motion-cancel"), name).to_be_visible()
         expect(operator.part("motion-name")).to_have_text("Inspect surroundings")
-    supervisor.part("motion-cancel").click()  # supervisors need no control for it
-    notice(operator, "Inspect surroundings: cancelled. Cancelled by Supervisor.")
-    expect(notice(supervisor, "Inspect surroundings: cancelled.")).not_to_contain_text("by")
+    operator.part("motion-cancel").click()
+    operator.until(lambda: operator.state["motion"] is None, "the end of the motion")
     operator.release()
 
 
