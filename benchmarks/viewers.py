@@ -14,6 +14,7 @@ from websockets.asyncio.client import unix_connect
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import proc
+from benchmarks.parts.bare import BareRospy
 from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer
 from robots import wire
@@ -24,6 +25,7 @@ ROBOT = "tiago-1"
 CROWDS = (1, 10, 50)
 MEASURED_S = 20.0
 SETTLED_S = 2.0
+BARE = 250  # messages of bare rospy, before and after the crowds
 DELAY_P99_MS = 5.0  # with the largest crowd
 CORE_PERCENT = 5.0
 BRIDGE_MB = 90.0
@@ -60,9 +62,14 @@ async def measure_on(stack: Stack) -> list[Figure]:
             Figure("nobody looks: web", idle[0], "%"),
             Figure("nobody looks: bridge", idle[1], "%"),
         ]
-        for count in CROWDS:
-            progress(f"{count} viewers ...")
-            figures += await bench.crowd(count, observer)
+        with BareRospy(stack, stack.robots[ROBOT], observer) as bare:
+            progress("bare rospy ...")
+            bare_s = await bare.delays_s(BARE)
+            for count in CROWDS:
+                progress(f"{count} viewers ...")
+                figures += await bench.crowd(count, observer)
+            bare_s += await bare.delays_s(BARE)
+        figures += beside(bare_s, figures)
         progress("one viewer stalls ...")
         figures += await bench.stalled(CROWDS[-1])
     cost = bench.cost()
@@ -71,6 +78,20 @@ async def measure_on(stack: Stack) -> list[Figure]:
         Figure("memory: bridge", cost.bridge_mb, "MB", BRIDGE_MB),
         Figure("memory: web process", cost.web_mb, "MB", WEB_MB),
     ]
+
+
+def beside(bare_s: list[float], figures: list[Figure]) -> list[Figure]:
+    """Bare rospy's delays, and the largest crowd's times those."""
+    measured = {figure.name: figure.value for figure in figures}
+    found = []
+    for share in (50, 99):
+        bare_ms = 1000.0 * quantile(bare_s, share / 100)
+        name = f"{CROWDS[-1]} viewers: scan -> viewer p{share}"
+        found += [
+            Figure(f"bare rospy p{share}", bare_ms, "ms"),
+            Figure(f"{name} / bare rospy", measured[name] / bare_ms, "times"),
+        ]
+    return found
 
 
 class Bench:

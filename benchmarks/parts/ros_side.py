@@ -84,7 +84,7 @@ def publish() -> None:
     while not rospy.is_shutdown():
         message.linear.z = time.monotonic()
         publisher.publish(message)
-        due_s += 1.0 / RATE_HZ
+        due_s = max(due_s + 1.0 / RATE_HZ, time.monotonic())  # after a pause (SIGSTOP): no catching up
         time.sleep(max(0.0, due_s - time.monotonic()))
 
 

@@ -1,0 +1,40 @@
+"""What bare rospy takes: one process publishes, another hears it, no console between."""
+
+from __future__ import annotations
+
+import signal
+from types import TracebackType
+
+from benchmarks.parts.observer import Observer, start_ros_side
+from script.stack.stack import SimulatedRobot, Stack
+
+SETTLED = 25  # messages after each pause that are not counted
+PATIENCE_S = 60.0
+
+
+class BareRospy:
+    """Context: a publisher at 50 Hz that is stopped between its turns; `observer` hears it."""
+
+    def __init__(self, stack: Stack, robot: SimulatedRobot, observer: Observer) -> None:
+        self._stack, self._observer = stack, observer
+        self._publisher = start_ros_side(stack, robot, "publish")
+        self._connected = False
+
+    async def delays_s(self, count: int) -> list[float]:
+        """Delays of so many messages, in seconds; the publisher rests before and after."""
+        if self._connected:
+            self._publisher.signal(signal.SIGCONT)
+        self._connected = True
+        self._observer.bare_s.clear()
+        await self._observer.until(lambda: len(self._observer.bare_s) >= SETTLED + count, PATIENCE_S)
+        self._publisher.signal(signal.SIGSTOP)
+        return self._observer.bare_s[SETTLED : SETTLED + count]
+
+    def __enter__(self) -> BareRospy:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._publisher.signal(signal.SIGCONT)  # stopped, it would not hear that it ends
+        self._stack.release(self._publisher)
