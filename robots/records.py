@@ -230,7 +230,7 @@ class AuditSink:
         record("gate.end", of=intervention, private=figures, **self._by(holder))
 
     @_or_record_error
-    def stopped(self, holder: Holder | None, number: int) -> None:
+    def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
         """Commit that a stop reached the robot."""
         record(
             "stop.latch",
@@ -238,7 +238,7 @@ class AuditSink:
             robot_name=self._robot_name,
             session_id=UUID(holder.session) if holder else None,
             fence=holder.fence if holder else None,
-            parameters={"number": number},
+            parameters={"number": number, "was_standing": was_standing},
         )
 
     @_or_record_error

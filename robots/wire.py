@@ -483,8 +483,11 @@ class StopState(Struct, frozen=True):
     state: Literal["clear", "stopping", "stopped"]
     by: str | None = None
     reason: str = ""
-    standstill_ms: float | None = None  # press -> standstill by odometry
+    standstill_ms: float | None = (
+        None  # press -> standstill by odometry; None also of a robot that stood already
+    )
     number: int = 0
+    was_standing: bool = False  # at the press, and until standstill was confirmed
 
 
 class Motion(Struct, frozen=True):

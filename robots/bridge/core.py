@@ -193,7 +193,8 @@ class Core:
         stop = self.stop_state
         is_first = stop.state == "clear"
         if is_first:
-            stop = StopState("stopping", number=stop.number)
+            stands = self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
+            stop = StopState("stopping", number=stop.number, was_standing=stands)
             self._stop_pressed_s = now_s
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self.halt("stopped", "the robot was stopped", now_s)
@@ -203,7 +204,9 @@ class Core:
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
             grant = self.grants.current
-            self._records.stopped(holder_of(grant) if grant else None, self.stop_state.number, now_s)
+            self._records.stopped(
+                holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
+            )
 
     def clear(self, number: int, now_s: float) -> Refusal | None:
         """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since."""
@@ -232,8 +235,8 @@ class Core:
         self._watch_records(now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
-        if self.stop_state.state == "stopping" and still and self._reported.odometry:
-            self._see_standstill(self._reported.odometry[0])
+        if self.stop_state.state == "stopping" and self._reported.odometry:
+            self._see_standstill(still, self._reported.odometry[0])
         self._repeat_cancel(now_s)
 
     def recorded(self, now_s: float) -> None:
@@ -501,13 +504,15 @@ class Core:
         except Exception:
             log.exception("goals were not cancelled")
 
-    def _see_standstill(self, seen_s: float) -> None:
+    def _see_standstill(self, still: bool | None, seen_s: float) -> None:
         """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""
-        pressed_s = self._stop_pressed_s
-        if pressed_s is None:  # before this process began
-            self.stop_state = structs.replace(self.stop_state, state="stopped")
-        elif seen_s > pressed_s:
-            took_ms = round((seen_s - pressed_s) * 1000)
+        pressed_s = self._stop_pressed_s  # None: before this process began
+        if still is False:
+            self.stop_state = structs.replace(self.stop_state, was_standing=False)
+        elif still and (pressed_s is None or seen_s > pressed_s):
+            took_ms = None
+            if pressed_s is not None and not self.stop_state.was_standing:
+                took_ms = round((seen_s - pressed_s) * 1000)
             self.stop_state = structs.replace(self.stop_state, state="stopped", standstill_ms=took_ms)
 
     def _phase(self, now_s: float) -> tuple[wire.Phase, str]:

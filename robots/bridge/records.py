@@ -87,9 +87,9 @@ class Records(Writer):
             lambda: self.sink.outcome(cancel.result(), None, "motion.cancel", outcome, {}), now_s, of=cancel
         )
 
-    def stopped(self, holder: Holder | None, number: int, now_s: float) -> None:
+    def stopped(self, holder: Holder | None, number: int, was_standing: bool, now_s: float) -> None:
         """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""
-        self.keep(lambda: self.sink.stopped(holder, number), now_s)
+        self.keep(lambda: self.sink.stopped(holder, number, was_standing), now_s)
 
     def keep_map(self, taken: TakenMap) -> None:
         """Keep the robot's map, between two records."""

@@ -113,8 +113,11 @@ class RecordSink(Protocol):
     def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
         """Commit that the gate began to hold back, and why."""
 
-    def stopped(self, holder: Holder | None, number: int) -> None:
-        """Commit that stop `number` reached the robot, in whose control. Who pressed it, the web process records."""
+    def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
+        """Commit that stop `number` reached the robot, in whose control. The web process records who pressed it.
+
+        `was_standing`: the robot stood at the press, and nothing asked it to move.
+        """
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         """Commit that it ended, and what it came to."""

@@ -33,6 +33,7 @@ export function connectionFact({ connected, gone = null, heard, stale }) {
 export function standstillText(stop) {
   if (stop.state === "stopping")
     return gettext("Zero is being sent; standstill is not confirmed yet.");
+  if (stop.was_standing) return gettext("The robot was standing.");
   if (stop.standstill_ms === null || stop.standstill_ms === undefined) return "";
   return interpolate(gettext("Standstill confirmed after %s ms."), [
     Math.round(stop.standstill_ms),
@@ -43,6 +44,7 @@ export function standstillText(stop) {
 export function stopText(stop) {
   if (stop.state === "clear") return "";
   if (stop.state === "stopping") return gettext("Stopping");
+  if (stop.was_standing) return gettext("Stopped, was standing");
   if (!standstillText(stop)) return gettext("Stopped");
   return interpolate(gettext("Standstill after %s\u00a0ms"), [Math.round(stop.standstill_ms)]);
 }

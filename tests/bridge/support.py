@@ -204,7 +204,7 @@ class MemorySink:
         self._wait()
         self.pulses += 1
 
-    def stopped(self, holder: Holder | None, number: int) -> None:
+    def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
         self._wait()
         self.stops.append((holder, number))
 

@@ -286,6 +286,30 @@ def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):
     assert bench.core.stop_state.standstill_ms == pytest.approx(250, abs=60)
 
 
+def test_a_robot_that_stood_already_has_no_time_to_standstill(bench):
+    bench.pass_time(0.1)
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.pass_time(0.1)
+    stop = bench.core.stop_state
+    assert (stop.state, stop.was_standing, stop.standstill_ms) == ("stopped", True, None)
+
+
+def test_a_robot_that_is_told_to_move_or_moves_by_itself_was_not_standing(bench):
+    bench.granted().driving()
+    bench.core.stop("Bob", "", bench.now_s)
+    assert not bench.core.stop_state.was_standing
+    pushed = Bench().online()
+    pushed.pass_time(0.1)
+    pushed.core.stop("Bob", "", pushed.now_s)
+    pushed.odometry(FORWARD)
+    pushed.core.tick(pushed.now_s)
+    pushed.odometry(STILL)
+    pushed.pass_time(0.1)
+    stop = pushed.core.stop_state
+    assert (stop.state, stop.was_standing) == ("stopped", False)
+    assert stop.standstill_ms > 0
+
+
 def test_without_odometry_standstill_is_not_claimed(bench):
     bench.core.stop("Bob", "", bench.now_s)
     bench.now_s += 0.5

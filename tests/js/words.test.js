@@ -1,7 +1,14 @@
 import { describe, expect, it } from "vitest";
 import { controlWords } from "../../static/js/control_words.js";
 import { firstShare, paceText, sharesUpTo } from "../../static/js/driving_options.js";
-import { banner, connectionFact, isHeld, limitsOf, verdictText } from "../../static/js/standing.js";
+import {
+  banner,
+  connectionFact,
+  isHeld,
+  limitsOf,
+  stopText,
+  verdictText,
+} from "../../static/js/standing.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };
@@ -17,6 +24,12 @@ const CONTROL = { state: "free", holder: null, asking: null, may_take_over: fals
 describe("the banner", () => {
   it("is not there when all is well", () => {
     expect(banner(WELL)).toBeNull();
+  });
+
+  it("gives no time to standstill of a robot that was standing", () => {
+    const stop = { ...CLEAR, state: "stopped", by: "Bo", was_standing: true };
+    expect(banner({ ...WELL, state: { ...ONLINE, stop } }).text).toBe("The robot was standing.");
+    expect(stopText(stop)).toBe("Stopped, was standing");
   });
 
   it("names the worst thing only", () => {

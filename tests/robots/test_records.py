@@ -139,12 +139,16 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
 def test_a_stop_that_reached_the_robot_is_on_record_in_its_control_session(
     sink: AuditSink, holder: Holder, robot: Robot
 ) -> None:
-    sink.stopped(holder, 7)
-    sink.stopped(None, 8)
+    sink.stopped(holder, 7, False)
+    sink.stopped(None, 8, True)
     held, free = records_of(robot)
-    assert (held.kind, held.parameters, held.actor) == ("stop.latch", {"number": 7}, None)
+    assert (held.kind, held.parameters, held.actor) == (
+        "stop.latch",
+        {"number": 7, "was_standing": False},
+        None,
+    )
     assert (str(held.session_id), held.fence) == (holder.session, 5)
-    assert (free.parameters, free.session_id, free.fence) == ({"number": 8}, None, None)
+    assert (free.parameters, free.session_id, free.fence) == ({"number": 8, "was_standing": True}, None, None)
 
 
 def test_what_the_bridge_does_by_itself_is_the_consoles(sink: AuditSink, robot: Robot) -> None:
