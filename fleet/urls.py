@@ -16,6 +16,7 @@ _script_texts = login_not_required(
     cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
 )
 
+handler404 = "fleet.views.not_found"
 handler500 = "fleet.unavailable.error_page"
 
 urlpatterns = [

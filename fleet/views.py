@@ -28,6 +28,11 @@ WHY_KEPT = {
 }
 
 
+def not_found(request: HttpRequest, exception: Exception) -> HttpResponse:
+    """Django's handler of 404. Its own one reads the request's body, which fails again if that is broken."""
+    return render(request, "404.html", status=404)
+
+
 @login_not_required
 def admin_login(request: HttpRequest) -> HttpResponse:
     """Where Django's admin sends whoever may not see it. To sign in there is one door, and it is not here."""

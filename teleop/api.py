@@ -68,11 +68,18 @@ def explained(error: Exception, context: dict[str, Any]) -> Response | None:
 
 
 def _note(refusal: Refusal, request: Request) -> None:
-    """Put on record what was refused to somebody who is signed in."""
-    if isinstance(request.user, User):
+    """Put on record what was refused to somebody who is signed in and asked for it themselves.
+
+    What is refused early is refused before it is known who asks: to find out may be refused as well (a forged request).
+    """
+    try:
+        person = request.user
+    except APIException:
+        return
+    if isinstance(person, User):
         match = request.resolver_match
         asked = f"{request.method} {match.route if match else ''}".strip()
-        refusals.note(Denied(request.user, "rest", asked, refusal))
+        refusals.note(Denied(person, "rest", asked, refusal))
 
 
 class FleetApi(APIView):

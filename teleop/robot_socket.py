@@ -38,7 +38,7 @@ class RobotSocket(MessageSocket):
         self.person = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         found = await in_database(_find, slug, self.person)
         if found is None:
-            await self.close(CloseCode.NO_SUCH_ROBOT, "There is no such robot, or you may not see it.")
+            await self.close(CloseCode.NOT_FOUND, "There is no such robot, or you may not see it.")
             return None
         self.user, self.robot_id, entry, self.rights = found
         self.name = self.user.display_name

@@ -44,7 +44,7 @@ class CloseCode:
 
     SIGNED_OUT = 4401
     NOT_PERMITTED = 4403
-    NO_SUCH_ROBOT = 4404
+    NOT_FOUND = 4404
     FLOOD = 4429
     TRY_AGAIN = 4503
 
@@ -168,6 +168,15 @@ def _done(task: asyncio.Task[None]) -> None:
     _beside.discard(task)
     if not task.cancelled() and (error := task.exception()):
         log.error("something beside a connection failed", exc_info=error)
+
+
+async def no_such_address(scope: Any, receive: Any, send: Any) -> None:
+    """The ASGI application at every address that is none: closes, so that a page gives up."""
+    await receive()  # websocket.connect
+    await send({"type": "websocket.accept"})
+    await send(
+        {"type": "websocket.close", "code": CloseCode.NOT_FOUND, "reason": "There is no such address."}
+    )
 
 
 class Errands:

@@ -157,7 +157,7 @@ async def test_an_observer_who_signs_out_is_cut_off(open_page, browsers, end_ses
 async def test_a_stranger_does_not_even_learn_that_the_robot_exists(open_page):
     for slug in ("tiago-1", "no-such-robot"):
         page = await open_page("stranger", slug=slug, hello=False)
-        assert await page.is_closed() == CloseCode.NO_SUCH_ROBOT
+        assert await page.is_closed() == CloseCode.NOT_FOUND
 
 
 async def test_an_edited_robot_is_shown_anew(open_page, robot):

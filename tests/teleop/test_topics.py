@@ -61,7 +61,7 @@ async def open_topics(robot, browsers, websocket_headers, bridge):
 @pytest.mark.parametrize("slug", ["tiago-1", "no-such-robot"])
 async def test_a_stranger_does_not_even_learn_that_the_robot_exists(slug, open_topics):
     page = await open_topics("stranger", slug)
-    assert await page.is_closed() == CloseCode.NO_SUCH_ROBOT
+    assert await page.is_closed() == CloseCode.NOT_FOUND
 
 
 async def test_a_page_of_another_origin_is_not_let_in(robot, browsers, websocket_headers, bridge):

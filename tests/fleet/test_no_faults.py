@@ -1,0 +1,151 @@
+"""Every address answers every kind of request in words: nothing that anybody sends makes the console fail."""
+
+import logging
+from itertools import cycle
+from uuid import uuid4
+
+import pytest
+from channels.testing import WebsocketCommunicator
+from django.contrib import admin
+from django.test import Client
+from django.urls import URLPattern, get_resolver
+
+from fleet.asgi import application
+from teleop.socket import CloseCode
+
+ACCEPTS = [None, "text/html", "q=;;,/"]
+BODIES = [
+    ("", b""),
+    ("application/json", b"{"),
+    ("application/json", b'"\xff"'),
+    ("application/x-www-form-urlencoded", b"a=%ff&username=%00&password=x&next=//x"),
+    ("multipart/form-data", b"no boundary"),
+    ("application/xml", b"<a/>"),
+    ("text/plain; charset=nonsense", b"\xff"),
+]
+QUERIES = [
+    "",
+    "?format=html",
+    "?limit=%00&before=x&p=x&o=x&all&e=1&next=//x",
+    "?_popup=1&_to_field=x&q=%00%ff",
+]
+IN_WORDS = {502, 503}  # the robot, or the database, is out of reach: said, and no fault of the console
+
+
+# --- HTTP -----------------------------------------------------------------------------------------
+
+
+def _patterns(resolver, before=()):
+    for entry in resolver.url_patterns:
+        pieces = (*before, entry.pattern)
+        if isinstance(entry, URLPattern):
+            yield pieces
+        else:
+            yield from _patterns(entry, pieces)
+
+
+def _addresses(robot):
+    """Two addresses for each pattern: of something that is there, and of something that is not."""
+    there = {"slug": robot.slug, "uuid": str(robot.pk), "int": "0", "object_id": str(robot.pk), "str": "x"}
+    not_there = {"slug": "nowhere", "uuid": str(uuid4()), "int": "9" * 20, "object_id": "_5F_", "str": "%00"}
+    found = {"/nowhere", "/nowhere/", "/api/nowhere", "/api/robots", "/admin/nowhere/", "/%00", "/%ff/"}
+    for pieces in _patterns(get_resolver()):
+        found |= {"/" + "".join(_filled(piece, with_) for piece in pieces) for with_ in (there, not_there)}
+    return sorted(found)
+
+
+def _filled(pattern, values):
+    """A pattern's own text, with values in it; of a regular expression, something that it may fit."""
+    if not hasattr(pattern, "_route"):
+        return values["str"] + "/"
+    text = str(pattern)
+    for name, converter in pattern.converters.items():
+        kind = type(converter).__name__.removesuffix("Converter").lower()
+        value = values.get(name) or values.get(kind) or "x"
+        text = text.replace(f"<{kind}:{name}>", value).replace(f"<{name}>", value)
+    return text
+
+
+def _requests(address):
+    """Method, Accept, whether the page's token against forged requests is missing."""
+    methods = ["GET", "POST"] if address.startswith("/admin/") else ["GET", "POST", "PUT", "OPTIONS", "BREW"]
+    for method in methods:
+        for accept in ACCEPTS:
+            for forged in (True, False) if method != "GET" else (False,):
+                yield method, accept, forged
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("person", [None, "observer", "staff"])
+def test_no_request_fails_at_any_address(person, robot, caplog, request):
+    caplog.set_level(logging.ERROR)
+    client = Client(raise_request_exception=False)
+    bodies, queries = cycle(BODIES), cycle(QUERIES)
+    failed = []
+    for address in _addresses(robot):
+        if person:  # anew: one of these addresses signs out
+            client.force_login(request.getfixturevalue(person))
+        for method, accept, forged in _requests(address):
+            kind, body = next(bodies)
+            client.handler.enforce_csrf_checks = forged
+            headers = {"Accept": accept} if accept else {}
+            answer = client.generic(method, address + next(queries), body, kind, headers=headers)
+            if answer.status_code >= 500 and answer.status_code not in IN_WORDS:
+                failed.append((answer.status_code, method, address, accept, kind, forged, answer.exc_info))
+    # Django tells of suspicious requests, such as a filter that no list has, with a traceback; they are answered 400.
+    told = [record for record in caplog.records if not record.name.startswith("django.security")]
+    faults = [record.getMessage() for record in told if record.exc_info]
+    assert (failed, faults) == ([], [])
+
+
+@pytest.mark.django_db
+def test_the_walk_meets_every_kind_of_address(robot):
+    addresses = _addresses(robot)
+    assert {"/", f"/api/robots/{robot.slug}/stop/", "/api/stop/", "/your-data/export/"} <= set(addresses)
+    for model in admin.site._registry:
+        assert f"/admin/{model._meta.app_label}/{model._meta.model_name}/" in addresses
+
+
+# --- WebSockets ---------------------------------------------------------------------------------------
+
+UNKNOWN = [
+    "/",
+    "/ws/",
+    "/ws/nowhere/",
+    "/ws/robots/",
+    "/ws/fleet",
+    "/ws/robots/%00/",
+    "/ws/robots/a b/topics/",
+    "//",
+]
+
+
+async def _closed_with(path, headers):
+    socket = WebsocketCommunicator(application, path, headers=headers)
+    await socket.send_input({"type": "websocket.connect"})
+    answer = await socket.receive_output()
+    if answer["type"] == "websocket.accept":
+        answer = await socket.receive_output()
+        await socket.send_input({"type": "websocket.disconnect", "code": 1000})
+    await socket.wait()
+    assert answer["type"] == "websocket.close"
+    return answer.get("code"), answer.get("reason")
+
+
+@pytest.fixture
+def headers(observer, signed_in, websocket_headers):
+    """What the observer's browser sends from a page of ours."""
+    return dict(websocket_headers(signed_in(observer)))
+
+
+@pytest.mark.django_db(transaction=True)
+@pytest.mark.parametrize("path", UNKNOWN)
+async def test_a_websocket_to_an_unknown_address_is_closed_in_words(path, headers):
+    signed_out = headers | {b"cookie": b""}
+    foreign = headers | {b"origin": b"http://evil.example"}
+    assert await _closed_with(path, list(headers.items())) == (
+        CloseCode.NOT_FOUND,
+        "There is no such address.",
+    )
+    assert await _closed_with(path, list(signed_out.items())) == (CloseCode.SIGNED_OUT, "Sign in first.")
+    assert await _closed_with(path, list(foreign.items())) == (None, None)  # before it is accepted: 403
