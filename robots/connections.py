@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync import client as sync_client
 
 from robots.bridge.config import LinkAddress
-from robots.wire import Refusal
+from robots.wire import NotDone, Refusal
 
 _PING_S = 1.0
 _CLOSE_S = 0.2
@@ -20,6 +20,10 @@ _CLOSE_S = 0.2
 _ALIKE: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
 DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
+
+
+class LinkRefused(NotDone):
+    """The bridge said no, or is not there."""
 
 
 def open_link(address: LinkAddress) -> connect:

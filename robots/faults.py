@@ -19,7 +19,7 @@ from fleet.audit import record
 from fleet.audit.models import Record
 from fleet.audit.services import lock_chain
 from robots.bridge.config import LinkAddress
-from robots.link import LinkRefused, hello_once
+from robots.link import LinkRefused, state_once
 from robots.models import BridgeStatus, Robot
 from robots.selectors import link_address
 
@@ -123,7 +123,7 @@ def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
 def condition_of(robot_id: UUID, address: LinkAddress) -> Condition:
     """How a robot is, by its bridge."""
     try:
-        state = hello_once(robot_id, address).state
+        state = state_once(robot_id, address)
     except LinkRefused as refused:
         return Condition(refused.refusal.code, refused.refusal.text)
     return Condition() if state.phase == "online" else Condition("robot_offline", state.text)

@@ -1,8 +1,9 @@
 """The web process's end of the bridge link: one WebSocket per (web process, robot).
 
 A `BridgeLink` keeps itself connected and hands on what the bridge says; it never waits for a slow
-bridge and never queues commands. `stop_once` is for commands that have no event loop.
-A bridge says first whose it is. Until it said that it is this robot's, it is told nothing but who calls.
+bridge and never queues commands. `state_once` is for code that has no event loop.
+A bridge says first whose it is. Until it said that it is this robot's, it is told nothing but who calls, and a stop:
+that names its robot itself.
 """
 
 from __future__ import annotations
@@ -25,12 +26,23 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.connections import DOWN, open_link, open_sync, why_down
+from robots.connections import LinkRefused as LinkRefused
 from robots.inquiries import Inquiries
+from robots.reaching import (
+    SILENT,
+    STOP_S,
+    answer_of,
+    ask_bridge,
+    ask_watchdog,
+    first_answer,
+    reach,
+    stop_message,
+    wait_for,
+)
 from robots.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
 
-_Report = TypeVar("_Report", bound=Struct)
 _Answer = TypeVar("_Answer")
 
 _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
@@ -38,12 +50,12 @@ _ANSWER_TIMEOUT_S = 1.0
 _ORDER_TIMEOUT_S = 5.0  # the page gives up long before
 _QUESTION_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its inspector starts, and says so
 _ORDERS, _QUESTIONS = 64, 32  # under way at once, of all pages together
+_BESIDE_S = 0.3  # a link that did not answer a stop by then may be dead
 _ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
 _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
 _LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
-_SILENT = Refusal("bridge_silent", "The robot’s bridge did not answer in time.", "robot")
 _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
 _FAULTY = Refusal("link_fault", "The console failed to follow the robot’s bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
@@ -65,10 +77,6 @@ class _Hello(Struct, tag_field="t", tag="bridge_hello"):
 
 
 _hello = msgspec.json.Decoder(_Hello)
-
-
-class LinkRefused(wire.NotDone):
-    """The bridge said no, or is not there."""
 
 
 class Listener(Protocol):
@@ -107,7 +115,10 @@ class BridgeLink:
         self.state: State | None = None
         self.offers: wire.Offers | None = None
         self.highest_fence = 0
-        self._socket: ClientConnection | None = None  # to a bridge that said that it is this robot's
+        self._open: ClientConnection | None = None
+        self._socket: ClientConnection | None = (
+            None  # the same, to a bridge that said that it is this robot's
+        )
         self._listeners: set[Listener] = set()
         # of the listeners, the one for whom there are pictures and messages
         self._viewer: Listener | None = None
@@ -188,13 +199,40 @@ class BridgeLink:
             await self._ask(grant)
             await _answered(answer, timeout_s)
 
-    async def stop(self, stop: wire.LinkStop, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
-        """Press the emergency stop. Raises LinkRefused when the bridge does not confirm."""
-        return await self._ask_latch(stop, timeout_s)
+    async def stop(self, stop: wire.LinkStop, timeout_s: float = STOP_S) -> Stopped | Refusal:
+        """Press the emergency stop by every way there is. Raises LinkRefused if neither bridge nor watchdog answers."""
+        stop = structs.replace(stop, robot=self.robot_id)
+        ways = self._stop_here(stop), ask_watchdog(self.address, stop), self._stop_beside(stop)
+        return await first_answer(ways, timeout_s)
+
+    async def _stop_here(self, stop: wire.LinkStop) -> Stopped | Refusal:
+        """Over this connection. Its bridge need not have said anything yet."""
+        if self._open is None:
+            raise LinkRefused(self.refusal or DOWN)
+        number = self._latch.number()
+        with self._latch.waiting_for(number) as answer:
+            try:
+                await self._open.send(wire.encode(structs.replace(stop, seq=number)), text=True)
+                return await answer
+            except LinkRefused as refused:
+                if self._open is None:
+                    raise
+                return refused.refusal
+            except ConnectionClosed as error:
+                raise LinkRefused(DOWN) from error
+
+    async def _stop_beside(self, stop: wire.LinkStop) -> Stopped | Refusal:
+        """Over a connection of its own: the link may be down, waiting before its next attempt, or dead unnoticed."""
+        if self._open is not None:
+            await asyncio.sleep(_BESIDE_S)
+        return await ask_bridge(self.address, stop)
 
     async def clear(self, clear: wire.LinkClear, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
         """Release the latch. Raises LinkRefused when the bridge does not confirm."""
-        return await self._ask_latch(clear, timeout_s)
+        number = self._latch.number()
+        with self._latch.waiting_for(number) as answer:
+            await self._ask(structs.replace(clear, seq=number))
+            return await _answered(answer, timeout_s)
 
     async def order(self, order: wire.Order, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
         """Hand on what the holder asks for. Returns the bridge's answer; raises LinkRefused if there is none."""
@@ -246,12 +284,6 @@ class BridgeLink:
         """Nothing is piled up before a bridge that is slow; a stop would have to wait behind it."""
         if self._is_behind or len(inquiries) >= most:
             raise LinkRefused(_BUSY)
-
-    async def _ask_latch(self, message: wire.LinkStop | wire.LinkClear, timeout_s: float) -> Stopped:
-        number = self._latch.number()
-        with self._latch.waiting_for(number) as answer:
-            await self._ask(structs.replace(message, seq=number))
-            return await _answered(answer, timeout_s)
 
     async def _ask(self, message: Struct) -> None:
         if self._socket is None:
@@ -307,24 +339,29 @@ class BridgeLink:
         try:
             hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
             await socket.send(wire.encode(hello), text=True)
-            heard = await socket.recv()
-            _require_robot(heard, self.robot_id, self.address)
-            self._socket = socket
-            self._heard(wire.link_report(heard))
-            if self._names:
-                self._send_watchers()
-            if self._topics:
-                await self._send(wire.LookAt(self._topics))
+            self._open = socket
             while True:
                 raw = await socket.recv()
                 if isinstance(raw, bytes):
                     self._show(raw.decode())
-                else:
+                elif self._socket is not None or answer_of(raw) is not None:
                     self._heard(wire.link_report(raw))
+                else:
+                    await self._greeted(socket, raw)
         except msgspec.DecodeError as error:
             raise LinkRefused(_FOREIGN) from error
         finally:
-            self._socket = None
+            self._open = self._socket = None
+
+    async def _greeted(self, socket: ClientConnection, hello: str) -> None:
+        """The bridge said whose it is."""
+        _require_robot(hello, self.robot_id, self.address)
+        self._socket = socket
+        self._heard(wire.link_report(hello))
+        if self._names:
+            self._send_watchers()
+        if self._topics:
+            await self._send(wire.LookAt(self._topics))
 
     def _show(self, view: str) -> None:
         if self._viewer and self._names:
@@ -336,8 +373,8 @@ class BridgeLink:
                 if report.protocol != wire.PROTOCOL:
                     raise LinkRefused(_FOREIGN)
                 self.highest_fence = report.fence
-                self._came_up(report.state)
             case wire.Status():
+                self._came_up()
                 self._tell_state(report.state)
             case wire.Granted():
                 self.highest_fence = max(self.highest_fence, report.fence)
@@ -365,7 +402,7 @@ class BridgeLink:
         match refused:
             case wire.Refused(of="grant"):
                 self._grants.answer(refused.fence, refusal)
-            case wire.Refused(of="link_clear"):
+            case wire.Refused(of="link_clear" | "link_stop"):
                 self._latch.answer(refused.seq, refusal)
             case wire.Refused(of="inspect"):
                 self._questions.answer(refused.seq, refusal)
@@ -384,11 +421,13 @@ class BridgeLink:
         for listener in list(self._listeners):
             listener.on_status(state)
 
-    def _came_up(self, state: State) -> None:
+    def _came_up(self) -> None:
+        """With the first state."""
+        if self.up:
+            return
         self.up, self.refusal, self._pause_s = True, None, _BACK_OFF_S[0]
         for listener in list(self._listeners):
             listener.on_link(True, None)
-        self._tell_state(state)
 
     def _went_down(self, refusal: Refusal) -> None:
         """Everybody who waits is told; the last state is no longer the truth."""
@@ -428,58 +467,36 @@ links = Links()
 
 
 def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Stopped:
-    """Press the emergency stop of this robot (None: of whichever listens there) over a connection of its own.
+    """Press the emergency stop of this robot (None: of whichever listens there) from where there is no event loop.
 
-    Raises LinkRefused, after `_ONCE_S` at the latest.
+    Raises LinkRefused, after `STOP_S` at the latest.
     """
-    # No hello of ours, for a bridge of another protocol would close at it: a stop is heard in any dialect.
-    return _ask_once(robot_id, address, wire.LinkStop(by, reason), Stopped)
+    answer = wait_for(reach(address, stop_message(robot_id, by, reason)))
+    if isinstance(answer, Refusal):
+        raise LinkRefused(answer)
+    return answer
 
 
-def hello_once(robot_id: UUID, address: LinkAddress) -> wire.BridgeHello:
-    """What the bridge says of this robot now, over a connection of its own. Raises LinkRefused."""
-    return _ask_once(robot_id, address, None, wire.BridgeHello)
-
-
-def _ask_once(
-    robot_id: UUID | None, address: LinkAddress, question: Struct | None, answer: type[_Report]
-) -> _Report:
+def state_once(robot_id: UUID, address: LinkAddress) -> State:
+    """How the robot is now, by its bridge, over a connection of its own. Raises LinkRefused."""
     end_s = time.monotonic() + _ONCE_S
     try:
         with open_sync(address) as socket:
-
-            def heard() -> str | bytes:
-                return socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
-
-            hello = None
-            if robot_id is not None:
-                hello = heard()
-                _require_robot(hello, robot_id, address)
-            if question is not None:
-                socket.send(wire.encode(question), text=True)
+            socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")), text=True)
+            _require_robot(socket.recv(timeout=_ONCE_S), robot_id, address)
             while True:
-                report = _understood(hello or heard(), foreign_too=question is not None)
-                hello = None
-                if isinstance(report, answer):
-                    return report
+                raw = socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
+                report = wire.link_report(raw)
+                if isinstance(report, wire.Status):
+                    return report.state
                 if isinstance(report, Refused):
                     raise LinkRefused(report.refusal)
     except msgspec.DecodeError as error:
         raise LinkRefused(_FOREIGN) from error
     except TimeoutError as error:
-        raise LinkRefused(_SILENT) from error
+        raise LinkRefused(SILENT) from error
     except (OSError, InvalidHandshake, ConnectionClosed) as error:
         raise LinkRefused(why_down(error)) from error
-
-
-def _understood(raw: str | bytes, *, foreign_too: bool) -> wire.LinkReport | None:
-    """A report; None of a view, and with `foreign_too` of what a bridge of another protocol says beside its answer."""
-    try:
-        return wire.link_report(raw) if isinstance(raw, str) else None
-    except msgspec.DecodeError:
-        if foreign_too:
-            return None
-        raise
 
 
 def _require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:
@@ -501,7 +518,7 @@ async def _answered(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answe
     try:
         return await asyncio.wait_for(answer, timeout_s)
     except asyncio.TimeoutError as error:
-        raise LinkRefused(_SILENT) from error
+        raise LinkRefused(SILENT) from error
 
 
 def _too_large(size: int) -> Refusal:

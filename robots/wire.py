@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Generic, Literal, TypeVar
+from uuid import UUID
 
 import msgspec
 from msgspec import Meta, Struct
 
-PROTOCOL = 4
+PROTOCOL = 5
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
 MOST_LOOKS = 30  # topics of one robot that are looked at: as many as one message has room for
 DEEPEST = 20  # levels of lists and dictionaries in values of any shape
@@ -865,20 +866,30 @@ class Hold(Struct, frozen=True, tag_field="t", tag="hold"):
     reason: ShortText
 
 
-class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop"):
-    """Emergency stop. `seq` comes back with the answer."""
+class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_defaults=True):
+    """Emergency stop. May be the first message of a link; `seq` and `press` come back with the answer.
+
+    `robot` is the robot that is meant (None: the robot of the bridge that hears it); the bridge of another robot
+    refuses it. `press` names the press: the same press that arrives twice stops once.
+    """
 
     by: ShortText
     reason: ShortText = ""
     seq: Seq = 0
+    robot: UUID | None = None
+    press: UUID | None = None
 
 
 class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
-    """Clear the latch of stop `number`. The web process has checked the right. `seq` comes back with the answer."""
+    """Clear the latch of stop `number`. The web process has checked the right. `seq` comes back with the answer.
+
+    `presses` are older presses that were never confirmed: if they arrive later, they do not stop again.
+    """
 
     by: ShortText
     number: Seq
     seq: Seq = 0
+    presses: Annotated[list[UUID], Meta(max_length=10)] = []
 
 
 class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
@@ -930,13 +941,12 @@ LinkRequest = (
 
 
 class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
-    """First from a bridge. `fence` is the highest number it has seen."""
+    """First from a bridge. `fence` is the highest number it has seen. `Status` and `Offers` follow a `LinkHello`."""
 
     protocol: int
     robot: str  # UUID
     slug: str
     fence: int
-    state: State
 
 
 class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
@@ -957,11 +967,12 @@ class Status(Struct, frozen=True, tag_field="t", tag="status"):
     state: State
 
 
-class Stopped(Struct, frozen=True, tag_field="t", tag="stopped"):
-    """Answer to a stop or clear, `seq` as there: the latch as it is now."""
+class Stopped(Struct, frozen=True, tag_field="t", tag="stopped", omit_defaults=True):
+    """Answer to a stop or clear, `seq` and `press` as there: the latch as it is now."""
 
     stop: StopState
     seq: int = 0
+    press: UUID | None = None
 
 
 class Inspected(Struct, frozen=True, tag_field="t", tag="inspected"):

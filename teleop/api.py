@@ -18,7 +18,7 @@ from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from robots.link import LinkRefused, hello_once
+from robots.link import LinkRefused, state_once
 from robots.models import Robot, Role
 from robots.selectors import (
     link_address,
@@ -204,6 +204,6 @@ def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
 
 def _state(robot: Robot) -> tuple[object, Refusal | None]:
     try:
-        return hello_once(robot.id, link_address(robot)).state, None
+        return state_once(robot.id, link_address(robot)), None
     except LinkRefused as refused:
         return None, out_of_service(robot) or refused.refusal

@@ -20,8 +20,9 @@ from msgspec import structs
 from fleet.accounts.models import User
 from robots.link import BridgeLink, LinkRefused
 from robots.models import Robot
-from robots.stops import press, press_all, record_outcome, record_press
-from robots.wire import LinkClear, LinkStop, Refusal, Stopped
+from robots.reaching import stop_message
+from robots.stops import press_all, record_outcome, record_press
+from robots.wire import LinkClear, Refusal, Stopped
 from teleop.database import in_database, in_database_beside
 from teleop.folding import FoldingLog
 from teleop.rules import Tab
@@ -77,7 +78,7 @@ class StopButton:
             self._of = uuid4()
         if self._answer is None:
             self._answer = self._begin(link)
-        elif flood or not link.send(LinkStop(self._user.display_name)):
+        elif flood or not link.send(stop_message(link.robot_id, self._user.display_name)):
             self._again = True  # without a link, the way round it is being tried: once more, when it was
         pressed = Press(self._user, self._through, link.robot_id, self._of, self._answer)
         asyncio.get_running_loop().call_soon(log.note, pressed)  # after it was sent
@@ -110,10 +111,9 @@ class StopButton:
 
 async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
     try:
-        return await link.stop(LinkStop(by=by))
-    except LinkRefused:
-        # The link may be waiting before its next attempt: a stop makes its own.
-        return await asyncio.to_thread(press, link.robot_id, link.address, by)
+        return await link.stop(stop_message(link.robot_id, by))
+    except LinkRefused as refused:
+        return refused.refusal
 
 
 def put_on_record(last: Press, times: int) -> None:

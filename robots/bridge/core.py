@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import logging
 import math
-from collections import Counter
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
+from uuid import UUID
 
 from msgspec import Struct, structs
 
@@ -36,6 +37,7 @@ log = logging.getLogger(__name__)
 
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
 ODOMETRY_ONLINE_S = 1.0
+PRESSES_KNOWN = 1000  # the newest; a press that is delivered twice comes twice within seconds
 REACHED_S = 1.0  # after joining the master: whoever listens to cancels is connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -121,6 +123,7 @@ class Core:
         self._sent = STILL
         self._publish_until_s = float("-inf")
         self._stop_pressed_s: float | None = None
+        self._presses: deque[UUID] = deque(maxlen=PRESSES_KNOWN)  # that need not stop again
         self._cancelling = left.latched  # everybody's goals, again and again
         self._cancelled_s = float("-inf")
         self._joined_s = float("inf")  # the robot's master
@@ -188,8 +191,14 @@ class Core:
         drive = Drive(order.fence, order.seq, order.sent_ms, stick.x, stick.w, stick.y, share=1.0)
         return self._twists.take(drive, now_s) or self._decide(now_s)
 
-    def stop(self, by: str, reason: str, now_s: float) -> None:
-        """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is one of its own."""
+    def stop(self, by: str, reason: str, now_s: float, press: UUID | None = None) -> None:
+        """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is one of its own.
+
+        A press that arrives again, by another way or late, changes nothing: it may have been cleared meanwhile.
+        """
+        if press in self._presses:
+            return
+        self._know(press)
         stop = self.stop_state
         is_first = stop.state == "clear"
         if is_first:
@@ -208,13 +217,18 @@ class Core:
                 holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
             )
 
-    def clear(self, number: int, now_s: float) -> Refusal | None:
-        """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since."""
+    def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
+        """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since.
+
+        `presses` are older than this clear and may still be on their way: they do not stop any more.
+        """
         stop = self.stop_state
         if number != stop.number:
             text = f"The stop was pressed again since{f', by {stop.by}' if stop.by else ''}: look, then clear that one."
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
+        for press in presses:
+            self._know(press)
         self._stop_pressed_s = None
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
@@ -319,12 +333,9 @@ class Core:
         stop = self.stop_state
         return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.grants.highest)
 
-    def hello(self, now_s: float) -> wire.BridgeHello:
-        """First word to a web process."""
-        state = self.state(now_s, [])
-        return wire.BridgeHello(
-            wire.PROTOCOL, self.config.robot_id, self.config.slug, self.grants.highest, state
-        )
+    def hello(self) -> wire.BridgeHello:
+        """First word to a web process. It needs nothing that the robot tells."""
+        return wire.BridgeHello(wire.PROTOCOL, self.config.robot_id, self.config.slug, self.grants.highest)
 
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """The robot as it is now."""
@@ -503,6 +514,10 @@ class Core:
             self._base.cancel_all()
         except Exception:
             log.exception("goals were not cancelled")
+
+    def _know(self, press: UUID | None) -> None:
+        if press is not None:
+            self._presses.append(press)
 
     def _see_standstill(self, still: bool | None, seen_s: float) -> None:
         """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""

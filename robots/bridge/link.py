@@ -44,6 +44,7 @@ class Link:
         Link._count += 1
         self.number = Link._count
         self.name = ""
+        self.greeted = False  # it said hello, and is told what is new
         self.watchers: list[str] = []
         self.watchers_more = 0
         self._socket = socket

@@ -158,7 +158,8 @@ class Bridge:
 
     def _announce(self, message: Struct) -> None:
         for link in self._links.links:
-            link.report(message)
+            if link.greeted:
+                link.report(message)
 
     # --- the end -----------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from uuid import UUID
 
 from robots import wire
 from robots.bridge.core import Core
@@ -24,6 +25,8 @@ DRIVES_PER_S = 200.0  # what a page may send at most; a stick sends 20 to 50
 DRIVES_AT_ONCE = 50.0
 REFUSAL_GAP_S = 0.25  # a link's refused messages of one kind and code are answered this often
 
+_STOP = "link_stop"
+OTHER_ROBOT = wire.Refusal("other_robot", "This is another robot’s bridge: it was not stopped.", "robot")
 _FLOOD = wire.Refusal(
     "flood", f"More than {DRIVES_PER_S:.0f} commands a second.", "wire", {"limit_per_s": DRIVES_PER_S}
 )
@@ -39,17 +42,17 @@ class Reception:
 
     def __init__(self, core: Core, leasing: Leasing, inspection: Inspection) -> None:
         self._core = core
+        self._robot = UUID(core.config.robot_id)
         self._leasing = leasing
         self._inspection = inspection
         self._drives: dict[Link, Budget] = {}
         self._refused: dict[Link, dict[tuple[str, str], float]] = {}  # when last, by kind and code
 
     def opened(self, link: Link) -> None:
-        """The first word to a web process."""
+        """The first word to a web process: whose bridge this is, and nothing that the robot told."""
         self._drives[link] = Budget(DRIVES_PER_S, DRIVES_AT_ONCE)
         self._refused[link] = {}
-        link.report(self._core.hello(time.monotonic()))
-        link.report(self._core.orders.catalogue.now())
+        link.report(self._core.hello())
 
     def closed(self, link: Link) -> None:
         """A web process is gone: what was controlled through it stops."""
@@ -64,6 +67,10 @@ class Reception:
         try:
             message = wire.link_request(raw)
         except wire.WireError as error:
+            kind, seq = wire.heading(raw)
+            if kind == _STOP:  # a stop is never refused for its form
+                self._stop(link, wire.LinkStop("somebody", "the message was damaged", seq or 0), now_s)
+                return
             self._core.refused[error.refusal.code] += 1
             self._refuse(link, wire.Refused("link", error.refusal), now_s)
             return
@@ -73,10 +80,9 @@ class Reception:
             case wire.Grant() | wire.Revoke() | wire.Hold():
                 self._leasing.hear(link, message)
             case wire.LinkStop():
-                self._core.stop(message.by, message.reason, now_s)
-                self._latch_changed(link, message.seq)
+                self._stop(link, message, now_s)
             case wire.LinkClear():
-                refusal = self._core.clear(message.number, now_s)
+                refusal = self._core.clear(message.number, now_s, message.presses)
                 if refusal is None:
                     self._latch_changed(link, message.seq)
                     log.info("stop %d was cleared by %s", message.number, message.by)
@@ -85,7 +91,7 @@ class Reception:
             case wire.Watch():
                 link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():
-                self._greet(link, message)
+                self._greet(link, message, now_s)
             case wire.Refresh():
                 self._answer(link, message, None)
                 self._core.orders.refresh()
@@ -135,16 +141,28 @@ class Reception:
             self._core.refused[refusal.code] += 1
             link.report(wire.Refused(kind, refusal, order.seq, fence))
 
-    def _latch_changed(self, link: Link, seq: int) -> None:
-        self._leasing.save_latch()
-        link.report(wire.Stopped(self._core.stop_state, seq))
+    def _stop(self, link: Link, stop: wire.LinkStop, now_s: float) -> None:
+        """The emergency stop, unless another robot is meant."""
+        if stop.robot is not None and stop.robot != self._robot:
+            link.report(wire.Refused(_STOP, OTHER_ROBOT, stop.seq))
+            return
+        self._core.stop(stop.by, stop.reason, now_s, stop.press)
+        self._latch_changed(link, stop.seq, stop.press)
 
-    def _greet(self, link: Link, hello: wire.LinkHello) -> None:
+    def _latch_changed(self, link: Link, seq: int, press: UUID | None = None) -> None:
+        self._leasing.save_latch()
+        link.report(wire.Stopped(self._core.stop_state, seq, press))
+
+    def _greet(self, link: Link, hello: wire.LinkHello, now_s: float) -> None:
         link.name = hello.web
         if hello.protocol != wire.PROTOCOL:
             text = f"The web process speaks protocol {hello.protocol}, this bridge {wire.PROTOCOL}: restart both."
             link.report(wire.Refused("link_hello", wire.Refusal("protocol", text, "wire")))
             link.end()
+            return
+        link.greeted = True
+        link.report(wire.Status(self._core.state(now_s, [])))
+        link.report(self._core.orders.catalogue.now())
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
         """Answer, but not thirty times a second."""

@@ -388,7 +388,7 @@ class Stack:
                     report = wire.link_report(link.recv(timeout=0.5))
                 except (TimeoutError, msgspec.DecodeError):
                     continue
-                if isinstance(report, wire.BridgeHello | wire.Status) and report.state.phase == "online":
+                if isinstance(report, wire.Status) and report.state.phase == "online":
                     return True
         return False
 

@@ -422,6 +422,7 @@ class Wire:
 
     def __init__(self, number: int) -> None:
         self.number = number
+        self.greeted = False
         self.reports: list[object] = []
         self.ended = False
         self.news = asyncio.Event()

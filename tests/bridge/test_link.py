@@ -22,8 +22,9 @@ import robots.link
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.link import LinkServer
+from robots.bridge.reception import OTHER_ROBOT
 from robots.connections import _headers
-from robots.link import BridgeLink, LinkRefused, Links, hello_once, stop_once
+from robots.link import BridgeLink, LinkRefused, Links, state_once, stop_once
 from tests.bridge.support import CONFIG, Bench
 
 ROBOT = uuid.UUID(CONFIG.robot_id)  # of the bridge on the bench
@@ -45,9 +46,10 @@ class Bridge:
         self.server = LinkServer(address, self.opened, self.received, self.closed)
         self.lost = asyncio.Event()
         self.silent = False
+        self.greets = True
 
     def opened(self, link):
-        link.report(self.bench.core.hello(self.bench.now_s))
+        link.report(self.bench.core.hello())
 
     def closed(self, link):
         self.lost.set()
@@ -64,9 +66,14 @@ class Bridge:
                 link.report(wire.Granted(message.fence))
             case wire.Drive():
                 self.drives.append(message)
+            case wire.LinkHello() if self.greets:
+                link.greeted = True
+                link.report(wire.Status(self.bench.core.state(self.bench.now_s, [])))
+            case wire.LinkStop(robot=robot) if robot not in (None, ROBOT):
+                link.report(wire.Refused("link_stop", OTHER_ROBOT, message.seq))
             case wire.LinkStop():
-                self.bench.core.stop(message.by, message.reason, self.bench.now_s)
-                link.report(wire.Stopped(self.bench.core.stop_state, message.seq))
+                self.bench.core.stop(message.by, message.reason, self.bench.now_s, message.press)
+                link.report(wire.Stopped(self.bench.core.stop_state, message.seq, message.press))
             case wire.LinkClear():
                 refusal = self.bench.core.clear(message.number, self.bench.now_s)
                 answer = wire.Stopped(self.bench.core.stop_state, message.seq)
@@ -319,7 +326,8 @@ async def test_a_clear_that_the_bridge_refuses_is_refused_with_its_reason(link, 
 
 async def test_an_answer_that_comes_when_nobody_waits_any_more_breaks_nothing(link, bridge):
     late = asyncio.ensure_future(link.stop(wire.LinkStop("Ben")))
-    await asyncio.sleep(0)  # it is on its way
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)  # it is on its way, by a task of its own
     [(number, [waiting])] = link._latch._waiting.items()
     waiting.cancel()  # as a time-out leaves it for one turn of the loop
     link._heard(wire.Stopped(wire.StopState("stopping"), number))
@@ -347,7 +355,7 @@ async def test_a_bridge_of_another_protocol_is_not_used_and_not_asked_without_pa
     def opened(link):
         asked.put_nowait(asyncio.get_running_loop().time())
         bench = Bench()
-        hello = bench.core.hello(bench.now_s)
+        hello = bench.core.hello()
         link.report(msgspec.structs.replace(hello, protocol=wire.PROTOCOL + 1))
 
     async def received(link, raw): ...
@@ -386,10 +394,7 @@ async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, mo
     await links.close()
 
 
-async def test_the_stop_command_gives_up_on_a_bridge_that_talks_and_does_not_answer(
-    bridge, address, monkeypatch
-):
-    monkeypatch.setattr(robots.link, "_ONCE_S", 1.0)
+async def test_the_stop_command_gives_up_on_a_bridge_that_talks_and_does_not_answer(bridge, address):
     bridge.silent = True
 
     async def chatter():
@@ -434,36 +439,39 @@ class TestWhoseBridge:
         assert (refusal.rule, stray.up, stray.highest_fence) == ("robot", False, 0)
         assert "tiago" not in refusal.text  # who may see this robot need not know of the other
 
-    async def test_the_bridge_hears_nothing_but_a_hello(self, stray, bridge):
+    async def test_the_bridge_hears_nothing_but_a_hello_and_refuses_the_stop(self, stray, bridge):
         stray.watch(stray.follower, ["Ann"])
         stray.look_at(stray.follower, {"/odom": 5.0})
         await stray.follower.until_refused("other_robot")
-        for asked in (stray.grant(grant(2)), stray.stop(wire.LinkStop("Ann"))):
-            with pytest.raises(LinkRefused) as refused:
-                await asked
-            assert refused.value.refusal.code == "other_robot"
+        with pytest.raises(LinkRefused) as refused:
+            await stray.grant(grant(2))
+        assert refused.value.refusal.code == "other_robot"
+        assert (await stray.stop(wire.LinkStop("Ann"))).code == "other_robot"
+        assert bridge.bench.core.stop_state.state == "clear"
         assert not await stray.forward("{}")
         assert not stray.send(wire.Revoke(2, "over"))
-        assert {type(message) for message in bridge.heard} <= {wire.LinkHello}
+        assert {type(message) for message in bridge.heard} == {wire.LinkHello, wire.LinkStop}
 
     async def test_a_stop_of_one_is_not_pressed_at_the_other(self, bridge, address):
         with pytest.raises(LinkRefused) as refused:
             await asyncio.to_thread(stop_once, uuid.uuid4(), address, "the command line")
         assert refused.value.refusal.code == "other_robot"
         assert bridge.bench.core.stop_state.state == "clear"
-        assert bridge.heard == []
 
     async def test_how_the_other_is_doing_is_not_told(self, bridge, address):
-        assert (await asyncio.to_thread(hello_once, ROBOT, address)).slug == CONFIG.slug
+        assert (await asyncio.to_thread(state_once, ROBOT, address)).phase == "online"
         with pytest.raises(LinkRefused) as refused:
-            await asyncio.to_thread(hello_once, uuid.uuid4(), address)
+            await asyncio.to_thread(state_once, uuid.uuid4(), address)
         assert refused.value.refusal.code == "other_robot"
 
     async def test_a_stop_of_whatever_robot_listens_there_asks_for_no_name(self, bridge, address):
         await asyncio.to_thread(stop_once, None, address, "the command line")
         assert bridge.bench.core.stop_state.state == "stopping"
 
-    async def test_until_the_bridge_said_who_it_is_it_is_told_nothing(self, bridge, address, monkeypatch):
+    async def test_until_the_bridge_said_who_it_is_it_is_told_nothing_but_a_stop(
+        self, bridge, address, monkeypatch
+    ):
+        bridge.greets = False
         connected = asyncio.Event()
         monkeypatch.setattr(bridge.server, "_on_open", lambda _link: connected.set())
         link = BridgeLink(ROBOT, address)
@@ -471,13 +479,16 @@ class TestWhoseBridge:
         link.look_at(follower, {"/odom": 5.0})
         await asyncio.wait_for(connected.wait(), 5)
         with pytest.raises(LinkRefused):
-            await link.stop(wire.LinkStop("Ann"))
+            await link.grant(grant(2))
+        assert (await link.stop(wire.LinkStop("Ann"))).stop.by == "Ann"
+        assert {type(message) for message in bridge.heard} == {wire.LinkHello, wire.LinkStop}
         bridge.opened(remote := next(iter(bridge.server.links)))
+        remote.report(wire.Status(bridge.bench.core.state(bridge.bench.now_s, [])))
         link.subscribe(follower)
         await follower.until("up")
-        await link.stop(wire.LinkStop("Ann"))
-        first, *rest = map(type, bridge.heard)
-        assert (first, set(rest)) == (wire.LinkHello, {wire.Watch, wire.LookAt, wire.LinkStop})
+        await link.stop(wire.LinkStop("Ben"))
+        heard = {type(message) for message in bridge.heard}
+        assert heard == {wire.LinkHello, wire.Watch, wire.LookAt, wire.LinkStop}
         assert remote.watchers == ["Ann"]
         await link.close()
 

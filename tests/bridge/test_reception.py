@@ -6,6 +6,7 @@ import asyncio
 import time
 from itertools import pairwise
 from unittest.mock import patch
+from uuid import uuid4
 
 import pytest
 
@@ -14,7 +15,7 @@ from robots.bridge.gate.values import STILL
 from robots.bridge.inspection import Inspection
 from robots.bridge.leasing import Leasing
 from robots.bridge.orders import Orders
-from robots.bridge.reception import DRIVES_AT_ONCE, REFUSAL_GAP_S, Reception
+from robots.bridge.reception import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, Reception
 from robots.bridge.store import Store
 from tests.bridge.support import Bench, Wire
 from tests.bridge.test_leasing import GRANT
@@ -215,7 +216,62 @@ async def test_an_order_that_broke_is_not_answered_later(door, bench):
 async def test_a_web_process_hears_what_the_robot_offers_at_once_and_again_when_it_asks(door, bench):
     link = Wire(1)
     door.opened(link)
-    assert [type(report) for report in link.reports] == [wire.BridgeHello, wire.Offers]
+    assert [type(report) for report in link.reports] == [wire.BridgeHello]
+    await door.received(link, wire.encode(wire.LinkHello(wire.PROTOCOL, "web 1")))
+    assert [type(report) for report in link.reports[1:]] == [wire.Status, wire.Offers]
     await door.received(link, wire.encode(wire.Refresh(seq=4)))
     assert link.reports[-1] == wire.Accepted("refresh", 4)
     assert bench.base.readings == 1
+
+
+async def test_a_stop_is_heard_before_anything_else_is_said_and_needs_no_state(door, bench):
+    link = Wire(1)
+    with patch.object(bench.core, "state", side_effect=OverflowError("nothing encodes this")):
+        door.opened(link)
+        await door.received(link, wire.encode(wire.LinkStop("Ann", seq=3)))
+    assert bench.core.stop_state.state == "stopping"
+    assert link.reports[-1] == wire.Stopped(bench.core.stop_state, 3)
+
+
+async def test_a_stop_that_means_another_robot_is_refused(door, bench):
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, wire.encode(wire.LinkStop("Ann", seq=3, robot=uuid4())))
+    assert bench.core.stop_state.state == "clear"
+    assert link.reports[-1] == wire.Refused("link_stop", OTHER_ROBOT, 3)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [b'{"t":"link_stop"}', b'{"t":"link_stop","by":5}', b'{"t":"link_stop","by":"' + b"x" * 300 + b'"}'],
+)
+async def test_a_stop_that_does_not_fit_stops(door, bench, raw):
+    link = Wire(1)
+    door.opened(link)
+    await door.received(link, raw)
+    assert bench.core.stop_state.state == "stopping"
+    assert isinstance(link.reports[-1], wire.Stopped)
+
+
+async def test_one_press_that_arrives_twice_stops_once(door, bench):
+    link, press = Wire(1), uuid4()
+    door.opened(link)
+    stop = wire.encode(wire.LinkStop("Ann", press=press))
+    await door.received(link, stop)
+    number = bench.core.stop_state.number
+    await door.received(link, wire.encode(wire.LinkClear("Ann", number)))
+    await door.received(link, stop)
+    assert link.reports[-1] == wire.Stopped(wire.StopState("clear", number=number), press=press)
+    assert bench.core.stop_state.state == "clear"
+
+
+async def test_a_clear_outlives_the_older_presses_that_it_names(door, bench):
+    link, pending = Wire(1), uuid4()
+    door.opened(link)
+    await door.received(link, wire.encode(wire.LinkStop("Ann")))
+    number = bench.core.stop_state.number
+    await door.received(link, wire.encode(wire.LinkClear("Ann", number, presses=[pending])))
+    await door.received(link, wire.encode(wire.LinkStop("Ann", press=pending)))
+    assert bench.core.stop_state.state == "clear"
+    await door.received(link, wire.encode(wire.LinkStop("Ann", press=uuid4())))
+    assert bench.core.stop_state.state == "stopping"

@@ -10,7 +10,7 @@ from robots.faults import BRIDGE, ROBOT, SURE_AFTER, Condition, RobotWatch, brid
 from robots.link import LinkRefused
 from robots.models import BridgeStatus, Robot
 from robots.selectors import link_address
-from robots.wire import BridgeHello, Refusal
+from robots.wire import Refusal
 from tests.robots.support import until
 
 State = BridgeStatus.State
@@ -68,8 +68,7 @@ def test_a_robots_condition_is_what_its_bridge_says(
         text = "So it is."
 
     State.phase = phase  # type: ignore[attr-defined]
-    hello = BridgeHello(1, "robot", "slug", 0, State)  # type: ignore[arg-type]
-    monkeypatch.setattr(faults, "hello_once", lambda *_: hello)
+    monkeypatch.setattr(faults, "state_once", lambda *_: State)
     assert condition_of(robot.id, link_address(robot)).fault == fault
 
 
@@ -77,7 +76,7 @@ def test_a_bridge_that_does_not_answer_is_a_fault_too(robot: Robot, monkeypatch:
     def refuse(*_: object) -> None:
         raise LinkRefused(Refusal("bridge_down", "It is not running.", "robot"))
 
-    monkeypatch.setattr(faults, "hello_once", refuse)
+    monkeypatch.setattr(faults, "state_once", refuse)
     assert condition_of(robot.id, link_address(robot)) == Condition("bridge_down", "It is not running.")
 
 

@@ -6,7 +6,7 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from io import StringIO
 from pathlib import Path
 from unittest import mock
@@ -15,11 +15,13 @@ import pytest
 from django.conf import settings
 from django.core.management import CommandError, call_command
 from django.db import OperationalError
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, unix_serve
 
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
+from robots.bridge.reception import OTHER_ROBOT
 from robots.management.commands import stop
 from robots.models import Robot
 from robots.selectors import link_address
@@ -44,13 +46,20 @@ class Bridge:
             "slug": self.robot.slug,
         }
         connection.send(json.dumps(hello))
-        for raw in connection:
-            message = wire.link_request(raw)
-            if isinstance(message, wire.LinkStop):
-                self.stops.append(message)
-                self.stopped.set()
-                stop = wire.StopState("stopping", by=message.by, reason=message.reason)
-                connection.send(wire.encode(wire.Stopped(stop)), text=True)
+        with suppress(ConnectionClosed):
+            for raw in connection:
+                self.hear(connection, wire.link_request(raw))
+
+    def hear(self, connection: ServerConnection, message: wire.LinkRequest) -> None:
+        if not isinstance(message, wire.LinkStop):
+            return
+        if message.robot not in (None, self.robot.id):
+            connection.send(wire.encode(wire.Refused("link_stop", OTHER_ROBOT, message.seq)), text=True)
+            return
+        self.stops.append(message)
+        self.stopped.set()
+        stop = wire.StopState("stopping", by=message.by, reason=message.reason)
+        connection.send(wire.encode(wire.Stopped(stop, message.seq, message.press)), text=True)
 
 
 def path_of(robot: Robot) -> Path:
@@ -235,7 +244,7 @@ def test_a_stop_of_one_robot_is_not_pressed_at_the_bridge_of_another(
     path_of(other_robot).symlink_to(path_of(robot))  # as with one bridge address for both
     with pytest.raises(CommandError, match=r"Not reached: tiago-2\."):
         call_command("stop", "tiago-2", stdout=out)
-    assert "another robot’s bridge answers" in out.getvalue()
+    assert "another robot’s bridge" in out.getvalue()
     assert untouched.stops == []
 
 

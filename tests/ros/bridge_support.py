@@ -116,7 +116,7 @@ class BridgeProcess:
 
 def _fence_told(report: Any) -> int | None:
     """Of whose control a state is, 0 if of nobody's; None: it is no state."""
-    return report.state.fence or 0 if isinstance(report, wire.Status | wire.BridgeHello) else None
+    return report.state.fence or 0 if isinstance(report, wire.Status) else None
 
 
 def _listens(path: str) -> bool:
@@ -161,9 +161,7 @@ class Hand:
 
     def state_until(self, condition: Callable[[wire.State], Any], what: str) -> wire.State:
         """The first state for which `condition` holds."""
-        report = self.until(
-            lambda r: isinstance(r, wire.Status | wire.BridgeHello) and condition(r.state), what
-        )
+        report = self.until(lambda r: isinstance(r, wire.Status) and condition(r.state), what)
         state: wire.State = report.state
         return state
 
@@ -225,7 +223,7 @@ class Hand:
                 if isinstance(raw, str):
                     report = wire.link_report(raw)
                     with self._news:
-                        if isinstance(report, wire.Status | wire.BridgeHello):
+                        if isinstance(report, wire.Status):
                             self.state = report.state
                         self._reports.append(report)
                         self._news.notify_all()

@@ -123,21 +123,23 @@ class FakeBridge:
         return found()[count - 1]
 
     def _opened(self, link: Link) -> None:
-        link.report(wire.BridgeHello(wire.PROTOCOL, str(self.robot.id), self.robot.slug, self.fence, IDLE))
-        if self.offers:
-            link.report(self.offers)
+        link.report(wire.BridgeHello(wire.PROTOCOL, str(self.robot.id), self.robot.slug, self.fence))
 
     async def _message(self, link: Link, raw: bytes) -> None:
         message = wire.link_request(raw)
         match message:
+            case wire.LinkHello():
+                link.report(wire.Status(IDLE))
+                if self.offers:
+                    link.report(self.offers)
             case wire.Grant(fence=fence):
                 self.fence = max(self.fence, fence)
                 link.report(
                     wire.Refused("grant", self.refuses, fence=fence) if self.refuses else wire.Granted(fence)
                 )
-            case wire.LinkStop(by=by, seq=seq):
+            case wire.LinkStop(by=by, seq=seq, press=press):
                 self.newest_stop += 1
-                link.report(wire.Stopped(StopState("stopping", by, number=self.newest_stop), seq))
+                link.report(wire.Stopped(StopState("stopping", by, number=self.newest_stop), seq, press))
             case wire.LinkClear(number=number, seq=seq):
                 again = Refusal("stopped_again", "Pressed again since.", "stop")
                 known = number == self.newest_stop

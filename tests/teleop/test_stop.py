@@ -7,11 +7,12 @@ from uuid import uuid4
 
 import pytest
 
+import robots.link
 from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots import wire
-from robots.link import links
+from robots.link import LinkRefused, links
 from robots.models import Robot
 from robots.selectors import link_address
 from teleop import database, stopping
@@ -243,20 +244,20 @@ async def test_a_press_while_another_is_on_a_way_round_a_lost_link_is_sent_too(
     open_page, bridge, monkeypatch
 ):
     pressed = []
-    first, second = threading.Event(), threading.Event()
+    first, second = asyncio.Event(), asyncio.Event()
 
-    def not_reached(*_args):
+    async def not_reached(*_args):
         pressed.append(True)
         (second if first.is_set() else first).set()
-        second.wait(10)
-        return wire.Refusal("bridge_down", "The robot's bridge is not running.", "robot")
+        await second.wait()
+        raise LinkRefused(wire.Refusal("bridge_down", "The robot's bridge is not running.", "robot"))
 
     page = await open_page("observer")
     await bridge.close()
     await page.hears("bridge_gone")
-    monkeypatch.setattr(stopping, "press", not_reached)
+    monkeypatch.setattr(robots.link, "ask_bridge", not_reached)
     await page.say("stop")
-    await asyncio.to_thread(first.wait, 10)
+    await asyncio.wait_for(first.wait(), 10)
     await page.say("stop")
     await page.say("ping", sent_ms=1)
     await page.hears("pong")

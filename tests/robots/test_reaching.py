@@ -1,0 +1,106 @@
+"""A stop goes to the bridge and to the watchdog at once; the first confirmation counts."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.connections import LinkRefused
+from robots.reaching import reach, stop_message, wait_for
+
+ROBOT = uuid4()
+PATIENCE_S = 10.0
+
+
+class Watchdog:
+    """A watchdog's socket: one datagram in, one out."""
+
+    def __init__(self, path: Path, answer: wire.Stopped | wire.Refused) -> None:
+        self.heard: list[wire.LinkRequest] = []
+        self._answer = answer
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._listener.bind(str(path))
+        self._listener.listen()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                lane, _ = self._listener.accept()
+            except OSError:
+                return
+            with lane:
+                self.heard.append(wire.link_request(lane.recv(8192)))
+                lane.send(wire.encode(self._answer))
+
+    def close(self) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "b.sock"
+
+
+@pytest.fixture
+def closing() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def press(path: Path, within_s: float = PATIENCE_S) -> wire.Stopped | wire.Refusal:
+    stop = stop_message(ROBOT, "Ann", press=uuid4())
+    return wait_for(reach(LinkAddress(unix_path=str(path)), stop, within_s))
+
+
+def frozen_bridge(path: Path, closing: ExitStack) -> None:
+    """A bridge that was halted: it accepts connections and says nothing."""
+    listener = closing.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+    listener.bind(str(path))
+    listener.listen()
+
+
+def test_the_watchdog_confirms_while_the_bridge_is_frozen(path: Path, closing: ExitStack) -> None:
+    frozen_bridge(path, closing)
+    watchdog = Watchdog(path.with_suffix(".stop"), wire.Stopped(wire.StopState("stopping", "Ann")))
+    closing.callback(watchdog.close)
+    began_s = time.monotonic()
+    assert isinstance(press(path, 60.0), wire.Stopped)
+    assert time.monotonic() - began_s < 30.0  # it did not wait for the bridge
+    (heard,) = watchdog.heard
+    assert isinstance(heard, wire.LinkStop) and heard.robot == ROBOT and heard.by == "Ann"
+
+
+def test_a_bridge_that_is_frozen_and_has_no_watchdog_is_silent(path: Path, closing: ExitStack) -> None:
+    frozen_bridge(path, closing)
+    with pytest.raises(LinkRefused) as refused:
+        press(path, 0.2)
+    assert refused.value.refusal.code == "bridge_silent"
+
+
+def test_where_neither_is_there_the_bridge_is_down(path: Path) -> None:
+    with pytest.raises(LinkRefused) as refused:
+        press(path)
+    assert refused.value.refusal.code == "bridge_down"
+
+
+def test_what_the_watchdog_refuses_is_refused(path: Path, closing: ExitStack) -> None:
+    no = wire.Refusal("other_robot", "Another robot’s.", "robot")
+    watchdog = Watchdog(path.with_suffix(".stop"), wire.Refused("link_stop", no))
+    closing.callback(watchdog.close)
+    assert press(path) == no
+
+
+def test_names_and_reasons_of_any_length_are_sent() -> None:
+    stop = stop_message(ROBOT, "n" * 1000, "r" * 1000)
+    assert wire.link_request(wire.encode(stop)) == stop
