@@ -28,6 +28,7 @@ from robots.bridge.config import LinkAddress
 from robots.connections import DOWN, open_link, open_sync, why_down
 from robots.connections import LinkRefused as LinkRefused
 from robots.inquiries import Inquiries
+from robots.lane import Lane
 from robots.reaching import (
     SILENT,
     STOP_S,
@@ -119,6 +120,7 @@ class BridgeLink:
         self._socket: ClientConnection | None = (
             None  # the same, to a bridge that said that it is this robot's
         )
+        self._lane: Lane | None = None  # to a bridge on this computer
         self._listeners: set[Listener] = set()
         # of the listeners, the one for whom there are pictures and messages
         self._viewer: Listener | None = None
@@ -176,6 +178,8 @@ class BridgeLink:
 
     async def forward(self, raw: str) -> bool:
         """Send a browser's drive message as it is. False if it was dropped: no link, or the last is not out yet."""
+        if self._lane is not None:
+            return self._lane.send(raw.encode())
         socket = self._socket
         if socket is None or self._is_behind:
             return False
@@ -212,7 +216,9 @@ class BridgeLink:
         number = self._latch.number()
         with self._latch.waiting_for(number) as answer:
             try:
-                await self._open.send(wire.encode(structs.replace(stop, seq=number)), text=True)
+                encoded = wire.encode(structs.replace(stop, seq=number))
+                if self._lane is None or not self._lane.send(encoded):
+                    await self._open.send(encoded, text=True)
                 return await answer
             except LinkRefused as refused:
                 if self._open is None:
@@ -352,6 +358,9 @@ class BridgeLink:
             raise LinkRefused(_FOREIGN) from error
         finally:
             self._open = self._socket = None
+            if self._lane is not None:
+                self._lane.close()
+                self._lane = None
 
     async def _greeted(self, socket: ClientConnection, hello: str) -> None:
         """The bridge said whose it is."""
@@ -363,6 +372,15 @@ class BridgeLink:
         if self._topics:
             await self._send(wire.LookAt(self._topics))
 
+    def _open_lane(self, token: str) -> None:
+        """Without a lane everything goes by the WebSocket, later by some tenths of a millisecond."""
+        if self.address.unix_path is None or self._socket is None or self._lane is not None:
+            return
+        try:
+            self._lane = Lane.connect(self.address.unix_path, token, self._socket.transport.abort)
+        except OSError as error:
+            log.warning("the bridge of %s has no lane: %s", self.robot_id, error)
+
     def _show(self, view: str) -> None:
         if self._viewer and self._names:
             self._viewer.on_view(view)
@@ -373,6 +391,8 @@ class BridgeLink:
                 if report.protocol != wire.PROTOCOL:
                     raise LinkRefused(_FOREIGN)
                 self.highest_fence = report.fence
+            case wire.LaneToken():
+                self._open_lane(report.token)
             case wire.Status():
                 self._came_up()
                 self._tell_state(report.state)

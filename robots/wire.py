@@ -949,6 +949,12 @@ class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
     fence: int
 
 
+class LaneToken(Struct, frozen=True, tag_field="t", tag="lane"):
+    """Beside this link's socket is a lane (`robots.lane`); its first datagram is this token."""
+
+    token: str
+
+
 class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
     """A grant was taken (also answers each renewal)."""
 
@@ -992,7 +998,19 @@ class Seen(Struct, frozen=True, tag_field="t", tag="seen"):
 BrowserReport = Welcome | Control | Notice | Accepted | Refused | Stopped | BridgeGone | Offers | View | Pong
 TopicsReport = Answer | Shown | BridgeGone | Notice | Pong
 FleetReport = Fleet | Refused | Pong
-LinkReport = BridgeHello | Granted | Ended | Status | Stopped | Accepted | Refused | Offers | Inspected | Seen
+LinkReport = (
+    BridgeHello
+    | LaneToken
+    | Granted
+    | Ended
+    | Status
+    | Stopped
+    | Accepted
+    | Refused
+    | Offers
+    | Inspected
+    | Seen
+)
 
 
 # --- doors ------------------------------------------------------------------------------------

@@ -12,6 +12,8 @@ import hmac
 import http
 import logging
 import os
+import secrets
+import socket
 import ssl
 from collections import deque
 from collections.abc import Awaitable, Callable
@@ -24,7 +26,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from robots.bridge.config import LinkAddress
-from robots.wire import encode
+from robots.lane import Lane, LaneServer
+from robots.wire import LaneToken, encode
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +35,7 @@ _REPORTS_KEPT = 200  # a web process that reads nothing for this many reports is
 _PING_S = 1.0  # over TCP, where a cut cable closes nothing
 
 OnMessage = Callable[["Link", bytes], Awaitable[None]]
+OnQuick = Callable[["Link", bytes], object]
 OnLink = Callable[["Link"], None]
 
 
@@ -47,6 +51,8 @@ class Link:
         self.greeted = False  # it said hello, and is told what is new
         self.watchers: list[str] = []
         self.watchers_more = 0
+        self.token = ""  # of its lane
+        self.lane: Lane | None = None
         self._socket = socket
         self._reports: deque[bytes] = deque()
         self._view: bytes | None = None
@@ -58,7 +64,7 @@ class Link:
         """Queue a report."""
         if len(self._reports) >= _REPORTS_KEPT:
             log.warning("link %s reads nothing: cut off", self.name)
-            self._socket.transport.abort()
+            self.cut()
             return
         self._reports.append(encode(message))
         self._news.set()
@@ -77,6 +83,10 @@ class Link:
         """Close, after what was reported before."""
         self._ending = True
         self._news.set()
+
+    def cut(self) -> None:
+        """End it at once."""
+        self._socket.transport.abort()
 
     async def write(self) -> None:
         """Send reports, then the newest view, then what is seen of topics, for as long as the link lives."""
@@ -97,15 +107,25 @@ class Link:
 
 
 class LinkServer:
-    """Accepts links and hands on what comes in. The callbacks run on the event loop."""
+    """Accepts links and hands on what comes in. The callbacks run on the event loop.
+
+    `on_quick` hears what comes by a link's lane; without it no link has a lane.
+    """
 
     def __init__(
-        self, address: LinkAddress, on_open: OnLink, on_message: OnMessage, on_close: OnLink
+        self,
+        address: LinkAddress,
+        on_open: OnLink,
+        on_message: OnMessage,
+        on_close: OnLink,
+        on_quick: OnQuick | None = None,
     ) -> None:
         self._address = address
         self._on_open = on_open
         self._on_message = on_message
         self._on_close = on_close
+        self._on_quick = on_quick
+        self._lanes: LaneServer | None = None
         self.links: set[Link] = set()
         self._deaf = False
         self._server: Server | None = None
@@ -115,6 +135,9 @@ class LinkServer:
         address = self._address
         if address.unix_path:
             self._server = await self._listen_unix(address.unix_path)
+            if self._on_quick:
+                self._lanes = LaneServer(address.unix_path, self._opened_lane)
+                self._lanes.open()
         else:
             self._server = await serve(
                 self._serve,
@@ -130,16 +153,21 @@ class LinkServer:
     def shut(self) -> None:
         """From now on nothing that comes in is heard, and no link opens; `close` follows."""
         self._deaf = True
-        if self._server:
-            self._server.close()
+        self._accept_no_more()
 
     async def close(self) -> None:
-        """Close every link and the socket file."""
+        """Close every link and the socket files."""
+        self._accept_no_more()
         if self._server:
-            self._server.close()
             await self._server.wait_closed()
         if self._address.unix_path:
             _remove(self._address.unix_path)
+
+    def _accept_no_more(self) -> None:
+        if self._server:
+            self._server.close()
+        if self._lanes:
+            self._lanes.close()
 
     async def _listen_unix(self, path: str) -> Server:
         _remove(path)  # the state file's lock says that nobody else is this bridge
@@ -155,18 +183,38 @@ class LinkServer:
         writer = asyncio.create_task(link.write())
         try:
             self._on_open(link)
+            if self._lanes:
+                link.token = secrets.token_urlsafe()
+                link.report(LaneToken(link.token))
             while True:
                 raw = await socket.recv(decode=False)
+                if link.lane:
+                    link.lane.read_all()  # it was sent before: a command is not overtaken by the word that ends control
                 if not self._deaf:
                     await self._on_message(link, raw)
         except ConnectionClosed:
             pass
         finally:
             self.links.discard(link)
+            if link.lane:
+                link.lane.close()
             self._on_close(link)
             writer.cancel()
             with suppress(asyncio.CancelledError, ConnectionClosed):
                 await writer
+
+    def _opened_lane(self, token: str, end: socket.socket) -> None:
+        for link in self.links:
+            if link.lane is None and hmac.compare_digest(link.token.encode(), token.encode()):
+
+                def hear(message: bytes, link: Link = link) -> None:
+                    if self._on_quick and not self._deaf:
+                        self._on_quick(link, message)
+
+                link.lane = Lane(end, hear, link.cut)
+                return
+        log.warning("a lane with a strange token was refused")
+        end.close()
 
     def _check_secret(self, _socket: ServerConnection, request: Request) -> Response | None:
         expected = f"Bearer {self._address.secret}"

@@ -68,7 +68,7 @@ class Bridge:
         self._maps = Maps(config, self._records.keep_map)
         self._leasing = Leasing(self._core, store, left.fence)
         door = Reception(self._core, self._leasing, self._inspection)
-        self._links = LinkServer(config.link, door.opened, door.received, door.closed)
+        self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
         self._ended = asyncio.Event()
         self._exit_code = 0
         self._last_key: tuple[object, ...] = ()

@@ -62,7 +62,12 @@ class Reception:
         del self._drives[link], self._refused[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
-        """One message."""
+        """One message of the WebSocket."""
+        if not self.hear(link, raw):
+            await asyncio.sleep(0)
+
+    def hear(self, link: Link, raw: bytes) -> bool:
+        """One message, by whichever way. False: it was dropped, as one of a flood."""
         now_s = time.monotonic()
         try:
             message = wire.link_request(raw)
@@ -70,13 +75,13 @@ class Reception:
             kind, seq = wire.heading(raw)
             if kind == _STOP:  # a stop is never refused for its form
                 self._stop(link, wire.LinkStop("somebody", "the message was damaged", seq or 0), now_s)
-                return
+                return True
             self._core.refused[error.refusal.code] += 1
             self._refuse(link, wire.Refused("link", error.refusal), now_s)
-            return
+            return True
         match message:
             case wire.Drive():
-                await self._drive(link, message, now_s)
+                return self._drive(link, message, now_s)
             case wire.Grant() | wire.Revoke() | wire.Hold():
                 self._leasing.hear(link, message)
             case wire.LinkStop():
@@ -103,16 +108,17 @@ class Reception:
                 self._answer(link, message, self._core.orders.cancel(message.what, message.by))
             case order if isinstance(order, wire.Order):
                 self._take(link, order, now_s)
+        return True
 
-    async def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> None:
-        if self._drives[link].spend(now_s):
+    def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> bool:
+        if spent := self._drives[link].spend(now_s):
             refusal = self._core.drive(drive, link.number, now_s)
         else:
             refusal = _FLOOD
             self._core.refused[refusal.code] += 1
-            await asyncio.sleep(0)
         if refusal is not None:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
+        return spent
 
     def _take(self, link: Link, order: wire.Order, now_s: float) -> None:
         """One order's fault is not the end of a link: pictures and drives of a whole web process come over it."""

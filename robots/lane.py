@@ -1,0 +1,159 @@
+"""The lane of a link: what must be quick, as datagrams of a second Unix socket.
+
+A command on the link's WebSocket costs 0.3 ms of frames, tasks and buffers. On the lane, a SEQPACKET socket, a message
+is one datagram: one call sends it and one call reads it. Commands and stops travel there; their answers, and everything
+else, stay on the WebSocket. Bridges on other computers have no lane.
+
+A lane belongs to one link: the bridge tells each link a token, and the lane's first datagram is that token. The end of
+the lane or of the WebSocket ends the other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+from robots.wire import LARGEST_MESSAGE_BYTES
+
+log = logging.getLogger(__name__)
+
+_WAITING_BYTES = (
+    16 * 1024
+)  # about thirty commands wait for a bridge that does not read; then the lane is behind
+_MOST_AT_ONCE = 100  # read before a message of the WebSocket: more than can wait
+_TOKEN_S = 1.0  # for the first datagram
+_PAUSE_S = 1.0  # after an error of the listening socket
+
+
+def lane_path(unix_path: str) -> str:
+    """The lane's address, beside the WebSocket's."""
+    return str(Path(unix_path).with_suffix(".lane"))
+
+
+class Lane:
+    """One end, on the running event loop. Datagrams go to `hear`; `on_end` is called once, at the other side's end."""
+
+    def __init__(
+        self, end: socket.socket, hear: Callable[[bytes], object], on_end: Callable[[], None]
+    ) -> None:
+        self._socket: socket.socket | None = end
+        self._hear = hear
+        self._on_end = on_end
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(end, self._read)
+
+    @classmethod
+    def connect(cls, unix_path: str, token: str, on_end: Callable[[], None]) -> Lane:
+        """The web process's end of the lane beside the WebSocket at `unix_path`. Raises OSError."""
+        end = _socket()
+        try:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _WAITING_BYTES)
+            end.connect(lane_path(unix_path))
+            end.send(token.encode())
+        except OSError:
+            end.close()
+            raise
+        return cls(end, lambda _: None, on_end)
+
+    def send(self, message: bytes) -> bool:
+        """False if it was not sent: the other side does not read, or is gone."""
+        if self._socket is None:
+            return False
+        try:
+            self._socket.send(message)
+        except BlockingIOError:
+            return False
+        except OSError:
+            self._ended()
+            return False
+        return True
+
+    def read_all(self) -> None:
+        """Hear what came in so far."""
+        for _ in range(_MOST_AT_ONCE):
+            if not self._read():
+                return
+
+    def close(self) -> None:
+        """Our side's end."""
+        if self._socket is not None:
+            self._loop.remove_reader(self._socket)
+            self._socket.close()
+            self._socket = None
+
+    def _read(self) -> bool:
+        """Hear one datagram. One in each turn of the loop, so that a flood takes nobody's turn."""
+        if self._socket is None:
+            return False
+        try:
+            message = self._socket.recv(LARGEST_MESSAGE_BYTES + 1)  # one byte more shows that it is too large
+        except BlockingIOError:
+            return False
+        except OSError:
+            message = b""
+        if not message:
+            self._ended()
+            return False
+        try:
+            self._hear(message)
+        except Exception:
+            log.exception("a message of a lane was not understood: its link ends")
+            self._ended()
+            return False
+        return True
+
+    def _ended(self) -> None:
+        self.close()
+        self._on_end()
+
+
+class LaneServer:
+    """The bridge's side: accepts sockets, and hands each with its token to `on_lane`, which closes a strange one."""
+
+    def __init__(self, unix_path: str, on_lane: Callable[[str, socket.socket], None]) -> None:
+        self._path = lane_path(unix_path)
+        self._on_lane = on_lane
+
+    def open(self) -> None:
+        """Listen; only this process's user may connect."""
+        Path(self._path).unlink(missing_ok=True)
+        self._listener = _socket()
+        umask = os.umask(0o177)
+        try:
+            self._listener.bind(self._path)
+        finally:
+            os.umask(umask)
+        self._listener.listen()
+        self._accepting = asyncio.create_task(self._accept())
+
+    def close(self) -> None:
+        """Accept no more. Lanes that are open stay with their links."""
+        self._accepting.cancel()
+        self._listener.close()
+        Path(self._path).unlink(missing_ok=True)
+
+    async def _accept(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                end, _ = await loop.sock_accept(self._listener)
+            except OSError:
+                log.exception("no lane can be accepted")
+                await asyncio.sleep(_PAUSE_S)
+                continue
+            try:
+                token = await asyncio.wait_for(loop.sock_recv(end, LARGEST_MESSAGE_BYTES), _TOKEN_S)
+            except (OSError, asyncio.TimeoutError):
+                end.close()
+                continue
+            self._on_lane(token.decode(errors="replace"), end)
+
+
+def _socket() -> socket.socket:
+    found = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    found.setblocking(False)
+    return found
