@@ -16,7 +16,7 @@ from msgspec import structs
 from robots import wire
 from robots.link import LinkRefused
 from robots.models import Role
-from robots.wire import Accepted, Ended, NotDone, Notice, Offers, Refusal, Refused, browser_message, kind_of
+from robots.wire import Accepted, Ended, NotDone, Offers, Refusal, Refused, browser_message, kind_of
 from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
@@ -358,7 +358,7 @@ class RobotConsumer(RobotSocket):
 
     async def _control_ended(self, reason: EndReason, refusal: Refusal) -> None:
         if self._give_up(reason, refusal.text, refusal=refusal):
-            await self.tell(Notice("error", refusal.code, f"Control ended: {refusal.text}"))
+            await self.tell(notices.control_ended_here(reason, refusal))
 
     def _give_up(
         self, reason: EndReason, words: str, *, refusal: Refusal | None = None, by: UUID | None = None

@@ -1,17 +1,27 @@
-"""What happens again and again, on record in few records: the first at once, what follows within a while in one."""
+"""What happens again and again, on record in few records: the first at once, what follows within a while in one.
+
+One person's records of this kind have a budget besides (`RECORDS_PER_S`, `RECORDS_BURST`), by whatever doors and of
+whatever codes: without it they wait, and count on. So nobody makes the log grow faster, and nothing is lost.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
+
+from robots.bridge.flood import Budget
 
 logger = logging.getLogger(__name__)
 
 MOST = 500  # folds at once of what anybody chooses the keys of; what happens beyond is only logged
+RECORDS_PER_S = 0.2  # of one person, from one web process
+RECORDS_BURST = 30.0
+_SPARED = 1000  # keys that are remembered to have been written without a budget
 
 
 class Event(Protocol):
@@ -24,6 +34,33 @@ class Event(Protocol):
     @property
     def gap_s(self) -> float:
         """Between two records of it."""
+
+    @property
+    def person(self) -> Any:
+        """Whose budget it takes: an account."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether its first record waits for the budget, too."""
+
+
+class Ration:
+    """Each person's budget of records."""
+
+    def __init__(self) -> None:
+        self._budgets: dict[Hashable, Budget] = {}
+
+    def wait_s(self, person: Hashable, now_s: float) -> float:
+        """Take one record of this person's; if there is none, how long until there is."""
+        budget = self._budgets.get(person)
+        if budget is None:
+            self._forget(now_s)
+            budget = self._budgets[person] = Budget(RECORDS_PER_S, RECORDS_BURST)
+        return 0.0 if budget.spend(now_s) else budget.wait_s(now_s)
+
+    def _forget(self, now_s: float) -> None:
+        for person in [person for person, budget in self._budgets.items() if budget.is_full(now_s)]:
+            del self._budgets[person]
 
 
 E = TypeVar("E", bound=Event)
@@ -45,6 +82,8 @@ class FoldingLog(Generic[E]):
         self._write = write
         self._most = most
         self._at_once = False
+        self._ration = Ration()
+        self._spared: OrderedDict[Hashable, None] = OrderedDict()
         self._changed = threading.Condition()
         self._folds: dict[Hashable, _Fold[E]] = {}
         self._thread: threading.Thread | None = None
@@ -95,9 +134,20 @@ class FoldingLog(Generic[E]):
                     self._changed.wait(fold.due_s - now_s)
                 elif fold.times == 0:
                     del self._folds[fold.newest.key]
+                elif not self._at_once and (wait_s := self._wait_s(fold.newest, now_s)) > 0.0:
+                    fold.due_s = now_s + wait_s
                 else:
                     times, fold.times = fold.times, 0
                     fold.due_s = now_s + fold.newest.gap_s
                     return fold.newest, times
             self._thread = None
             return None
+
+    def _wait_s(self, event: E, now_s: float) -> float:
+        """How long its record has to wait for the person's budget."""
+        if not event.waits and event.key not in self._spared:
+            self._spared[event.key] = None
+            if len(self._spared) > _SPARED:
+                self._spared.popitem(last=False)
+            return 0.0
+        return self._ration.wait_s(event.person.pk, now_s)

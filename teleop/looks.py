@@ -20,6 +20,10 @@ log = logging.getLogger(__name__)
 LOOKS = 8  # of one connection
 
 
+class Withheld(Exception):
+    """A message is not sent now; a newer one may be."""
+
+
 @dataclass
 class Look:
     """A topic as one connection looks at it."""
@@ -108,7 +112,10 @@ class Looker:
         look.shown, message = self._looks.newest[topic]
         look.due_s = time.monotonic() + 1.0 / look.rate_hz
         self._on_way.append(topic)
-        await self._send(message)
+        try:
+            await self._send(message)
+        except Withheld:
+            self._on_way.remove(topic)
 
 
 class Looks:

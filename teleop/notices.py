@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from robots.wire import Level, Notice
+from robots.wire import Level, Notice, Refusal
 from teleop.models import EndReason
 from teleop.rules import GRACE_S
 from teleop.standing import Ending
 
+# News: people decided it. A warning: the rules ended it, and the holder may want it back. An error: something failed.
 _LEVELS: dict[EndReason, Level] = {
     EndReason.HANDED_OVER: "info",
     EndReason.MOVED: "info",
     EndReason.RELEASED: "info",
+    EndReason.TAKEN_OVER: "info",
     EndReason.TERM: "warning",
+    EndReason.AWAY: "warning",
+    EndReason.RIGHT: "warning",
+    EndReason.BRIDGE: "error",
 }
 
 _TEXTS = {
@@ -29,7 +34,17 @@ def control_ended(ending: Ending) -> Notice:
     """Why control ended, to the page that had it."""
     reason = EndReason(ending.reason)
     text = _TEXTS.get(reason, ending.note) or str(reason.label)
-    return Notice(_LEVELS.get(reason, "error"), reason.value, text)
+    return Notice(_LEVELS[reason], reason.value, text)
+
+
+def control_ended_here(reason: EndReason, refusal: Refusal) -> Notice:
+    """The same, where this page itself was told why."""
+    return Notice(_LEVELS[reason], refusal.code, f"Control ended: {refusal.text}")
+
+
+def cut_off(refusal: Refusal) -> Notice:
+    """To somebody who may not even look any more."""
+    return Notice(_LEVELS[EndReason.RIGHT], refusal.code, refusal.text)
 
 
 def somebody_asks(name: str) -> Notice:

@@ -1,7 +1,8 @@
 """Refusals on record: what a person asked for and was not done, by whatever door, with the figures behind it.
 
 A thread of its own writes them, so that no answer waits for the database. One person's refusals with one code at one
-robot are folded: the first is written at once, what follows within `GAP_S` in one record with the number of `times`.
+robot are folded: the first is written at once, what follows within `GAP_S` in one record with the number of `times`,
+as far as the person's budget of records goes.
 """
 
 from __future__ import annotations
@@ -38,6 +39,11 @@ class Denied(NamedTuple):
     robot_name: str = ""
     session_id: UUID | None = None  # the person's control session there, if they have control
     fence: int | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Nothing was done, so nothing is urgent."""
+        return True
 
     @property
     def key(self) -> Key:

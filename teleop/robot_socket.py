@@ -8,8 +8,8 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from robots.selectors import robots_visible_to
-from robots.wire import BridgeGone, Ended, Notice, Offers, Refusal, Refused
-from teleop import rooms
+from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
+from teleop import notices, rooms
 from teleop.database import in_database
 from teleop.refusals import Denied
 from teleop.selectors import SignIn, registered, rights_of
@@ -66,7 +66,7 @@ class RobotSocket(MessageSocket):
 
     async def cut_off(self, refusal: Refusal) -> None:
         """This person may not even look any more."""
-        await self.tell(Notice("error", refusal.code, refusal.text))
+        await self.tell(notices.cut_off(refusal))
         code = CloseCode.NOT_PERMITTED if self.rights.alive else CloseCode.SIGNED_OUT
         await self.close(code, refusal.text)
 

@@ -55,6 +55,11 @@ class Press(NamedTuple):
         """Between two records of it."""
         return GAP_S
 
+    @property
+    def waits(self) -> bool:
+        """A press that stopped a robot is written at once. One that is not known to have may be a repetition."""
+        return self.of is None
+
 
 class StopButton:
     """One page's stop of one robot.

@@ -10,7 +10,7 @@ from robots.bridge.flood import Budget
 from robots.wire import NotDone, Question, Refusal, Refused, kind_of, topics_message
 from teleop import rooms
 from teleop.calls import Call, carry_out
-from teleop.looks import Looker
+from teleop.looks import Looker, Withheld
 from teleop.orders import BUSY
 from teleop.robot_socket import RobotSocket
 from teleop.socket import beside
@@ -19,6 +19,9 @@ from teleop.watching import Watching
 UNDER_WAY = 8  # questions of one connection
 QUESTIONS_PER_S = 5.0  # an answer may be large, and nobody knows whether the last was read
 QUESTIONS_BURST = 30.0
+WATCHED_OFTEN = Refusal(
+    "busy", "You have begun to watch cameras very often: this one is shown in a moment.", "audit"
+)
 
 
 class TopicsConsumer(RobotSocket):
@@ -62,8 +65,9 @@ class TopicsConsumer(RobotSocket):
             self.watching.end_all()
 
     async def _show(self, event: dict[str, Any]) -> None:
-        if self.watching:
-            self.watching.shown(event["text"])
+        if self.watching and not self.watching.shown(event["text"]):
+            await self.refuse("look", WATCHED_OFTEN)
+            raise Withheld
         await self.asgi_send(event)
 
     # --- what is asked -----------------------------------------------------------------------------

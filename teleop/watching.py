@@ -1,7 +1,8 @@
 """Who watched a robot's camera, on record: from the first picture that somebody was shown to the last.
 
 That nobody watched must be worth something, so each stretch has its own record, however short. A long one is told in
-parts: whatever is open for longer than a part was left by a web process that died.
+parts: whatever is open for longer than a part was left by a web process that died. A watch has two records: who begins
+and ends many in a short time is shown the next one later.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.wire import Refusal
 from teleop.database import in_database
+from teleop.folding import Ration
 from teleop.socket import beside
 
 log = logging.getLogger(__name__)
@@ -39,6 +41,8 @@ PICTURES = frozenset(
 PART_S = 3600.0
 LEFT = timedelta(seconds=2 * PART_S)  # open for so long: nobody will say how it ended
 SOUGHT = timedelta(days=30)  # what is left is sought for so far back
+
+_ration = Ration()
 
 
 class _Shown(Struct):
@@ -73,18 +77,24 @@ class Watching:
         self._robot_name = robot_name
         self._open: dict[str, _Watch] = {}
 
-    def shown(self, message: str) -> None:
-        """A message of a topic, as encoded, goes to the person: if it is a picture, they watch."""
+    def shown(self, message: str) -> bool:
+        """A message of a topic, as encoded, may go to the person: if it is a picture, they watch.
+
+        False: it may not, for this person has begun to watch so often that it would not go on record.
+        """
         camera = _camera_of(message)
         if camera is None:
-            return
+            return True
         watch = self._open.get(camera)
         if watch is not None and time.monotonic() - watch.since_s > PART_S:
             self.end(camera, "goes_on")
             watch = None
         if watch is None:
+            if _ration.wait_s(self._user.pk, time.monotonic()) > 0.0:
+                return False
             start = asyncio.ensure_future(in_database(self._record_start, camera))
             self._open[camera] = _Watch(time.monotonic(), start)
+        return True
 
     def end(self, camera: str, outcome: str = "closed") -> None:
         """The person is shown this camera no more, if they were."""

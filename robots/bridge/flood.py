@@ -19,9 +19,22 @@ class Budget:
 
     def spend(self, now_s: float) -> bool:
         """Take a token. False if there is none."""
-        self._left = min(self.size, self._left + (now_s - self._at_s) * self.rate_per_s)
-        self._at_s = now_s
+        self._fill(now_s)
         if self._left < 1.0:
             return False
         self._left -= 1.0
         return True
+
+    def wait_s(self, now_s: float) -> float:
+        """How long until there is a token."""
+        self._fill(now_s)
+        return max(1.0 - self._left, 0.0) / self.rate_per_s
+
+    def is_full(self, now_s: float) -> bool:
+        """Whether nothing was spent for so long that it need not be kept."""
+        self._fill(now_s)
+        return self._left >= self.size
+
+    def _fill(self, now_s: float) -> None:
+        self._left = min(self.size, self._left + (now_s - self._at_s) * self.rate_per_s)
+        self._at_s = now_s

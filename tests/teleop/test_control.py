@@ -373,7 +373,9 @@ async def test_a_supervisor_takes_over_and_the_holder_is_told_why(open_page, bri
     assert (await boss.hears("control", state="other"))["may_take_over"]
     await boss.say("take_over", reason="fire drill")
     fence = (await boss.hears("control", state="yours"))["fence"]
-    assert "fire drill" in (await holder.hears("notice", code="taken_over"))["text"]
+    told = await holder.hears("notice", code="taken_over")
+    assert "fire drill" in told["text"]
+    assert told["level"] == "info"  # somebody decided it: nothing failed
     await bridge.hears(wire.Grant, lambda grant: grant.fence == fence)
 
 
@@ -392,7 +394,7 @@ async def test_control_ends_with_its_term(open_page, bridge):
     fence = (await take(page))["fence"]
     await moves_on(term_ends_at=timezone.now())
     assert (await bridge.hears(wire.Revoke)).fence == fence
-    await page.hears("notice", code="term")
+    assert (await page.hears("notice", code="term"))["level"] == "warning"
     await page.hears("control", state="free")
     assert await count("control.end") == 1
 

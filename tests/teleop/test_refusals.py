@@ -4,6 +4,7 @@ import json
 import queue
 import threading
 import time
+from concurrent.futures import Future
 from uuid import uuid4
 
 import pytest
@@ -16,6 +17,7 @@ from robots.wire import Refusal
 from teleop import folding, refusals
 from teleop.database import in_database
 from teleop.refusals import Denied, put_on_record
+from teleop.stopping import Press
 from tests.teleop.support import TIMEOUT_S, Page, eventually
 from tests.teleop.test_control import take
 
@@ -63,6 +65,42 @@ def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written)
     ):
         written.note(other)
     assert [written.told()[1] for _ in range(5)] == [1] * 5
+
+
+def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(monkeypatch):
+    monkeypatch.setattr(refusals, "GAP_S", SOON_S)
+    told = []
+    log = folding.FoldingLog(lambda denied, times: told.append((denied.person, times)), most=None)
+    person, other = User(username="p"), User(username="q")
+    for _ in range(3):
+        for number in range(100):
+            log.note(denied(person, f"code_{number}"))
+    log.note(denied(other))
+    assert_soon(lambda: (other, 1) in told)
+    assert len([who for who, _ in told if who is person]) <= folding.RECORDS_BURST + 1
+    log.flush()
+    assert sum(times for who, times in told if who is person) == 300
+
+
+def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_before():
+    told = []
+    log = folding.FoldingLog(lambda press, times: told.append((press.of, times)), most=None)
+    person = User(username="p")
+    fresh = uuid4()
+    for _ in range(100):
+        log.note(Press(person, "rest", uuid4(), None, Future()))
+    assert_soon(lambda: len(told) >= folding.RECORDS_BURST)
+    log.note(Press(person, "fleet page", uuid4(), fresh, Future()))
+    assert_soon(lambda: (fresh, 1) in told)
+    log.flush()
+    assert len(told) == 101
+
+
+def assert_soon(holds):
+    end_s = time.monotonic() + TIMEOUT_S
+    while not holds():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
 
 
 def test_after_a_calm_while_the_next_is_written_at_once_again(written):

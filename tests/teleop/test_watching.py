@@ -12,7 +12,7 @@ from fleet.audit import record
 from fleet.audit.models import Record
 from robots import wire
 from robots.models import RobotRole
-from teleop import watching
+from teleop import folding, watching
 from teleop.database import in_database
 from tests.teleop.support import Page, eventually
 
@@ -125,3 +125,21 @@ async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, 
     for _ in range(3):
         watching.Watching(observer, robot.id, robot.name).shown(message)
     assert watching._camera_of.cache_info().misses == before + 1
+
+
+async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_later(
+    page, bridge, robot, monkeypatch
+):
+    monkeypatch.setattr(folding, "RECORDS_BURST", 2.0)
+    monkeypatch.setattr(folding, "RECORDS_PER_S", 0.01)
+    monkeypatch.setattr(watching, "_ration", folding.Ration())
+    for number in (1, 2):
+        await look(bridge, page)
+        await picture(bridge, page, number)
+        await page.say("unlook", topic=CAMERA)
+        await bridge.hears(wire.LookAt, lambda looks: CAMERA not in looks.topics)
+    await look(bridge, page)
+    shown = wire.Shown(CAMERA, "sensor_msgs/CompressedImage", 3, 5.0, 4, None, 1, {"data": [1]})
+    bridge.say(wire.Seen(CAMERA, msgspec.Raw(wire.encode(shown))))
+    await page.refused("busy")
+    assert await count("camera.start") == 2
