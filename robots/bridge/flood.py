@@ -1,4 +1,4 @@
-"""How much one connection may say. Pure: time is an argument."""
+"""How much one connection may say, or cost. Pure: time is an argument."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Budget:
-    """A bucket of `size` tokens that fills by `rate_per_s`; each message takes one."""
+    """A bucket of `size` tokens that fills by `rate_per_s`; each message takes one, or what it costs."""
 
     rate_per_s: float
     size: float
@@ -17,12 +17,12 @@ class Budget:
     def __post_init__(self) -> None:
         self._left = self.size
 
-    def spend(self, now_s: float) -> bool:
-        """Take a token. False if there is none."""
+    def spend(self, now_s: float, cost: float = 1.0) -> bool:
+        """Take so many tokens. False, and none is taken, if there are not so many."""
         self._fill(now_s)
-        if self._left < 1.0:
+        if self._left < cost:
             return False
-        self._left -= 1.0
+        self._left -= cost
         return True
 
     def wait_s(self, now_s: float) -> float:

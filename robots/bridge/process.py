@@ -11,6 +11,7 @@ import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from msgspec import Struct
 
@@ -26,6 +27,7 @@ from robots.bridge.link import LinkServer
 from robots.bridge.maps import Maps
 from robots.bridge.reception import Reception
 from robots.bridge.records import Records
+from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
 from robots.bridge.store import AlreadyRunning, Store
@@ -33,6 +35,8 @@ from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED,
 
 log = logging.getLogger(__name__)
 
+# Of memory: it needs a fifth of that, and the inspector that it starts has a ceiling of its own.
+MOST_BYTES = 768 * 1024 * 1024
 TICK_S = 0.05
 _VIEW_GAP_S = 0.05  # while somebody looks, a view with each scan, but not more often than this
 _VIEW_LATEST_S = 0.15  # without scans too
@@ -166,6 +170,7 @@ class Bridge:
     def _watch_for_the_end(self) -> None:
         """SIGTERM and SIGINT end the process; so does the end of stdin, which the supervisor holds open."""
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._failed)
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._ended.set)
         lifeline = sys.stdin.fileno()
@@ -185,6 +190,14 @@ class Bridge:
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED
         self._ended.set()
+
+    def _failed(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """A callback broke: it is logged, and the others go on. Without memory none does."""
+        if isinstance(context.get("exception"), MemoryError):
+            log.error("no memory is left: the bridge ends")
+            self._ended.set()
+        else:
+            loop.default_exception_handler(context)
 
     def _lifeline(self, lifeline: int) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -211,6 +224,7 @@ def run(config: BridgeConfig, sink: RecordSink) -> int:
     except AlreadyRunning as error:
         log.error("%s", error)
         return EXIT_ALREADY_RUNNING
+    limit_memory(MOST_BYTES)
     sys.setswitchinterval(0.001)  # the control loop waits less for rospy's threads
     try:
         return asyncio.run(Bridge(config, sink, store).run())

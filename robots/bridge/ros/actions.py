@@ -9,6 +9,8 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from robots.bridge.config import Topic
+from robots.bridge.goals import OURS
+from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut, most_of
 from robots.bridge.ros.publishing import Sender, publish
 from robots.bridge.ros.types import message_class
 
@@ -83,15 +85,16 @@ class ActionTopics:
     # --- on rospy's threads ------------------------------------------------------------------------
 
     def _on_status(self, message: Any) -> None:
-        statuses = message.status_list
-        self._hearer.running(
-            self.name, {status.goal_id.id: status.status for status in statuses if status.status in RUNNING}
-        )
+        goals = {
+            status.goal_id.id: status.status for status in message.status_list if status.status in RUNNING
+        }
+        self._hearer.running(self.name, most_of(goals, OURS))
 
     def _on_feedback(self, message: Any) -> None:
-        self._hearer.feedback(message.status.goal_id.id, message.feedback)
+        self._hearer.feedback(cut(message.status.goal_id.id, NAME), message.feedback)
 
     def _on_result(self, message: Any) -> None:
         status = message.status
         outcome = OUTCOMES.get(status.status, "failed")
-        self._hearer.ended(status.goal_id.id, outcome, status.text, message.result)
+        text = cut(status.text, SENTENCE)
+        self._hearer.ended(cut(status.goal_id.id, NAME), outcome, text, message.result)

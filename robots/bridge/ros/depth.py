@@ -47,9 +47,9 @@ class DepthTopics:
 
     def listen(self) -> list[rospy.Subscriber]:
         """Subscribe."""
-        subscribers = [listen(self._source.topic, self._receive, queue=1)]
+        subscribers = [listen(self._source.topic, self._source.type, self._receive, queue=1)]
         if self._source.info:
-            subscribers.append(listen(self._source.info, self._learn))
+            subscribers.append(listen(self._source.info, "sensor_msgs/CameraInfo", self._learn))
         return subscribers
 
     def forget(self) -> None:

@@ -11,7 +11,7 @@ import struct
 import threading
 import time
 from bisect import bisect_left
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Pose
+from robots.bridge.ros.bounds.texts import NAME
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
 KEPT = 100  # of each frame: 2 s at 50 Hz
@@ -27,6 +28,10 @@ LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
 SET_BACK_S = 1.0
 TURNING_RADPS = 0.5  # while a joint turns faster, the least error of a stamp lifts the floor into the way
 LONGEST_WAY = 30
+MOST_MOVING = 500  # frames that are kept; a robot tells of about fifty
+MOST_FIXED = 2000
+MOST_WANTED = 200  # frames that are never left out for others
+FULL_S = 15.0  # how long it is said that some were left out
 
 _HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
 _LENGTH = struct.Struct("<I")
@@ -53,23 +58,54 @@ class Frames:
     def __init__(self, base: str) -> None:
         self._base = base
         self._fixed: dict[str, Told] = {}
-        self._moving: dict[str, deque[Told]] = {}
+        self._moving: OrderedDict[str, deque[Told]] = OrderedDict()  # told last at the end
+        self._wanted: set[str] = set()  # on the way from a frame that was asked for
+        self._full_s = -math.inf  # when one was left out last
         self._news = threading.Condition()
+
+    @property
+    def is_full(self) -> bool:
+        """Whether frames were left out lately, for there are too many."""
+        return time.monotonic() - self._full_s < FULL_S
 
     def hear(self, raw: bytes, fixed: bool) -> None:
         """Take a serialized tf2_msgs/TFMessage. One that is cut short tells what it tells."""
         with self._news:
             for child, told in transforms(raw):
-                if fixed:
-                    self._fixed[child] = told
+                if len(child) > NAME or len(told.parent) > NAME:
                     continue
-                history = self._moving.setdefault(child, deque(maxlen=KEPT))
+                if fixed:
+                    self._fix(child, told)
+                    continue
+                history = self._history(child)
+                if history is None:
+                    continue
                 if history and told.stamp_s <= history[-1].stamp_s:
                     if told.stamp_s > history[-1].stamp_s - SET_BACK_S:
                         continue
                     history.clear()
                 history.append(told)
             self._news.notify_all()
+
+    def _fix(self, child: str, told: Told) -> None:
+        """It is told once: the first ones stay."""
+        if child in self._fixed or child in self._wanted or len(self._fixed) < MOST_FIXED:
+            self._fixed[child] = told
+        else:
+            self._full_s = time.monotonic()
+
+    def _history(self, child: str) -> deque[Told] | None:
+        """Of one frame. Of too many, one goes that nobody asked for and that was not told for longest."""
+        if child not in self._moving:
+            if len(self._moving) >= MOST_MOVING:
+                self._full_s = time.monotonic()
+                oldest = next((frame for frame in self._moving if frame not in self._wanted), None)
+                if oldest is None:
+                    return None
+                del self._moving[oldest]
+            self._moving[child] = deque(maxlen=KEPT)
+        self._moving.move_to_end(child)
+        return self._moving[child]
 
     def forget(self) -> None:
         """What was told until now is not where things are."""
@@ -91,6 +127,7 @@ class Frames:
     def flat(self, frame: str, parent: str) -> Pose | None:
         """Where a frame was in its parent when that was told last, seen from above; None: it was not told."""
         with self._news:
+            self._want(frame)
             told = self._newest(frame)
         if told is None or told.parent != parent:
             return None
@@ -113,12 +150,20 @@ class Frames:
         """The frames from `frame` to the base, the base not among them."""
         way: list[str] = []
         while frame != self._base:
+            self._want(frame)
             told = self._newest(frame)
             if told is None or len(way) == LONGEST_WAY:
                 raise PoseUnknown(f"tf does not tell where {frame} is on {self._base}")
             way.append(frame)
             frame = told.parent
         return way
+
+    def _want(self, frame: str) -> None:
+        """Keep it, also while too many are told. Who asks for ever others makes room for those asked for next."""
+        if frame not in self._wanted:
+            if len(self._wanted) >= MOST_WANTED:
+                self._wanted.clear()
+            self._wanted.add(frame)
 
     def _newest(self, child: str) -> Told | None:
         if child in self._fixed:

@@ -14,9 +14,12 @@ from urllib.parse import urlsplit
 import msgspec
 
 from robots.bridge.findings import BRIDGE
+from robots.bridge.ros.bounds import texts
 
 TIMEOUT_S = 1.0
 WHOLE_S = 5.0  # a call with its answer: of a hundred kilobytes, maybe, by a slow radio
+LARGEST_ANSWER = 64 * 1024 * 1024  # bytes that are read; what is kept of them is less
+MOST_VALUES = 500_000  # in an answer
 INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
 
 
@@ -45,12 +48,37 @@ def left_s(until_s: float) -> float:
     return left_s
 
 
+class _Reader(xmlrpc.client.Unmarshaller):
+    """Makes values of an answer. Each text is cut at `longest` characters, as it comes."""
+
+    def __init__(self, longest: int) -> None:
+        super().__init__()
+        self._longest = longest
+        self._room = longest
+        self._values_left = MOST_VALUES
+
+    def start(self, tag: str, attrs: dict[str, str]) -> None:
+        self._room = self._longest
+        self._values_left -= 1
+        if self._values_left < 0:
+            raise xmlrpc.client.ResponseError("the answer has too many values")
+        super().start(tag, attrs)
+
+    def data(self, text: str) -> None:
+        if self._room > 0:
+            super().data(text[: self._room])
+            self._room -= len(text)
+
+
 class _Transport(xmlrpc.client.Transport):
     """For one call: no wait is longer than `timeout_s`, and all of it is over within `WHOLE_S`."""
 
-    def __init__(self, timeout_s: float) -> None:
+    accept_gzip_encoding = False
+
+    def __init__(self, timeout_s: float, longest: int) -> None:
         super().__init__()
         self._timeout_s = timeout_s
+        self._longest = longest
         self._until_s = time.monotonic() + WHOLE_S
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
@@ -61,6 +89,15 @@ class _Transport(xmlrpc.client.Transport):
             connection.sock = _Socket(connection.sock, self._timeout_s, self._until_s)
         return connection
 
+    def getparser(self) -> Any:
+        reader = _Reader(self._longest)
+        return xmlrpc.client.ExpatParser(reader), reader
+
+    def parse_response(self, response: Any) -> Any:
+        if response.getheader("Content-Encoding"):
+            raise xmlrpc.client.ResponseError("the answer is compressed, though nobody asked for that")
+        return super().parse_response(response)
+
 
 class _Socket(socket.socket):
     """A connection on which nothing is waited for after `until_s`, however slowly the other side speaks."""
@@ -68,11 +105,16 @@ class _Socket(socket.socket):
     def __init__(self, connection: socket.socket, timeout_s: float, until_s: float) -> None:
         super().__init__(fileno=connection.detach())
         self._timeout_s, self._until_s = timeout_s, until_s
+        self._left = LARGEST_ANSWER
 
     def recv_into(self, *into: Any) -> int:
-        """A part of what comes."""
+        """A part of what comes. OSError if it is too much."""
         self._limit()
-        return super().recv_into(*into)
+        size = super().recv_into(*into)
+        self._left -= size
+        if self._left < 0:
+            raise OSError(f"its answer has more than {LARGEST_ANSWER} bytes")
+        return size
 
     def sendall(self, *what: Any) -> None:
         """All of it."""
@@ -91,6 +133,7 @@ class SystemState:
     subscribers: dict[str, list[str]]
     types: dict[str, str]
     services: dict[str, list[str]]
+    is_cut: bool = False  # there are more than are kept here
 
 
 class Master:
@@ -123,21 +166,24 @@ class Master:
     def parameter(self, name: str) -> Any:
         """What the parameter server has there, None if nothing."""
         try:
-            return self.call("getParam", name)
+            return self.call("getParam", name, longest=texts.DESCRIPTION)
         except NotThere:
             return None
 
     def system_state(self) -> SystemState:
-        """Publishers, subscribers and types of all topics, and who provides the services."""
-        publishers, subscribers, services = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
-        types = dict(self._told(list[tuple[str, str]], "getTopicTypes"))
-        types.update(_goal_types(dict(publishers), types))
-        return SystemState(dict(publishers), dict(subscribers), types, dict(services))
+        """Publishers, subscribers and types of all topics, and who provides the services; names and tables cut."""
+        told = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
+        publishers, subscribers, services = map(texts.books, told)
+        types = texts.cut_types(self._told(list[tuple[str, str]], "getTopicTypes"))
+        types.update(_goal_types(publishers, types))
+        is_cut = max(map(len, told)) > texts.MOST_TOPICS
+        return SystemState(publishers, subscribers, types, services, is_cut)
 
-    def call(self, method: str, *arguments: object) -> Any:
-        """One call of the master (or slave) API; returns its value."""
+    def call(self, method: str, *arguments: object, longest: int = texts.ANSWER) -> Any:
+        """One call of the master (or slave) API; returns its value, with each text in it cut at `longest`."""
         try:
-            with xmlrpc.client.ServerProxy(self.uri, transport=_Transport(self._timeout_s)) as proxy:
+            transport = _Transport(self._timeout_s, longest)
+            with xmlrpc.client.ServerProxy(self.uri, transport=transport) as proxy:
                 code, text, value = getattr(proxy, method)(self._caller, *arguments)
         except socket.gaierror as error:
             host = urlsplit(self.uri).hostname
@@ -147,9 +193,10 @@ class Master:
         except TimeoutError as error:
             raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
         except Exception as error:  # of whatever is there instead, or dies while it answers
-            raise MasterError(f"No ROS master answers at {self.uri} ({error}).") from error
+            why = texts.cut(str(error), texts.SENTENCE)
+            raise MasterError(f"No ROS master answers at {self.uri} ({why}).") from error
         if code != 1:
-            raise (NotThere if code == -1 else MasterError)(str(text))
+            raise (NotThere if code == -1 else MasterError)(texts.cut(str(text), texts.SENTENCE))
         return value
 
     def _told(self, kind: type[_Told], method: str, *arguments: object) -> _Told:
@@ -158,7 +205,8 @@ class Master:
         try:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError as error:
-            raise MasterError(f"No ROS master answers at {self.uri} ({method}: {error}).") from error
+            why = texts.cut(str(error), texts.SENTENCE)
+            raise MasterError(f"No ROS master answers at {self.uri} ({method}: {why}).") from error
 
 
 def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> dict[str, str]:

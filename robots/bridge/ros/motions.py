@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
+from msgspec import structs
+
 from robots.bridge.config import Topic
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.motions import offered, recorded
 from robots.bridge.packing import Detail
 from robots.bridge.ros.actions import ActionTopics
+from robots.bridge.ros.bounds.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.master import Master, MasterError
@@ -17,6 +20,7 @@ from robots.bridge.ros.types import message_class
 from robots.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
+LARGEST_LIST = 1024 * 1024  # bytes of their list
 ERRORS = {  # PlayMotionResult's codes in words
     "MOTION_NOT_FOUND": "the robot does not know this motion",
     "CONTROLLER_BUSY": "something else moves these joints",
@@ -73,7 +77,10 @@ class MotionTopics:
             else:
                 self.repertoire[action] = recorded(parameters, listed)
                 offers = offered(parameters, listed)
-                self._offers[action] = offers, "" if offers else f"{action} offers no motions."
+                words = "" if offers else f"{action} offers no motions."
+                if len(offers) > MOST_MOTIONS:
+                    words = f"{action} offers {len(offers)} motions; {MOST_MOTIONS} are shown."
+                self._offers[action] = [_cut(offer) for offer in offers[:MOST_MOTIONS]], words
             self._watcher.motions_read(action, *self._offers[action])
 
     def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
@@ -114,7 +121,7 @@ class MotionTopics:
             found = services.find(self._master, service)
             if found.type != "play_motion_msgs/ListMotions":
                 return None
-            answer, _ = services.call(found, {}, lambda: None, WHOLE)
+            answer, _ = services.call(found, {}, lambda: None, WHOLE, LARGEST_LIST)
         except (Declined, ValueError):
             return None
         return {
@@ -133,10 +140,12 @@ class MotionTopics:
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """A goal has ended: in the robot's own words, with its error code in ours."""
-        told = [self._code_words(result.error_code), result.error_string or text]
+        told = [self._code_words(result.error_code), cut(result.error_string, SENTENCE) or text]
         if outcome in {"succeeded", "cancelled"}:
             told = told[1:]
-        self._watcher.motion_ended(goal_id, outcome, _sentence([words for words in told if words]))
+        self._watcher.motion_ended(
+            goal_id, outcome, cut(_sentence([words for words in told if words]), SENTENCE)
+        )
 
     def _code_words(self, code: int) -> str:
         """One that nobody knows as it is; 0 is none."""
@@ -145,6 +154,17 @@ class MotionTopics:
 
 def _errors(result: type[Any]) -> dict[int, str]:
     return {getattr(result, name): words for name, words in ERRORS.items()}
+
+
+def _cut(offer: MotionOffer) -> MotionOffer:
+    """Its texts, as long as a page has room for. A name that is cut is no motion's: it cannot be played."""
+    return structs.replace(
+        offer,
+        name=cut(offer.name, TITLE),
+        title=cut(offer.title, TITLE),
+        usage=cut(offer.usage, TITLE),
+        description=cut(offer.description, PARAGRAPH),
+    )
 
 
 def _sentence(parts: list[str]) -> str:

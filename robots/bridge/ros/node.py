@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import signal
 import socket
 import threading
 import time
@@ -27,8 +28,14 @@ from robots.bridge.findings import BRIDGE
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.posture import Disc, Posture
 from robots.bridge.gate.values import STILL, Pose, Velocity
+from robots.bridge.goals import OURS
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
+from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.install import install
+from robots.bridge.ros.bounds.listening import speaker
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
 from robots.bridge.ros.convert import laser_scan, planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
@@ -55,6 +62,10 @@ JOINED_GAP_S = 5.0  # reading many motions may be 0.2 s of work, and who joins m
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
+ODOMETRY_WAITS = 10  # messages: the gate pairs scans with those between
+EVENTS_WAIT = 50  # of one action: goals that ended, words that were said
+MOST_PROBLEMS = 10  # that are told at once
+MOST_LOOKED_UP = 8  # nodes whose address is asked for in one survey
 
 
 class RosBase:
@@ -67,6 +78,7 @@ class RosBase:
         self._drives: dict[str, rospy.Publisher] = {}  # the default, and one chosen instead
         self._echoes: Echoes | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
+        self._sonars = {sonar.frame_id for sonar in config.topics.sonars}
         self._cancels: list[rospy.Publisher] = []
         self._tf: TfTopics | None = None
         self._costly: WhileWanted | None = None
@@ -82,6 +94,7 @@ class RosBase:
         self._looking_up = Errands("motion")  # of its own: a list may take seconds
         self._watcher = MasterWatcher(self._master, self)
         self._described = False
+        self._mail = Mailboxes(self._post, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
         self._on_lost: Callable[[bool], None]
@@ -228,6 +241,7 @@ class RosBase:
     def begin(self) -> None:
         """Join the master and all topics."""
         topics = self._config.topics
+        install(lambda: os.kill(os.getpid(), signal.SIGTERM))
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )
@@ -331,17 +345,23 @@ class RosBase:
     def _survey(self, system: SystemState) -> RosStatus:
         topics = self._config.topics
         drive = Topic(self._drive_topic, topics.drive.type)
-        foreign = sorted(set(system.publishers.get(drive.name, [])) - {BRIDGE})
+        foreign = named(set(system.publishers.get(drive.name, [])) - {BRIDGE})
         wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
-        problems = [_wrong_type(topic, system.types) for topic in wanted]
+        problems = BOARD.texts()
+        if system.is_cut:
+            problems.append("The robot has too many topics or services: some are not known here.")
+        if self._tf is not None and self._tf.frames.is_full:
+            problems.append("tf tells of too many frames: some are not kept.")
+        problems += [_wrong_type(topic, system.types) for topic in wanted]
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
         problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
-        return RosStatus("connecting", "", foreign, [problem for problem in problems if problem])
+        told = [cut(problem, SENTENCE) for problem in problems if problem]
+        return RosStatus("connecting", "", foreign, told[:MOST_PROBLEMS])
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
         """In words, what we need and cannot call, for the name of its host is not known here."""
-        uris = [uri for node in nodes if (uri := self._master.node_uri(node))]
+        uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self._master.node_uri(node))]
         return [
             f"The robot calls itself {host or 'by no address'}, which cannot be resolved here: give it a host alias."
             for host in sorted(self._names.unknown({_host(uri) for uri in uris}))
@@ -370,47 +390,61 @@ class RosBase:
         arrival_s, wall_s = time.monotonic(), time.time()
         pose, velocity = planar(message)
         stamp_s = message.header.stamp.to_sec()
-        self._post(lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s))
+        self._mail.post(
+            "odometry",
+            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s),
+            ODOMETRY_WAITS,
+        )
 
     def _on_scan(self, source: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
             scan = laser_scan(message, source, time.monotonic())
-            self._post(lambda: self._core.laser(scan))
+            self._mail.post(source, lambda: self._core.laser(scan))
 
         return receive
 
     def _on_range(self, message: Any) -> None:
         arrival_s, stamp_s = time.monotonic(), message.header.stamp.to_sec()
         frame_id = message.header.frame_id.lstrip("/")
-        self._post(lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range))
+        if frame_id in self._sonars:
+            self._mail.post(
+                ("sonar", frame_id), lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range)
+            )
 
     def _on_posture(self, arm: Posture, arrival_s: float) -> None:
-        self._post(lambda: self._core.posture(arm, arrival_s))
+        self._mail.post("posture", lambda: self._core.posture(arm, arrival_s))
 
     def _on_battery(self, message: Any) -> None:
         percent = message.percentage * 100 if hasattr(message, "percentage") else message.data
-        self._post(lambda: self._core.battery(float(percent)))
+        self._mail.post("battery", lambda: self._core.battery(float(percent)))
 
     def _on_charging(self, message: Any) -> None:
-        self._post(lambda: self._core.charging(bool(message.data)))
+        self._mail.post("charging", lambda: self._core.charging(bool(message.data)))
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """A picture of the depth camera."""
-        self._post(lambda: self._core.depth(frame, stamp_s, arrival_s))
+        self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
 
     def bad_depth(self, why: str) -> None:
         """A picture of the depth camera that cannot be used."""
-        self._post(lambda: self._core.bad_depth(why))
+        self._mail.post("bad depth", lambda: self._core.bad_depth(cut(why, SENTENCE)))
 
     # --- motions and speech (motions.Watcher, speech.Ears) ----------------------------------------------
 
     def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
         """The goals under way, whoever sent them."""
-        self._post(lambda: self._core.orders.motions.running(action, goal_ids, time.monotonic()))
+        self._mail.post(
+            ("motions", action), lambda: self._core.orders.motions.running(action, goal_ids, time.monotonic())
+        )
 
     def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
         """A goal has ended."""
-        self._post(lambda: self._core.orders.motions.ended(goal_id, outcome, text, time.monotonic()))
+        if goal_id.startswith(OURS):  # of others' goals only those under way count
+            self._mail.post(
+                "motions ended",
+                lambda: self._core.orders.motions.ended(goal_id, outcome, text, time.monotonic()),
+                EVENTS_WAIT,
+            )
 
     def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
         """What an action offers now."""
@@ -427,15 +461,25 @@ class RosBase:
 
     def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
         """The goals under way on a topic, whoever sent them."""
-        self._post(lambda: self._core.orders.speaking.running(topic, goals, time.monotonic()))
+        self._mail.post(
+            ("speech", topic), lambda: self._core.orders.speaking.running(topic, goals, time.monotonic())
+        )
 
     def speech_said(self, goal_id: str, said: str) -> None:
         """A word was begun."""
-        self._post(lambda: self._core.orders.speaking.said(goal_id, said, time.monotonic()))
+        if goal_id.startswith(OURS):
+            self._mail.post(
+                "said", lambda: self._core.orders.speaking.said(goal_id, said, time.monotonic()), EVENTS_WAIT
+            )
 
     def speech_ended(self, goal_id: str, outcome: str, text: str) -> None:
         """A goal has ended."""
-        self._post(lambda: self._core.orders.speaking.ended(goal_id, outcome, text, time.monotonic()))
+        if goal_id.startswith(OURS):
+            self._mail.post(
+                "speech ended",
+                lambda: self._core.orders.speaking.ended(goal_id, outcome, text, time.monotonic()),
+                EVENTS_WAIT,
+            )
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

@@ -18,12 +18,15 @@ from sensor_msgs.msg import JointState
 from robots.bridge.config import ArmSource, Topic
 from robots.bridge.gate.posture import AT_HOME, KNOWN_S, UNKNOWN, Disc, Posture, discs_along, is_home
 from robots.bridge.gate.sweep import Motion, swept
+from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.types import message_class
 from robots.bridge.urdf import BadDescription, Tree
 
 log = logging.getLogger(__name__)
 
 EVERY_S = 0.1
+MOST_JOINTS = 4000  # of which positions are kept
 
 Take = Callable[[Posture, float], None]
 
@@ -53,6 +56,7 @@ class PostureTopics:
 
     def subscribe(self, joint_states: Topic, motions: Topic | None) -> list[rospy.Subscriber]:
         """Listen."""
+        expect(joint_states.name, "sensor_msgs/JointState")
         subscribers = [rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._hear, queue_size=1)]
         if motions and self._arm.postures:
             kind = motions.type.removesuffix("Action")
@@ -104,10 +108,18 @@ class PostureTopics:
         message = JointState().deserialize(raw._buff)
         for name, position in zip(message.name, message.position, strict=False):
             if math.isfinite(position):
-                self._joints[name] = (position, arrival_s)
+                self._joints[cut(name, NAME)] = (position, arrival_s)
+        if len(self._joints) > MOST_JOINTS:
+            self._forget_late(arrival_s)
         if arrival_s - self._told_s >= EVERY_S:
             self._told_s = arrival_s
             self._take(self._posture(arrival_s), arrival_s)
+
+    def _forget_late(self, now_s: float) -> None:
+        """Too many names were told: kept are the arm's own joints, and of the others those that were told last."""
+        own = set(self._arm.home) | (self._tree.moving(self._arm.links) if self._tree else set())
+        told = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
+        self._joints = dict(told[-MOST_JOINTS // 2 :])
 
     def _posture(self, now_s: float) -> Posture:
         positions = self._positions(now_s)
@@ -123,7 +135,7 @@ class PostureTopics:
         return UNKNOWN
 
     def _begun(self, goal: Any) -> None:
-        self._newest = (goal.goal_id.id, goal.goal.motion_name)
+        self._newest = (cut(goal.goal_id.id, NAME), cut(goal.goal.motion_name, NAME))
         self._after = None
 
     def _ended(self, result: Any) -> None:

@@ -9,6 +9,7 @@ from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.config import Topic
 from robots.bridge.ros.actions import ActionTopics
+from robots.bridge.ros.bounds.texts import SAID, SENTENCE, cut
 from robots.bridge.ros.publishing import Sender
 from robots.bridge.ros.types import message_class
 from robots.bridge.speech import Utterance
@@ -111,11 +112,11 @@ class _ActionVoice:
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         if feedback.event_type & self._word_begins:
-            self._ears.speech_said(goal_id, feedback.text_said)
+            self._ears.speech_said(goal_id, cut(feedback.text_said, SAID))
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         outcome = "done" if outcome == "succeeded" else outcome
-        self._ears.speech_ended(goal_id, outcome, result.msg or text)
+        self._ears.speech_ended(goal_id, outcome, cut(result.msg, SENTENCE) or text)
 
 
 class _PlainVoice:

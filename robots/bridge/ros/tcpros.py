@@ -14,6 +14,7 @@ import msgspec
 from robots.bridge.ros.master import Master, MasterError, left_s
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header; a definition is part of it
+MOST_FIELDS = 100  # of it
 CONNECT_S = 1.0
 
 Header = dict[str, str]
@@ -56,14 +57,14 @@ class Conversation:
         length: int = struct.unpack("<I", self.read(4))[0]
         return length
 
-    def read_header(self) -> Header:
-        """What the other side says of itself."""
+    def read_header(self, largest: int = LARGEST_HEADER) -> Header:
+        """What the other side says of itself, in so many bytes."""
         length = self.read_length()
-        if length > LARGEST_HEADER:
+        if length > largest:
             raise ValueError("does not speak TCPROS")
         block, fields, at = self.read(length), Header(), 0
         while at < length:
-            if at + 4 > length:
+            if at + 4 > length or len(fields) >= MOST_FIELDS:
                 raise ValueError("does not speak TCPROS")
             (size,) = struct.unpack_from("<I", block, at)
             key, _, value = block[at + 4 : at + 4 + size].decode(errors="replace").partition("=")

@@ -20,7 +20,10 @@ class TfTopics:
     def listen(self) -> list[rospy.Subscriber]:
         """Subscribe."""
         topics = {"/tf_static": True, "/tf": False}
-        return [listen(name, partial(self.frames.hear, fixed=fixed)) for name, fixed in topics.items()]
+        return [
+            listen(name, "tf2_msgs/TFMessage", partial(self.frames.hear, fixed=fixed))
+            for name, fixed in topics.items()
+        ]
 
     def forget(self) -> None:
         """Where things were they need not be."""

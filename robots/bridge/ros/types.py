@@ -21,6 +21,8 @@ from typing import Any
 
 import genpy
 
+from robots.bridge.ros.bounds.texts import NAME, cut
+
 DEFINITIONS = Path(__file__).with_name("definitions")
 REPOSITORY = Path(__file__).resolve().parents[3]
 
@@ -45,6 +47,8 @@ def service_class(name: str) -> type[Any]:
 @cache
 def _class(name: str, kind: str) -> type[Any]:
     package, _, short = name.partition("/")
+    if len(name) > NAME:
+        raise UnknownTypeError(cut(name, NAME))
     if not (package.isidentifier() and short.isidentifier()):
         raise UnknownTypeError(name)
     if (DEFINITIONS / package).is_dir():

@@ -7,13 +7,17 @@ from typing import Protocol
 
 import rospy
 
+from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.errands import Errands
 
 BUFFER_BYTES = 1 << 20  # what is read at once: a picture has some hundred kilobytes to some megabytes
 
 
-def listen(topic: str, take: Callable[[bytes], None], queue: int | None = None) -> rospy.Subscriber:
-    """Subscribe to a topic of any type; `take` is called on a thread of rospy's with each message as it came."""
+def listen(
+    topic: str, type_name: str, take: Callable[[bytes], None], queue: int | None = None
+) -> rospy.Subscriber:
+    """Subscribe to a topic of this type; `take` is called on a thread of rospy's with each message as it came."""
+    expect(topic, type_name)
     return rospy.Subscriber(
         topic,
         rospy.AnyMsg,

@@ -17,11 +17,13 @@ import msgspec
 from robots import wire
 from robots.bridge.config import BridgeConfig
 from robots.bridge.pipe import Ready
+from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.inspector.answers import Inspector
 from robots.bridge.ros.inspector.vital import start_vital
 from robots.ending import leave_within
 
 NICE = 5  # commands to the robot go first
+MOST_BYTES = 1536 * 1024 * 1024  # of memory: messages of tens of megabytes are looked at
 END_S = 1.5  # from the end of stdin
 
 
@@ -44,6 +46,7 @@ def main() -> None:
     for number in (signal.SIGTERM, signal.SIGINT):  # they are for the bridge, whose end closes our stdin
         signal.signal(number, signal.SIG_IGN)
     os.nice(NICE)
+    limit_memory(MOST_BYTES)
     config = msgspec.json.decode(sys.stdin.buffer.readline(), type=BridgeConfig)
     say = Lines()
     inspector = Inspector(config, say)

@@ -11,6 +11,7 @@ import msgspec
 
 from robots import wire
 from robots.bridge.fields import BadField
+from robots.bridge.ros.bounds.texts import MOST_TOPICS, NAME, cut
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.master import INSPECTOR, Master
 
@@ -64,14 +65,15 @@ def _action_type(parts: dict[str, wire.TopicRow | None]) -> str:
 
 def parameter_names(master: Master, seq: int) -> wire.Parameters:
     """All of them."""
-    return wire.Parameters(sorted(master.call("getParamNames")), seq)
+    names = [cut(str(name), NAME) for name in master.call("getParamNames")[:MOST_TOPICS]]
+    return wire.Parameters(sorted(names), seq)
 
 
 def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
     """A value, or the tree below `name`. Raises MasterError or Declined."""
     if not master.call("hasParam", name):
         raise Declined("no_parameter", f"The robot has no parameter {name}.", name=name)
-    value = _plain(master.call("getParam", name))
+    value = _plain(master.parameter(name))
     size = len(msgspec.json.encode(value))
     if size > LARGEST_VALUE:
         text = f"{name} is too large to be shown ({size} bytes): ask for a branch of it."

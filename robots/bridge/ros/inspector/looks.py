@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from robots import wire
 from robots.bridge.packing import Broken, Detail, TooLarge
+from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.inspector.vital import start_vital
@@ -156,6 +157,8 @@ def _age_s(fields: Mapping[str, Any], wall_s: float) -> float | None:
 
 
 def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
+    if why := BOARD.text(topic):
+        return wire.Refusal("too_much", why, "robot")
     if publishers == 0:
         text = f"Nobody publishes on {topic}{' any more' if number else ''}, or nobody who can be reached from here."
         return wire.Refusal("no_publisher", text, "robot")

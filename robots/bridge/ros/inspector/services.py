@@ -60,7 +60,11 @@ def find(master: Master, name: str) -> Service:
 
 
 def call(
-    service: Service, given: dict[str, Any], require_time: Callable[[], None], detail: Detail = SHOWN
+    service: Service,
+    given: dict[str, Any],
+    require_time: Callable[[], None],
+    detail: Detail = SHOWN,
+    largest: int = LARGEST_ANSWER,
 ) -> tuple[dict[str, Any], dict[str, int]]:
     """Its answer, and by path the whole lengths of its arrays that were shortened.
 
@@ -76,7 +80,7 @@ def call(
             conversation.read_header()
             require_time()
             conversation.send(request)
-            succeeded, answer = conversation.read(1), _answer(conversation)
+            succeeded, answer = conversation.read(1), _answer(conversation, largest)
     except TimeoutError:
         text = f"{service.name} did not answer within {CALL_S} s: whether it was carried out is not known."
         raise Declined("service_silent", text, service=service.name) from None
@@ -88,9 +92,9 @@ def call(
     return service.response.layout.read(answer, detail)
 
 
-def _answer(conversation: Conversation) -> bytes:
+def _answer(conversation: Conversation, largest: int) -> bytes:
     length = conversation.read_length()
-    if length > LARGEST_ANSWER:
+    if length > largest:
         raise OSError(f"its answer has {length} bytes")
     return conversation.read(length)
 

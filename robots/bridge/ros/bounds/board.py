@@ -1,0 +1,79 @@
+"""What is not taken from a robot's network now, and why, for the page; and who is not heard for a while."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import OrderedDict
+
+from robots.bridge.ros.bounds.texts import SENTENCE, cut
+
+log = logging.getLogger(__name__)
+
+SHOWN_S = 15.0  # longer than a publisher is left alone: one that goes on is shown all the time
+MOST_SHOWN = 20
+MOST_BARRED = 500  # publishers
+
+
+class Board:
+    """Safe to use from several threads. Bounded: the oldest entries go."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._shown: OrderedDict[str, tuple[str, float]] = OrderedDict()  # by subject: words, and until when
+        self._barred: OrderedDict[tuple[str, str], float] = OrderedDict()  # topic and address: until when
+
+    def complain(self, subject: str, words: str, now_s: float | None = None) -> None:
+        """Show it for a while. It is logged when it begins."""
+        now_s = time.monotonic() if now_s is None else now_s
+        words = cut(words, SENTENCE)
+        with self._lock:
+            is_new = subject not in self._alive(now_s)
+            self._shown[subject] = words, now_s + SHOWN_S
+            self._shown.move_to_end(subject)
+            while len(self._shown) > MOST_SHOWN:
+                self._shown.popitem(last=False)
+        if is_new:
+            log.warning("%s", words)
+
+    def texts(self, now_s: float | None = None) -> list[str]:
+        """What is shown now, the newest first."""
+        with self._lock:
+            alive = self._alive(time.monotonic() if now_s is None else now_s)
+            return [words for words, _ in reversed(alive.values())]
+
+    def text(self, subject: str) -> str:
+        """What is shown of one subject, empty if nothing."""
+        with self._lock:
+            return self._alive(time.monotonic()).get(subject, ("", 0.0))[0]
+
+    def bar(self, topic: str, uri: str, until_s: float) -> None:
+        """Do not listen to this publisher before then."""
+        with self._lock:
+            self._barred[topic, uri] = until_s
+            self._barred.move_to_end((topic, uri))
+            while len(self._barred) > MOST_BARRED:
+                self._barred.popitem(last=False)
+
+    def barred(self, topic: str, uri: str, now_s: float | None = None) -> bool:
+        """Whether it must not be listened to yet."""
+        now_s = time.monotonic() if now_s is None else now_s
+        with self._lock:
+            return self._barred.get((topic, uri), 0.0) > now_s
+
+    def released(self, now_s: float) -> set[str]:
+        """The topics of publishers whose time is over; they are told once."""
+        with self._lock:
+            over = [key for key, until_s in self._barred.items() if until_s <= now_s]
+            for key in over:
+                del self._barred[key]
+        return {topic for topic, _ in over}
+
+    def _alive(self, now_s: float) -> OrderedDict[str, tuple[str, float]]:
+        for subject in [subject for subject, (_, until_s) in self._shown.items() if until_s <= now_s]:
+            del self._shown[subject]
+        return self._shown
+
+
+BOARD = Board()  # of this process: rospy has one node in a process

@@ -1,0 +1,231 @@
+"""What rospy takes from those who connect to this node: its XML-RPC server, and the server of its topics.
+
+Each connection costs a thread at most, for a bounded time; of too many the oldest is closed. Neither reads more than a
+call, or a connection's header, may have.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+import time
+from collections import OrderedDict
+from typing import Any
+
+import rosgraph.network
+from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
+from rospy.impl.registration import get_topic_manager
+
+from robots.bridge.flood import Budget
+from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut
+from robots.bridge.ros.tcpros import LARGEST_HEADER, Conversation
+
+log = logging.getLogger(__name__)
+
+LARGEST_CALL = 128 * 1024  # bytes of an XML-RPC call, its HTTP header with it
+LARGEST_INBOUND = 64 * 1024  # bytes of the header of somebody who connects to a topic of ours
+HEADER_S = 5.0  # by then a header is told
+IDLE_S = 30.0  # a caller may say nothing for so long, and then comes anew
+MOST_CALLERS = 32  # connections to the XML-RPC server
+MOST_HANDSHAKES = 32  # connections whose header is being read
+MOST_LISTENERS = 32  # of one topic
+PER_S, AT_ONCE = 100.0, 300.0  # connections, and calls, of one address
+MOST_ADDRESSES = 256
+
+
+class Callers:
+    """How often each address comes, and who is there now. Safe to use from several threads."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._lock = threading.Lock()
+        self._budgets: OrderedDict[str, Budget] = OrderedDict()
+        self._open: OrderedDict[socket.socket, None] = OrderedDict()
+
+    def may(self, address: str, now_s: float) -> bool:
+        """Whether one more is not too many of this address."""
+        with self._lock:
+            budget = self._budgets.setdefault(address, Budget(PER_S, AT_ONCE))
+            self._budgets.move_to_end(address)
+            while len(self._budgets) > MOST_ADDRESSES:
+                self._budgets.popitem(last=False)
+            return budget.spend(now_s)
+
+    def enter(self, connection: socket.socket) -> None:
+        """One comes. If there are too many now, the oldest is cut off."""
+        with self._lock:
+            self._open[connection] = None
+            oldest = next(iter(self._open)) if len(self._open) > self._most else None
+            if oldest is not None:
+                del self._open[oldest]
+        if oldest is not None:
+            _hang_up(oldest)
+
+    def leave(self, connection: socket.socket) -> None:
+        """It is over."""
+        with self._lock:
+            self._open.pop(connection, None)
+
+
+def _hang_up(connection: socket.socket) -> None:
+    """Whoever reads from it, on another thread, reads its end."""
+    try:
+        connection.shutdown(socket.SHUT_RDWR)
+    except OSError as error:
+        log.debug("a connection was over already: %s", error)
+
+
+# --- XML-RPC ----------------------------------------------------------------------------------------
+
+
+class _Sip:
+    """A file of which no more than so many bytes are read, until it is filled up again."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self.left = LARGEST_CALL
+
+    def readline(self, most: int = -1) -> bytes:
+        return self._count(self._file.readline(self._at_most(most)))
+
+    def read(self, most: int = -1) -> bytes:
+        return self._count(self._file.read(self._at_most(most)))
+
+    def _at_most(self, most: int) -> int:
+        return self.left if most < 0 else min(most, self.left)
+
+    def _count(self, data: bytes) -> bytes:
+        self.left -= len(data)
+        return data
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
+    timeout = IDLE_S
+    rfile: Any
+
+    def setup(self) -> None:
+        super().setup()
+        self.rfile = _Sip(self.rfile)
+
+    def handle_one_request(self) -> None:
+        self.rfile.left = LARGEST_CALL
+        super().handle_one_request()
+
+    def do_POST(self) -> None:
+        size = self.headers.get("Content-Length", "")
+        if not self.server.callers.may(self.client_address[0], time.monotonic()):
+            self._refuse(503, "too many calls")
+        elif not size.isdecimal() or int(size) > LARGEST_CALL or self.headers.get("Content-Encoding"):
+            self._refuse(413, "a call must be short, with its length, and not compressed")
+        else:
+            self.connection.settimeout(HEADER_S)
+            super().do_POST()
+            self.connection.settimeout(IDLE_S)
+
+    def _refuse(self, code: int, words: str) -> None:
+        self.close_connection = True
+        self.send_error(code, words)
+
+    def log_error(self, *_: Any) -> None:
+        """Nothing: anybody can cause one."""
+
+
+class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
+    """rospy's XML-RPC server, bounded."""
+
+    def __init__(self, address: tuple[str, int], log_requests: bool = False) -> None:
+        self.callers = Callers(MOST_CALLERS)
+        super().__init__(address, log_requests)
+        self.RequestHandlerClass = _Handler
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Not of an address that comes too often; of too many the oldest goes."""
+        if not self.callers.may(client_address[0], time.monotonic()):
+            return False
+        self.callers.enter(request)
+        return True
+
+    def shutdown_request(self, request: Any) -> None:
+        """A connection is over."""
+        self.callers.leave(request)
+        super().shutdown_request(request)
+
+
+# --- topics -----------------------------------------------------------------------------------------
+
+_handshakes = Callers(MOST_HANDSHAKES)
+_taking = threading.Lock()  # rospy takes one listener after the other
+
+
+def take_connection(server: Any, connection: socket.socket, address: tuple[str, int]) -> None:
+    """In place of TCPROSServer._tcp_server_callback: somebody connected. Returns at once."""
+    if not _handshakes.may(address[0], time.monotonic()):
+        connection.close()
+        return
+    _handshakes.enter(connection)
+    threading.Thread(target=_shake_hands, args=(server, connection, address), daemon=True).start()
+
+
+def _shake_hands(server: Any, connection: socket.socket, address: tuple[str, int]) -> None:
+    conversation = Conversation(connection, time.monotonic() + HEADER_S)
+    try:
+        header = conversation.read_header(LARGEST_INBOUND)
+        connection.setblocking(True)
+        with _taking:
+            refusal = _why_full(header) or server.topic_connection_handler(connection, address, header)
+        if refusal:
+            conversation.send(_field("error", cut(refusal, SENTENCE)))
+            connection.close()
+    except Exception as error:  # noqa: BLE001  (of whatever a stranger sends: the connection is over, and no more)
+        log.debug("somebody at %s does not speak TCPROS: %s", address[0], error)
+        connection.close()
+    finally:
+        _handshakes.leave(connection)
+
+
+def _why_full(header: dict[str, str]) -> str:
+    topic = header.get("topic")
+    if topic is None:
+        return "only topics are here"  # rospy's own services would let anybody turn on its debug log
+    header["callerid"] = cut(header.get("callerid", "unknown"), NAME)
+    publisher = get_topic_manager().get_publisher_impl(topic)
+    if publisher is None or len(publisher.connections) < MOST_LISTENERS:
+        return ""
+    BOARD.complain(
+        f"listeners of {topic}", f"{topic}: more than {MOST_LISTENERS} nodes listen; others are refused."
+    )
+    return f"more than {MOST_LISTENERS} listen already"
+
+
+def _field(name: str, value: str) -> bytes:
+    pair = f"{name}={value}".encode()
+    return len(pair).to_bytes(4, "little") + pair
+
+
+def read_header(connection: socket.socket, _buffer: Any, _size: int) -> dict[str, str]:
+    """In place of rosgraph's read_ros_handshake_header: bounded in bytes and time. ValueError or OSError."""
+    return Conversation(connection, time.monotonic() + HEADER_S).read_header(LARGEST_HEADER)
+
+
+# --- where they listen ------------------------------------------------------------------------------
+
+_rospys_own = rosgraph.network.get_bind_address
+
+
+def bind_address(address: str | None = None) -> str:
+    """The address that this node is advertised by, if it is one of this computer's; else as rospy has it."""
+    advertised = address or rosgraph.network.get_address_override()
+    if advertised:
+        try:
+            found = socket.gethostbyname(advertised)
+            with socket.socket() as probe:
+                probe.bind((found, 0))
+            return found
+        except OSError as error:
+            log.warning("%s is no address of this computer (%s): bound to all", advertised, error)
+    return str(_rospys_own(address))

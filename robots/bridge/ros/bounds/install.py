@@ -1,0 +1,36 @@
+"""Puts the bounds into rospy, once in a process and before its node begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import rosgraph.network
+import rosgraph.xmlrpc
+from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
+
+from robots.bridge.ros.bounds import doors, listening
+
+
+def install(exhausted: Callable[[], None]) -> None:
+    """Bound what rospy reads, and who it listens to. `exhausted` is called on its threads when memory ends."""
+    listening.Transport.exhausted = staticmethod(exhausted)
+    tcpros_pubsub.TCPROSSub = listening.Listening
+    tcpros_pubsub.TCPROSTransport = listening.Transport
+    tcpros_pubsub.robust_connect_subscriber = listening.receive
+    tcpros_base.read_ros_handshake_header = doors.read_header
+    tcpros_base.TCPROSServer._tcp_server_callback = doors.take_connection
+    masterslave.RegManager = listening.Manager
+    masterslave.ROSHandler.publisherUpdate = _publisher_update
+    rosgraph.xmlrpc.ThreadingXMLRPCServer = doors.Server
+    rosgraph.network.get_bind_address = doors.bind_address
+
+
+def _publisher_update(
+    handler: Any, _caller: object, topic: object, publishers: object
+) -> tuple[int, str, int]:
+    """rospy's asks for every publisher once for every publisher."""
+    if not isinstance(topic, str) or not isinstance(publishers, list):
+        return -1, "a topic and its publishers are needed", 0
+    handler.reg_man.publisher_update(topic, publishers)
+    return 1, "", 0

@@ -1,0 +1,246 @@
+"""What rospy reads of publishers: connections, sizes, messages a second and time of its threads, each bounded.
+
+A publisher that sends more than its topic's `Kind` allows is cut off before a message of it is made, told on the
+`BOARD`, and tried again after `DROPPED_S`. What it would have told is missing, and the gate's rules for silence hold.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import struct
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import genpy
+import msgspec
+import rosgraph
+import rospy
+from rospy.exceptions import TransportException, TransportInitError, TransportTerminated
+from rospy.impl.registration import RegManager, get_topic_manager
+from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol
+from rospy.impl.tcpros_pubsub import TCPROSSub
+from rospy.impl.transport import INBOUND
+
+from robots.bridge.flood import Budget
+from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
+from robots.bridge.ros.bounds.texts import NAME, cut
+from robots.bridge.ros.master import Master, MasterError
+
+log = logging.getLogger(__name__)
+
+DROPPED_S = 10.0  # a publisher that was cut off is left alone for so long
+AGAIN_S = (
+    2.0,
+    30.0,
+)  # until one that could not be reached is tried again: doubled each time, up to the second
+CONNECT_S = 5.0
+MOST_PUBLISHERS = 16  # of a topic that are listened to
+MOST_DIALLING = 32  # connections that are being made, of all topics
+LOOK_S = 1.0  # how often it is looked who may be tried again
+
+_length = struct.Struct("<I")
+_here = threading.local()
+
+
+class Reading:
+    """How much one publisher has sent, and cost. Pure: time is an argument."""
+
+    def __init__(self, kind: Kind) -> None:
+        self._kind = kind
+        self._messages = Budget(
+            kind.most_hz, 2.0 * kind.most_hz
+        )  # after a stall of the network they come at once
+        self._time = Budget(kind.share, 2.0 * kind.share)
+
+    def why_not(self, largest: int, messages: int, worked_s: float, now_s: float) -> str:
+        """Why it is cut off: by the largest message that came or is announced, how many came, and their time."""
+        if largest > self._kind.most_bytes:
+            return f"sends messages of {told(largest)}, at most {told(self._kind.most_bytes)} is taken"
+        if not self._messages.spend(now_s, messages):
+            return f"sends more than {self._kind.most_hz:.0f} messages a second"
+        if not self._time.spend(now_s, worked_s):
+            return f"takes more than {self._kind.share:.0%} of a processor"
+        return ""
+
+
+class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
+    """A connection to one publisher, in place of rospy's TCPROSSub. Lives on a thread of its own."""
+
+    get_header_fields = TCPROSSub.get_header_fields
+
+    def __init__(
+        self, resolved_name: str, recv_data_class: Any, *more: Any, tcp_nodelay: bool = False, **others: Any
+    ) -> None:
+        super().__init__(resolved_name, recv_data_class, *more, **others)
+        self.direction = INBOUND
+        self.tcp_nodelay = tcp_nodelay
+        self.topic = resolved_name
+        self.transport: Any = None
+        self._reading = Reading(kind_of(resolved_name, recv_data_class._type))
+        self._worked_s: float | None = None
+        self._dropped = ""
+
+    def drop(self, why: str) -> None:
+        """Cut it off, from any thread; done before its next message is read."""
+        self._dropped = why
+
+    def read_messages(self, b: io.BytesIO, msg_queue: list[Any], sock: Any) -> None:
+        """Make messages of what came, unless there is too much of it. Raises TransportTerminated."""
+        _here.speaker = self
+        why = self._dropped or self._reading.why_not(*_came(b), self._work_s(), time.monotonic())
+        if not why:
+            try:
+                super().read_messages(b, msg_queue, sock)
+            except genpy.DeserializationError:
+                why = "sends messages that cannot be read"
+        if why:
+            self._cut_off(why)
+
+    def _work_s(self) -> float:
+        """What this thread has worked since the last time."""
+        before_s, self._worked_s = self._worked_s, time.thread_time()
+        return 0.0 if before_s is None else self._worked_s - before_s
+
+    def _cut_off(self, why: str) -> None:
+        node = cut(str(self.transport.callerid_pub), NAME)
+        BOARD.bar(self.topic, self.transport.endpoint_id, time.monotonic() + DROPPED_S)
+        BOARD.complain(self.topic, f"{self.topic}: {node} {why}. It is not listened to.")
+        raise TransportTerminated(why)
+
+
+def speaker() -> Listening | None:
+    """The publisher whose message this thread of rospy's is with; None on other threads."""
+    return getattr(_here, "speaker", None)
+
+
+def _came(b: io.BytesIO) -> tuple[int, int]:
+    """The size of the largest message, the one that has only begun among them; and how many are whole."""
+    largest = messages = at = 0
+    end = b.tell()
+    with b.getbuffer() as came:
+        while at + 4 <= end:
+            (size,) = _length.unpack_from(came, at)
+            at += 4 + size
+            largest = max(largest, size)
+            messages += at <= end
+    return largest, messages
+
+
+class Transport(TCPROSTransport):  # type: ignore[misc]
+    """A connection that knows its protocol's limits, and does not outlive a lack of memory."""
+
+    exhausted: Callable[[], None] = staticmethod(lambda: None)
+
+    def __init__(self, protocol: Any, name: str, header: Any = None) -> None:
+        super().__init__(protocol, name, header)
+        if isinstance(protocol, Listening):
+            protocol.transport = self
+
+    def receive_once(self) -> Any:
+        """Messages; on rospy's thread for this connection."""
+        try:
+            return super().receive_once()
+        except MemoryError:
+            self.exhausted()
+            raise
+        except TransportException as error:
+            if isinstance(error.__context__, MemoryError):
+                self.exhausted()
+            raise
+
+
+# --- connecting ----------------------------------------------------------------------------------
+
+_dialling: set[tuple[str, str]] = set()
+_failures: dict[tuple[str, str], float] = {}  # how long was waited last
+_lock = threading.Lock()
+
+
+def connect(manager: Any, topic: str, uri: str) -> None:
+    """In place of RegManager._connect_topic_thread, on a thread of its own: connect to one publisher, or give up."""
+    subscriber = get_topic_manager().get_subscriber_impl(topic)
+    if subscriber is None or subscriber.has_connection(uri) or BOARD.barred(topic, uri):
+        return
+    if len(subscriber.connections) >= MOST_PUBLISHERS:
+        BOARD.complain(
+            topic, f"{topic}: more than {MOST_PUBLISHERS} nodes publish; the others are not heard."
+        )
+        BOARD.bar(topic, uri, time.monotonic() + DROPPED_S)
+        return
+    with _lock:
+        if (topic, uri) in _dialling or len(_dialling) >= MOST_DIALLING:
+            BOARD.bar(topic, uri, time.monotonic() + AGAIN_S[0])
+            return
+        _dialling.add((topic, uri))
+    try:
+        protocol = Master(uri, rospy.get_caller_id()).call("requestTopic", topic, [["TCPROS"]])
+        _, host, port = msgspec.convert(protocol, tuple[str, str, int])
+        manager.handler.protocol_handlers[0].create_transport(topic, uri, ["TCPROS", host, port])
+    except (MasterError, msgspec.ValidationError, OSError) as error:
+        log.debug("%s cannot be reached for %s: %s", uri, topic, error)
+        _later(topic, uri)
+    finally:
+        with _lock:
+            _dialling.discard((topic, uri))
+
+
+def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: str) -> None:
+    """In place of rospy's robust_connect_subscriber, on the connection's thread: one try, and another later."""
+    try:
+        connection.connect(host, port, uri, timeout=CONNECT_S)
+    except TransportInitError as error:
+        log.debug("%s cannot be listened to on %s: %s", uri, topic, error)
+        _later(topic, uri)
+        connection.close()
+        return
+    with _lock:
+        _failures.pop((topic, uri), None)
+    connection.receive_loop(take)
+
+
+def _later(topic: str, uri: str) -> None:
+    """Try again after a while, each time after a longer one."""
+    with _lock:
+        if len(_failures) >= 10 * MOST_DIALLING:
+            _failures.clear()
+        pause_s = _failures[topic, uri] = min(2.0 * _failures.get((topic, uri), AGAIN_S[0] / 2.0), AGAIN_S[1])
+    BOARD.bar(topic, uri, time.monotonic() + pause_s)
+
+
+class Manager(RegManager):  # type: ignore[misc]
+    """rospy's, with connections made by `connect`."""
+
+    def __init__(self, handler: Any) -> None:
+        super().__init__(handler)
+        threading.Thread(target=self._try_again, name="publishers", daemon=True).start()
+
+    def _connect_topic_thread(self, topic: str, uri: str) -> None:
+        try:
+            connect(self, topic, uri)
+        except Exception:  # of whatever is there instead; it is tried again when the master names it
+            log.exception("a publisher of %s cannot be listened to", topic)
+
+    def publisher_update(self, topic: str, uris: list[Any]) -> None:
+        """The master, or somebody who says so, names a topic's publishers: not too many are heard of."""
+        if get_topic_manager().get_subscriber_impl(topic) is not None:
+            found = dict.fromkeys(uri for uri in uris if isinstance(uri, str) and len(uri) <= NAME)
+            super().publisher_update(topic, list(found)[: 2 * MOST_PUBLISHERS])
+
+    def _try_again(self) -> None:
+        """Ask the master again for the publishers of topics on which some were left alone."""
+        while not rospy.is_shutdown():
+            time.sleep(LOOK_S)
+            for topic in BOARD.released(time.monotonic()):
+                subscriber = get_topic_manager().get_subscriber_impl(topic)
+                if subscriber is None or not self.uri:
+                    continue
+                try:
+                    master = Master(rosgraph.get_master_uri(), rospy.get_caller_id())
+                    uris = master.register("registerSubscriber", topic, subscriber.type, self.uri)
+                    self.publisher_update(topic, uris)
+                except MasterError as error:
+                    log.debug("the publishers of %s cannot be asked for: %s", topic, error)

@@ -1,0 +1,68 @@
+"""From rospy's threads to the event loop: of each source a few messages wait at most, and one call takes them.
+
+A source that costs the loop more than its share is not heard for a while: zeros and the stop run on that loop, too.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Hashable
+from typing import Protocol
+
+from robots.bridge.flood import Budget
+
+LOOP_SHARE = 0.15  # of the loop's time, for one source; a laser takes about 0.02 of it
+
+Call = Callable[[], None]
+
+
+class Speaker(Protocol):
+    """Who sent a message."""
+
+    topic: str
+
+    def drop(self, why: str) -> None:
+        """Listen to it no more, for a while."""
+
+
+class Mailboxes:
+    """One box for each source. `later` runs something on the loop soon, and may be called on any thread."""
+
+    def __init__(
+        self,
+        later: Callable[[Call], None],
+        speaker: Callable[[], Speaker | None] = lambda: None,
+        clock: Callable[[], float] = time.thread_time,  # what the loop's thread worked: waiting costs nobody
+    ) -> None:
+        self._later = later
+        self._speaker = speaker
+        self._clock = clock
+        self._boxes: dict[Hashable, deque[tuple[Call, Speaker | None]]] = {}
+        self._budgets: dict[Hashable, Budget] = {}
+        self._lock = threading.Lock()
+
+    def post(self, source: Hashable, call: Call, depth: int = 1) -> None:
+        """Do `call` on the loop. Where `depth` calls of this source wait already, the oldest is left out."""
+        with self._lock:
+            box = self._boxes.setdefault(source, deque(maxlen=depth))
+            is_first = not box
+            box.append((call, self._speaker()))
+        if is_first:
+            self._later(lambda: self._take(source))
+
+    def _take(self, source: Hashable) -> None:
+        """On the loop."""
+        with self._lock:
+            calls = list(self._boxes[source])
+            self._boxes[source].clear()
+        budget = self._budgets.setdefault(source, Budget(LOOP_SHARE, 2.0 * LOOP_SHARE))
+        for call, speaker in calls:
+            began_s = self._clock()
+            try:
+                call()
+            finally:
+                took_s = self._clock() - began_s
+                if not budget.spend(time.monotonic(), took_s) and speaker is not None:
+                    speaker.drop(f"takes more than {LOOP_SHARE:.0%} of the bridge’s time")

@@ -1,0 +1,57 @@
+"""How large a message of each type may be and how many a second, judged before it is made of its bytes.
+
+Lasers and depth cameras by what the gate takes of them; the rest by what robots send, with a large margin.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from robots.bridge.gate.scan import MOST_BEAMS
+
+KB, MB = 1024, 1024 * 1024
+BRIEF = 4 * KB  # header, names and a few numbers
+
+
+class Kind(NamedTuple):
+    """What one publisher of a topic may send."""
+
+    most_bytes: int = 64 * KB  # of a message
+    most_hz: float = 1000.0
+    share: float = 0.25  # of a core, for reading it on its own thread
+
+
+KINDS = {
+    "sensor_msgs/LaserScan": Kind(BRIEF + 2 * 4 * MOST_BEAMS, 200.0),  # ranges and intensities
+    "sensor_msgs/Image": Kind(16 * MB, 120.0, share=0.6),
+    "sensor_msgs/PointCloud2": Kind(32 * MB, 120.0, share=0.6),
+    "sensor_msgs/CameraInfo": Kind(16 * KB, 200.0),
+    "nav_msgs/Odometry": Kind(BRIEF),
+    "sensor_msgs/Range": Kind(BRIEF),
+    "sensor_msgs/BatteryState": Kind(BRIEF),
+    "std_msgs/Float32": Kind(BRIEF),
+    "std_msgs/Bool": Kind(BRIEF),
+    "tf2_msgs/TFMessage": Kind(256 * KB, 2000.0),
+    # Of any type: only the inspector listens so, in a process of its own behind the bridge.
+    "*": Kind(32 * MB, 20_000.0, share=2.0),
+}
+
+_expected: dict[str, str] = {}  # by topic: its type, where it is listened to without one
+
+
+def expect(topic: str, type_name: str) -> None:
+    """What comes on a topic that is listened to as bytes."""
+    _expected[topic] = type_name
+
+
+def kind_of(topic: str, type_name: str) -> Kind:
+    """What a publisher of this topic may send, listened to as this type."""
+    return KINDS.get(_expected.get(topic, type_name), Kind())
+
+
+def told(size: float) -> str:
+    """A number of bytes for people."""
+    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size >= unit:
+            return f"{size / unit:.3g} {name}"
+    return f"{size:.0f} bytes"

@@ -1,0 +1,56 @@
+"""How long a text from a robot's network may be, by kind: it is cut where it enters, and an ellipsis shows that."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import islice
+from typing import TypeVar
+
+NAME = 200  # characters of a node's, topic's, type's, frame's, joint's or goal's name
+TITLE = 100  # of a motion's name, title and group
+SENTENCE = 300  # of why something failed, and of what an action says as it ends
+PARAGRAPH = 1000  # of a motion's description
+SAID = 2000  # of what a robot's voice says that it has said
+ANSWER = 4096  # of one text in an answer of a master or node
+DESCRIPTION = 8_000_000  # of one text in a parameter: the robot's description
+
+MOST_TOPICS = 5000  # of a robot, as its master has them
+MOST_NODES = 100  # on one topic
+MOST_NAMED = 10  # of them, in the state of the robot
+MOST_MOTIONS = 200  # of one action
+MOST_GOALS = 100  # of one action, in one status
+
+_Item = TypeVar("_Item")
+
+
+def cut(text: str, most: int) -> str:
+    """At most so many characters. No name in ROS has an ellipsis, so one that was cut is nobody's."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def books(told: Iterable[tuple[str, Sequence[str]]]) -> dict[str, list[str]]:
+    """Names of nodes by name of topic or service, cut. The first ones are kept, of topics and of nodes."""
+    found: dict[str, list[str]] = {}
+    for name, nodes in told:
+        if len(found) >= MOST_TOPICS:
+            break
+        found[cut(name, NAME)] = [cut(node, NAME) for node in nodes[:MOST_NODES]]
+    return found
+
+
+def cut_types(told: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Types by topic, both cut."""
+    first = islice(told, 2 * MOST_TOPICS)
+    return {cut(topic, NAME): cut(type_name, NAME) for topic, type_name in first}
+
+
+def named(names: Collection[str]) -> list[str]:
+    """As many as a page shows, and how many more there are."""
+    shown = sorted(names)[:MOST_NAMED]
+    return [*shown, f"{len(names) - len(shown)} more"] if len(names) > len(shown) else shown
+
+
+def most_of(told: Mapping[str, _Item], ours: str) -> dict[str, _Item]:
+    """At most `MOST_GOALS` of these, with names cut; those whose name begins with `ours` before all others."""
+    own_first = sorted(told.items(), key=lambda item: not item[0].startswith(ours))
+    return {cut(name, NAME): item for name, item in own_first[:MOST_GOALS]}
