@@ -8,7 +8,10 @@ audit: nothing may reach the robot that is not on record. Every round: drive, sp
 one or two of web process, bridge and database with kill -9; start again; hold what the robot received against the log.
 Half of the rounds are over SQLite and half over PostgreSQL, if that is installed.
 
-It ends at the first round that breaks a rule; the seed that was printed makes the same rounds again.
+attacks: floods from a robot's network and at the web door while somebody drives; see `benchmarks.attacks`.
+They run only by name.
+
+motion and audit end at the first round that breaks a rule; the seed that was printed makes the same rounds again.
 """
 
 from __future__ import annotations
@@ -22,6 +25,8 @@ import sys
 import time
 from collections import Counter
 
+from benchmarks.attacks.catalogue import ATTACKS
+from benchmarks.attacks.run import soak_attacks
 from benchmarks.harness import progress
 from benchmarks.parts.killed import PARTS as WRITERS
 from benchmarks.parts.killed import Database, Embedded, LostError, Person, Rounds, Witness
@@ -48,13 +53,27 @@ def main() -> int:
         prog="script/soak",
         description="Kill parts at random: nothing may move unheld, nothing may be missing in the audit log.",
     )
-    parser.add_argument("what", nargs="?", choices=ROUNDS, help="only this one")
+    parser.add_argument("what", nargs="?", choices=[*ROUNDS, "attacks"], help="only this one")
     parser.add_argument("--rounds", type=int, help="of each; else 100 of motion, 50 of audit")
     parser.add_argument("--seed", type=int, default=int(time.time()))
+    attacks = parser.add_argument_group("attacks")
+    attacks.add_argument(
+        "--only", nargs="+", metavar="NAME", default=[], choices=[one.name for one in ATTACKS]
+    )
+    attacks.add_argument("--list", action="store_true", help="the attacks by name, and nothing more")
+    attacks.add_argument("--short", action="store_true", help="fewer presses: some four minutes")
+    attacks.add_argument("--json", action="store_true", help="JSON alone on stdout")
     asked = parser.parse_args()
+    if asked.list:
+        for one in ATTACKS:
+            print(f"{one.name:<16} {one.words}")
+        return 0
     soaks = {"motion": soak, "audit": soak_audit}
     try:
         with ended_by_signals():
+            if asked.what == "attacks":
+                held = soak_attacks(asked.only, asked.seed, short=asked.short, as_json=asked.json)
+                return 0 if held else 1
             for what in [asked.what] if asked.what else ROUNDS:
                 soaks[what](asked.rounds or ROUNDS[what], asked.seed)
     except Ended:

@@ -39,6 +39,7 @@ class Observer:
         self._also = also
         self.commands: list[Seen] = []
         self.odometry: list[Seen] = []
+        self.truth: list[Seen] = []  # how the base truly moves, whatever its odometry tells
         self.scans: list[float] = []
         self.goals: list[float] = []  # of motions
         self.bare_s: list[float] = []  # delays
@@ -75,7 +76,7 @@ class Observer:
 
     def forget(self) -> None:
         """Drop what was collected so far."""
-        for seen in (self.commands, self.odometry, self.scans, self.goals, self.bare_s):
+        for seen in (self.commands, self.odometry, self.truth, self.scans, self.goals, self.bare_s):
             seen.clear()
 
     async def until(self, condition: Callable[[], object], timeout_s: float = 10.0) -> None:
@@ -108,6 +109,8 @@ class Observer:
                 self.commands.append(Seen(at_s, *numbers))
             case "odometry":
                 self.odometry.append(Seen(at_s, *numbers))
+            case "truth":
+                self.truth.append(Seen(at_s, *numbers))
             case "scan":
                 self.scans.append(at_s)
             case "goal":

@@ -2,7 +2,7 @@
 
 Run by the distribution's Python, on the master in ROS_MASTER_URI:
 
-    ros_side.py observe [odometry] [scan] [goals]
+    ros_side.py observe [odometry] [scan] [goals] [truth]
                                      a line for each message: kind, arrival (monotonic ns), values; lines of its stdin
                                      are faults that it tells the simulated robot to have
     ros_side.py publish              Twists at 50 Hz to /bench_bare, each carrying its own time of sending
@@ -53,6 +53,11 @@ def observe(*also: str) -> None:
         twist = message.twist.twist
         say(f"odometry {now_ns} {twist.linear.x!r} {twist.linear.y!r} {twist.angular.z!r}")
 
+    def on_truth(message: Odometry) -> None:
+        now_ns = time.monotonic_ns()
+        twist = message.twist.twist
+        say(f"truth {now_ns} {twist.linear.x!r} {twist.linear.y!r} {twist.angular.z!r}")
+
     def on_scan(message: LaserScan) -> None:
         say(f"scan {time.monotonic_ns()} {message.header.seq}")
 
@@ -60,6 +65,8 @@ def observe(*also: str) -> None:
     rospy.Subscriber(BARE_TOPIC, Twist, on_bare, tcp_nodelay=True)
     if "odometry" in also:
         rospy.Subscriber("/mobile_base_controller/odom", Odometry, on_odometry, tcp_nodelay=True)
+    if "truth" in also:
+        rospy.Subscriber("/ground_truth/pose", Odometry, on_truth, tcp_nodelay=True)
     if "scan" in also:
         rospy.Subscriber("/scan_raw", LaserScan, on_scan, tcp_nodelay=True)
     if "goals" in also:

@@ -1,0 +1,58 @@
+"""All attacks, in the order in which they are run."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from benchmarks.attacks.figures import ENDED_ZERO_S, TIMES, Limits
+
+Side = Literal["ros", "web", "incident"]
+
+
+class Attack(NamedTuple):
+    """`side` has the role of this name."""
+
+    name: str
+    side: Side
+    words: str
+    limits: Limits = Limits()
+    as_who: str = ""  # whose session the attackers have, if any
+    plays: bool = False  # a motion is asked for in each slot
+
+    @property
+    def section(self) -> int:
+        """1: from a robot's network, and blows at a bridge; 2: at the web door."""
+        return 2 if self.side == "web" else 1
+
+
+_ENDED = Limits(zero_s=ENDED_ZERO_S, gap_s=ENDED_ZERO_S)
+_BESIDE = Limits(times=TIMES)
+
+ATTACKS = (
+    Attack("long-name", "ros", "a node with a name of 9 MB on the drive topic"),
+    Attack("long-type", "ros", "a type of 9 MB for the drive topic"),
+    Attack("long-result", "ros", "a motion's result of 9 MB", plays=True),
+    Attack("huge-scans", "ros", "a laser of 3 million beams at 10 Hz"),
+    Attack("fast-scans", "ros", "a laser of 20,000 beams as fast as it is read"),
+    Attack("large-pictures", "ros", "a depth camera of 12 million pixels at 3 Hz"),
+    Attack("declared-scan", "ros", "a laser whose message declares 4 GB"),
+    Attack("declared-header", "ros", "connections to the bridge that declare a header of 4 GB"),
+    Attack("declared-call", "ros", "calls to the bridge that declare 4 GB"),
+    Attack("silent-listeners", "ros", "40 connections to the bridge that say nothing"),
+    Attack("false-publishers", "ros", "a call that tells the bridge of 2000 publishers, again and again"),
+    Attack("frames", "ros", "/tf with 10,000 new frames a second"),
+    Attack("small-messages", "ros", "odometry and sonar at 2 kHz each"),
+    Attack("many-topics", "ros", "1500 nodes and topics with long names"),
+    Attack("shutdown-call", "incident", "a stranger's shutdown call", _ENDED),
+    Attack("same-name", "incident", "a node with the bridge's name", _ENDED),
+    Attack("frozen", "incident", "the bridge frozen for 3 s"),
+    Attack("killed", "incident", "the bridge killed", _ENDED),
+    Attack("guesses", "web", "60 guesses of a password at once, again and again", _BESIDE),
+    Attack("bodies", "web", "POSTs of 500 MB to any address", _BESIDE),
+    Attack("slow-heads", "web", "200 connections with endless headers", _BESIDE),
+    Attack("idle", "web", "300 connections that say nothing", _BESIDE),
+    Attack("huge-frames", "web", "WebSocket frames of 500 MB", _BESIDE),
+    Attack("handshakes", "web", "WebSocket handshakes of 4 MB", _BESIDE),
+    Attack("pages", "web", "100 pages and REST answers a second", _BESIDE, as_who="observer"),
+    Attack("refused", "web", "an observer's refused messages", _BESIDE, as_who="observer"),
+)

@@ -1,0 +1,179 @@
+"""What was measured under an attack, beside the same run as usual, and what breaks a limit. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from benchmarks.harness import Figure, quantile
+
+ZERO_S = 0.35  # worst press -> zero
+ENDED_ZERO_S = 1.0  # the same where the bridge itself was ended
+GAP_S = 0.1  # between two zeros while latched
+TIMES = 1.5  # of p99 as usual, under attacks of strangers at the web door
+STILL_RADPS = 0.01
+
+
+@dataclass(frozen=True)
+class Press:
+    """One press of the stop. Infinite: not within our patience."""
+
+    door: str
+    zero_s: float  # until the first zero
+    confirmed_s: float  # until the driver's page shows it
+    gap_s: float  # the largest between two zeros, until it is cleared
+    moved_radps: float  # the fastest that the base turned, latched, once it had time to brake
+
+
+@dataclass
+class Taken:
+    """All that was measured in the slots of one attack, or of all slots without one."""
+
+    presses: list[Press] = field(default_factory=list)
+    delays_s: list[float] = field(default_factory=list)  # of drive commands that arrived
+    sent: int = 0  # drive commands
+    lost: int = 0  # of these, never seen on the drive topic
+    control_lost: int = 0  # times
+    halts: dict[str, int] = field(default_factory=dict)  # that the driver did not make, by code
+    bridge_mb: tuple[float, float] = (math.nan, math.nan)  # before, most
+    web_mb: tuple[float, float] = (math.nan, math.nan)
+    records: int = 0  # added to the audit log
+    answers: dict[str, int] = field(default_factory=dict)  # of the stop's doors
+    attacker: str = ""  # its last words
+    fault: str = ""  # what ended the attack's slots early
+
+    def add(self, other: Taken) -> None:
+        """One more slot of the same kind."""
+        self.presses += other.presses
+        self.delays_s += other.delays_s
+        self.sent += other.sent
+        self.lost += other.lost
+        self.control_lost += other.control_lost
+        self.records += other.records
+        for ours, theirs in ((self.halts, other.halts), (self.answers, other.answers)):
+            for key, number in theirs.items():
+                ours[key] = ours.get(key, 0) + number
+        self.bridge_mb = _least_and_most(self.bridge_mb, other.bridge_mb)
+        self.web_mb = _least_and_most(self.web_mb, other.web_mb)
+        self.attacker = other.attacker or self.attacker
+        self.fault = self.fault or other.fault
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What must hold under one attack. None: shown only."""
+
+    zero_s: float = ZERO_S
+    gap_s: float | None = GAP_S
+    times: float | None = None  # of p99 as usual: stop and drive
+
+
+def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> tuple[float, float]:
+    """Of two slots: before the first, and the most in both."""
+    if math.isnan(theirs[0]):
+        return ours
+    return theirs if math.isnan(ours[0]) else (ours[0], max(ours[1], theirs[1]))
+
+
+def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
+    """Each in ms, with its limit where it has one."""
+    zeros, usual_zeros = _zeros(taken.presses), _zeros(usual.presses)
+    every, usual_every = taken.delays_s, usual.delays_s
+    told = [
+        *_three("stop", zeros, limits.zero_s),
+        _ms("confirmed worst", _worst(press.confirmed_s for press in taken.presses), None),
+        _ms("gap between zeros", _worst(press.gap_s for press in taken.presses), limits.gap_s),
+        *_three("drive", every, None),
+        Figure("stop p99 / as usual", _ratio(zeros, usual_zeros), "times", limits.times),
+        Figure("drive p99 / as usual", _ratio(every, usual_every), "times", limits.times),
+        Figure(
+            "moved while stopped", _worst(press.moved_radps for press in taken.presses), "rad/s", STILL_RADPS
+        ),
+        Figure("commands lost", 100.0 * taken.lost / taken.sent if taken.sent else math.nan, "%"),
+        Figure("control lost", taken.control_lost, "times", 0.0 if limits.times else None),
+        Figure("bridge before", taken.bridge_mb[0], "MB"),
+        Figure("bridge most", taken.bridge_mb[1], "MB"),
+        Figure("web before", taken.web_mb[0], "MB"),
+        Figure("web most", taken.web_mb[1], "MB"),
+        Figure("records beyond those of presses", _extra_records(taken, usual), ""),
+    ]
+    return told
+
+
+def broken(told: Sequence[Figure], taken: Taken) -> list[str]:
+    """In words."""
+    return ([taken.fault] if taken.fault else []) + [one.beside_limit() for one in told if not one.holds]
+
+
+def _zeros(presses: Sequence[Press]) -> list[float]:
+    return [press.zero_s for press in presses]
+
+
+def _three(name: str, seconds: Sequence[float], worst_s: float | None) -> list[Figure]:
+    return [
+        _ms(f"{name} p50", quantile(seconds, 0.50), None),
+        _ms(f"{name} p99", quantile(seconds, 0.99), None),
+        _ms(f"{name} worst", _worst(seconds), worst_s),
+    ]
+
+
+def _ms(name: str, seconds: float, limit_s: float | None) -> Figure:
+    return Figure(name, 1000.0 * seconds, "ms", None if limit_s is None else 1000.0 * limit_s)
+
+
+def _worst(values: Iterable[float]) -> float:
+    """Not a number if there is none: nothing was measured."""
+    return max(values, default=math.nan)
+
+
+def _ratio(seconds: Sequence[float], usual: Sequence[float]) -> float:
+    return quantile(seconds, 0.99) / quantile(usual, 0.99) if seconds and usual else math.nan
+
+
+def _extra_records(taken: Taken, usual: Taken) -> float:
+    """A press, a clear and a drive leave records too: as many for each press as in slots as usual."""
+    each = usual.records / len(usual.presses) if usual.presses else 0.0
+    return taken.records - each * len(taken.presses)
+
+
+COLUMNS = (
+    ("stop p50", "p50"),
+    ("stop p99", "p99"),
+    ("stop worst", "worst"),
+    ("confirmed worst", "conf."),
+    ("gap between zeros", "gap"),
+    ("drive p50", "p50"),
+    ("drive p99", "p99"),
+    ("drive worst", "worst"),
+    ("stop p99 / as usual", "stop x"),
+    ("drive p99 / as usual", "drive x"),
+    ("commands lost", "lost %"),
+    ("control lost", "control"),
+    ("bridge most", "bridge"),
+    ("web most", "web"),
+    ("records beyond those of presses", "records"),
+)
+
+
+def table(rows: Sequence[tuple[str, Sequence[Figure], Sequence[str]]]) -> str:
+    """A line for each attack: figures (ms, MB), then what is broken."""
+    width = max(len(name) for name, _, _ in rows)
+    heads = [head for _, head in COLUMNS]
+    lines = [
+        f"{'':<{width}} {'stop, ms':>38} {'drive, ms':>29}",
+        f"{'':<{width}} " + " ".join(f"{head:>7}" for head in heads),
+    ]
+    for name, told, faults in rows:
+        values = {figure.name: figure.value for figure in told}
+        cells = " ".join(f"{_cell(values[key]):>7}" for key, _ in COLUMNS)
+        lines.append(f"{name:<{width}} {cells}  {'ok' if not faults else 'BROKEN'}")
+    return "\n".join(lines)
+
+
+def _cell(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "never"
+    return f"{value:.1f}" if abs(value) < 100 else f"{value:.0f}"

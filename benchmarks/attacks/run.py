@@ -1,0 +1,263 @@
+"""The whole run: slots as usual and slots under attack by turns, then the table."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import math
+import sqlite3
+import sys
+import time
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, closing, suppress
+
+from benchmarks.attacks.catalogue import ATTACKS, Attack
+from benchmarks.attacks.doors import NAMES, door
+from benchmarks.attacks.figures import Limits, Taken, broken, figures, table
+from benchmarks.attacks.incidents import INCIDENTS
+from benchmarks.attacks.scene import LostError, Scene, scene_on
+from benchmarks.drive import BARE_STICKS
+from benchmarks.harness import Figure, machine, progress
+from benchmarks.parts import proc
+from benchmarks.stop import ROBOT, bridges
+from script.stack.client import sign_in
+from script.stack.processes import Child, end_all
+from script.stack.stack import Stack, StartError, temporary_stack
+
+# Of each attack: slots, presses in each, and in the slot as usual before it.
+LONG = 2, 10, 2
+SHORT = 1, 5, 2
+IN_FORCE_S = 1.5  # from an attacker's start
+LONGEST_S = 90.0  # of an attacker
+SAMPLE_S = 0.25
+BACK_S = 60.0
+
+Row = tuple[str, Sequence[Figure], Sequence[str]]
+
+
+def soak_attacks(only: Sequence[str], seed: int, *, short: bool, as_json: bool) -> bool:
+    """Run them on one console and print the table; True if every limit holds."""
+    attacks = [attack for attack in ATTACKS if not only or attack.name in only]
+    facts = machine()
+    with temporary_stack(BARE_STICKS[:1]) as stack:
+        taken, usual = asyncio.run(run_on(stack, attacks, seed, short=short))
+    rows = [_row(attack, taken[attack.name], usual) for attack in attacks if attack.name in taken]
+    own: Row = ("as usual", figures(usual, usual, Limits()), [])
+    if as_json:
+        print(json.dumps(_as_json(facts, seed, [own, *rows])))
+    else:
+        print(", ".join(f"{key} {value}" for key, value in facts.items()) + f", seed {seed}")
+        print(table([own, *rows]))
+        for name, _, faults in rows:
+            for fault in faults:
+                print(f"{name}: {fault}")
+    return not any(faults for _, _, faults in rows)
+
+
+def _row(attack: Attack, taken: Taken, usual: Taken) -> Row:
+    told = figures(taken, usual, attack.limits)
+    return attack.name, told, broken(told, taken)
+
+
+def _as_json(facts: dict[str, str | int], seed: int, rows: Sequence[Row]) -> dict[str, object]:
+    return {
+        "soak": "attacks",
+        "machine": facts,
+        "seed": seed,
+        "attacks": [
+            {
+                "name": name,
+                "figures": [
+                    {
+                        "name": figure.name,
+                        "value": figure.value if math.isfinite(figure.value) else None,
+                        "unit": figure.unit,
+                        "limit": figure.limit,
+                        "holds": figure.holds,
+                    }
+                    for figure in told
+                ],
+                "broken": list(faults),
+            }
+            for name, told, faults in rows
+        ],
+        "holds": not any(faults for _, _, faults in rows),
+    }
+
+
+async def run_on(
+    stack: Stack, attacks: Sequence[Attack], seed: int, *, short: bool
+) -> tuple[dict[str, Taken], Taken]:
+    """By attack, and as usual."""
+    gc.freeze()
+    slots, presses, usual_presses = SHORT if short else LONG
+    cookies = {
+        role: await asyncio.to_thread(sign_in, stack, role) for role in ("supervisor", "operator", "observer")
+    }
+    navigation = _start(stack, "ros", "navigate", 3600.0)
+    taken: dict[str, Taken] = {}
+    usual = Taken()
+    async with scene_on(stack, cookies["supervisor"], cookies["operator"], seed) as scene:
+        await _slot(scene, Taken(), 2, calm=True)  # whatever is slow the first time
+        bench = Bench(scene, cookies)
+        for attack in attacks:
+            whole = taken[attack.name] = Taken()
+            for _ in range(slots):
+                usual.add(await bench.usual(usual_presses))
+                whole.add(await bench.attacked(attack, presses))
+                if whole.fault:
+                    break
+            progress(f"{attack.name}: {_in_words(whole)}")
+        usual.add(await bench.usual(usual_presses))
+    await asyncio.to_thread(end_all, [navigation])
+    return taken, usual
+
+
+class Bench:
+    """One slot after the other."""
+
+    def __init__(self, scene: Scene, cookies: dict[str, str]) -> None:
+        self._scene = scene
+        self._stack = scene.stack
+        self._cookies = cookies
+
+    async def usual(self, presses: int) -> Taken:
+        """Nobody attacks."""
+        taken = Taken()
+        try:
+            await self._measured(taken, presses, calm=True)
+        except LostError as error:
+            progress(f"    as usual: {error}; supervisor and web process start again")
+            await self._start_again()
+        return taken
+
+    async def attacked(self, attack: Attack, presses: int) -> Taken:
+        """While it lasts."""
+        taken = Taken()
+        if attack.side == "incident":
+            return await self._struck(attack, taken, presses)
+        child = _start(self._stack, attack.side, attack.name, LONGEST_S, self._cookies.get(attack.as_who, ""))
+        try:
+            await asyncio.sleep(IN_FORCE_S)
+            if attack.plays:
+                with suppress(LostError):
+                    await self._scene.play()
+            await self._measured(taken, presses, calm=False)
+            return taken
+        finally:
+            await asyncio.to_thread(end_all, [child])
+            taken.attacker = (child.last_lines().splitlines() or [""])[-1]
+
+    async def _measured(self, taken: Taken, presses: int, *, calm: bool) -> None:
+        async with _watched(self._stack, taken):
+            await _slot(self._scene, taken, presses, calm=calm)
+            if self._scene.hopeless:
+                taken.fault = "the stop did not reach the robot"
+
+    async def _struck(self, attack: Attack, taken: Taken, presses: int) -> Taken:
+        incident = INCIDENTS[attack.name]
+        each = len(incident.presses_s)
+        async with _watched(self._stack, taken):
+            self._scene.begin(calm=False)
+            for number in range(math.ceil(presses / each)):
+                doors = [NAMES[(number + place) % len(NAMES)] for place in range(each)]
+                try:
+                    await self._scene.strike(incident, doors)
+                except LostError as error:
+                    taken.fault = str(error)
+                if incident.fresh_supervisor or taken.fault:
+                    await self._start_again(web=bool(taken.fault))
+                if taken.fault:
+                    break
+            taken.add(self._scene.end())
+        return taken
+
+    async def _start_again(self, *, web: bool = True) -> None:
+        await self._scene.leave()
+        stack = self._stack
+        ended = [stack.supervisor, *([stack.web] if web else [])]
+        await asyncio.to_thread(stack.release, *ended)
+        stack.start_supervisor()
+        if web:
+            stack.start_web()
+        with suppress(StartError):
+            await asyncio.to_thread(stack.wait_ready, BACK_S)
+
+
+async def _slot(scene: Scene, taken: Taken, presses: int, *, calm: bool) -> None:
+    scene.begin(calm=calm)
+    try:
+        for number in range(presses):
+            await scene.press(door(number), number)
+            if scene.hopeless:
+                break
+        if calm:
+            await scene.ready()  # with control, and not stopped: so the next slot finds it
+    finally:
+        taken.add(scene.end())
+
+
+@asynccontextmanager
+async def _watched(stack: Stack, taken: Taken) -> AsyncIterator[None]:
+    """Memory, and the log, from the beginning of the slot to its end."""
+    before = _records(stack)
+    sampling = asyncio.create_task(_sample(stack, taken))
+    try:
+        yield
+    finally:
+        sampling.cancel()
+        taken.records += _records(stack) - before
+
+
+async def _sample(stack: Stack, taken: Taken) -> None:
+    while True:
+        bridge = _resident_mb(bridges(stack))
+        web = _resident_mb([stack.web.pid, *proc.children(stack.web.pid)])
+        one = Taken(bridge_mb=(bridge, bridge), web_mb=(web, web))
+        if bridge and web:
+            taken.add(one)
+        await asyncio.sleep(SAMPLE_S)
+
+
+def _resident_mb(pids: Sequence[int]) -> float:
+    total = 0.0
+    for pid in pids:
+        with suppress(OSError):
+            total += proc.resident_mb(pid)
+    return total
+
+
+def _records(stack: Stack) -> int:
+    address = f"file:{stack.directory / 'fleet.sqlite3'}?mode=ro"
+    with closing(sqlite3.connect(address, uri=True, timeout=10.0)) as database:
+        return int(database.execute("SELECT count(*) FROM audit_record").fetchone()[0])
+
+
+def _start(stack: Stack, side: str, role: str, seconds: float, cookie: str = "") -> Child:
+    command = [sys.executable, "-m", f"benchmarks.attacks.{side}_side", role, str(seconds)]
+    if side == "ros":
+        environment = stack.robots[ROBOT].environment
+    else:
+        command += [stack.hosts[0], str(stack.port), stack.url]
+        environment = {**stack.environment, "ATTACK_COOKIE": cookie}
+    child = stack.start_child(f"attack-{role}-{time.monotonic_ns()}", command, environment)
+    stack.children.remove(child)  # it may end: the stack does without
+    return child
+
+
+def _in_words(taken: Taken) -> str:
+    zeros = [press.zero_s for press in taken.presses]
+    told = [
+        f"press -> zero worst {1000.0 * max(zeros, default=math.nan):.0f} ms of {len(zeros)}",
+        f"gap {1000.0 * max((press.gap_s for press in taken.presses), default=math.nan):.0f} ms",
+        f"{taken.lost} of {taken.sent} commands lost",
+        f"doors {taken.answers}",
+    ]
+    if taken.halts:
+        told.append(f"halts {taken.halts}")
+    if taken.attacker:
+        told.append(f"attacker: {taken.attacker}")
+    if taken.fault:
+        told.append(f"FAULT {taken.fault}")
+    return "; ".join(told)

@@ -1,0 +1,96 @@
+"""Figures of script/soak attacks: which of them break a limit, and how they are told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from benchmarks.attacks import web_side
+from benchmarks.attacks.catalogue import ATTACKS
+from benchmarks.attacks.doors import COMMAND_LINE, NAMES, door
+from benchmarks.attacks.figures import Limits, Press, Taken, broken, figures, table
+from benchmarks.attacks.incidents import INCIDENTS
+
+PRESS = Press("page", zero_s=0.01, confirmed_s=0.1, gap_s=0.05, moved_radps=0.0)
+WEB = Limits(times=1.5)
+
+
+def taken(*presses: Press, delays_s: tuple[float, ...] = (0.002,)) -> Taken:
+    return Taken(list(presses or [PRESS]), list(delays_s), sent=len(delays_s), records=10)
+
+
+def faults(attacked: Taken, limits: Limits = WEB) -> list[str]:
+    return broken(figures(attacked, taken(), limits), attacked)
+
+
+def test_an_attack_that_changes_nothing_breaks_nothing():
+    assert faults(taken()) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "figure"),
+    [
+        ({"zero_s": 0.36}, "stop worst"),
+        ({"zero_s": math.inf}, "stop worst"),
+        ({"gap_s": 0.11}, "gap between zeros"),
+        ({"moved_radps": 0.4}, "moved while stopped"),
+    ],
+)
+def test_one_bad_press_of_many_breaks_its_limit(change, figure):
+    attacked = taken(PRESS, replace(PRESS, **change), PRESS)
+    assert any(fault.startswith(figure) for fault in faults(attacked))
+
+
+def test_a_delay_beyond_one_and_a_half_times_as_usual_counts_for_the_web_door_alone():
+    slow = taken(delays_s=(0.0031,))
+    assert any("drive p99" in fault for fault in faults(slow))
+    assert faults(slow, Limits()) == []
+
+
+def test_slots_in_which_nothing_was_measured_hold_nothing():
+    assert any("stop worst" in fault for fault in faults(Taken()))
+
+
+def test_lost_control_breaks_the_limit_of_an_attack_on_the_web_door():
+    lost = taken()
+    lost.control_lost = 1
+    assert any("control lost" in fault for fault in faults(lost))
+
+
+def test_records_are_counted_beyond_those_that_presses_leave():
+    attacked = taken(PRESS, PRESS)
+    attacked.records = 25
+    [extra] = [one for one in figures(attacked, taken(), WEB) if one.name.startswith("records")]
+    assert extra.value == 25 - 2 * 10
+
+
+def test_slots_of_one_kind_add_up():
+    whole = Taken()
+    for memory_mb in (90.0, 120.0, 100.0):
+        slot = taken()
+        slot.bridge_mb, slot.halts = (memory_mb, memory_mb), {"dead_man": 1}
+        whole.add(slot)
+    assert (len(whole.presses), whole.sent, whole.records) == (3, 3, 30)
+    assert whole.bridge_mb == (90.0, 120.0)
+    assert whole.halts == {"dead_man": 3}
+
+
+def test_the_table_tells_what_was_not_measured_and_what_never_came():
+    never = taken(replace(PRESS, zero_s=math.inf), delays_s=())
+    text = table([("attack", figures(never, taken(), WEB), ["a fault"])])
+    assert "never" in text and "-" in text and text.endswith("BROKEN")
+
+
+def test_every_door_of_the_stop_is_pressed_in_turn_and_the_command_line_less_often():
+    pressed = [door(number) for number in range(10)]
+    assert set(pressed) == {*NAMES, COMMAND_LINE}
+    assert pressed.count(COMMAND_LINE) == 1
+
+
+def test_every_attack_has_its_attacker():
+    names = [attack.name for attack in ATTACKS]
+    assert len(set(names)) == len(names)
+    assert {attack.name for attack in ATTACKS if attack.side == "web"} == set(web_side.ROLES)
+    assert {attack.name for attack in ATTACKS if attack.side == "incident"} == set(INCIDENTS)
