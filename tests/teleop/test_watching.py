@@ -142,4 +142,5 @@ async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_late
     shown = wire.Shown(CAMERA, "sensor_msgs/CompressedImage", 3, 5.0, 4, None, 1, {"data": [1]})
     bridge.say(wire.Seen(CAMERA, msgspec.Raw(wire.encode(shown))))
     await page.refused("busy")
+    await eventually(lambda: Record.objects.filter(kind="camera.end").count() == 2)
     assert await count("camera.start") == 2
