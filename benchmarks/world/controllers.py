@@ -114,7 +114,7 @@ class Ours:
             self._neutral = None
         self.gate.observe_posture(AT_HOME, now_s)  # as joint states tell: the arm stays folded
         verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
-        said = Said(verdict.velocity, verdict.code, verdict.text, verdict.limits)
+        said = Said(verdict.velocity, verdict.code, verdict.text, self.gate.limits(now_s))
         if verdict.neutral:
             self._neutral = said
         return said if self._neutral is None else self._neutral._replace(velocity=verdict.velocity)

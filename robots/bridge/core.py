@@ -292,22 +292,24 @@ class Core:
         skew_s, steadied_s = stamp_s - wall_s, self._reported.skew_s
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
-        if self.grants.current:
-            self._gate.obstacles(arrival_s)  # carried to the new pose now, so that no command waits for it
+        self._prepare(arrival_s)
 
     def laser(self, scan: LaserScan) -> None:
         """One scan."""
         self._gate.observe_scan(scan)
+        self._prepare(scan.arrival_s)
         self._on_scan()
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
         """One sonar reading."""
         max_range_m = self._sonar_reach_m.get(source, math.inf)
         self._gate.observe_range(source, stamp_s, arrival_s, range_m, max_range_m)
+        self._prepare(arrival_s)
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """One picture of the depth camera."""
         self._gate.observe_depth(frame, stamp_s, arrival_s)
+        self._prepare(arrival_s)
 
     def posture(self, arm: Posture, arrival_s: float) -> None:
         """Where the arm is."""
@@ -325,6 +327,11 @@ class Core:
     def charging(self, charging: bool) -> None:
         """Whether the robot is on its charger."""
         self._reported.charging = charging
+
+    def _prepare(self, arrival_s: float) -> None:
+        """Carry what is known to the newest pose now, so that no command waits for it."""
+        if self.grants.current:
+            self._gate.obstacles(arrival_s)
 
     # --- what is told of it ------------------------------------------------------------------------
 
@@ -412,8 +419,8 @@ class Core:
             self._need_neutral(refusal.code, _HALTING[refusal.code])
         if told := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
-        stopped = self.stop_state.state != "clear"
-        self._verdict = self._verdict._replace(limits=verdict.limits) if stopped else verdict
+        if self.stop_state.state == "clear":
+            self._verdict = verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
 

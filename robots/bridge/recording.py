@@ -65,10 +65,11 @@ class Recorder:
     def recorded(self, gate: Gate) -> Gate:
         """The same gate; what it is told from now on is written down."""
         for method in _methods():
-            setattr(gate, method, self._noted(method, getattr(gate, method)))
+            setattr(gate, method, self._noted(gate, method))
         return gate
 
-    def _noted(self, method: str, call: Callable[..., Any]) -> Callable[..., Any]:
+    def _noted(self, gate: Gate, method: str) -> Callable[..., Any]:
+        call = getattr(gate, method)
         signature = inspect.signature(call)
 
         @wraps(call)
@@ -76,7 +77,8 @@ class Recorder:
             answer = call(*args, **named)
             bound = signature.bind(*args, **named)
             bound.apply_defaults()
-            self._write((method, list(bound.args), answer if method == "decide" else None))
+            told = _with_limits(gate, answer, bound.args[2]) if method == "decide" else None
+            self._write((method, list(bound.args), told))
             return answer
 
         return note
@@ -104,7 +106,12 @@ def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterato
         replayed = getattr(gate, method)(*args)
         if method == "decide":
             recorded = msgspec.convert(answer, Verdict)
-            yield Decision(args[2], args[0], recorded, replayed)
+            yield Decision(args[2], args[0], recorded, _with_limits(gate, replayed, args[2]))
+
+
+def _with_limits(gate: Gate, verdict: Verdict, now_s: float) -> Verdict:
+    """The verdict with the limits that are shown beside it."""
+    return verdict._replace(limits=gate.limits(now_s))
 
 
 def _frames(path: Path) -> Iterator[bytes]:

@@ -11,7 +11,7 @@ import numpy as np
 from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import Kind, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.gate.values import Hold, Kind, Obstacles, Pose, Velocity, Verdict
 from robots.bridge.orders import Orders
 from robots.wire import Grant, StopState
 
@@ -47,7 +47,7 @@ def state(
         text=standing.text,
         stop=standing.stop,
         # Limits are the driver's; some sensors are listened to only for one.
-        verdict=_verdict(standing.verdict if grant else standing.verdict._replace(limits=())),
+        verdict=_verdict(standing.verdict, gate.limits(now_s) if grant else ()),
         odometry=_odometry(*standing.odometry) if standing.odometry else None,
         sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
         battery_percent=standing.battery_percent,
@@ -107,7 +107,7 @@ def _odometry(pose: Pose, velocity: Velocity) -> wire.Odometry:
     return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
 
 
-def _verdict(verdict: Verdict) -> wire.Verdict:
+def _verdict(verdict: Verdict, limits: Sequence[Hold]) -> wire.Verdict:
     def rounded(velocity: Velocity) -> tuple[float, float, float]:
         return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
 
@@ -121,7 +121,7 @@ def _verdict(verdict: Verdict) -> wire.Verdict:
         bearing_rad=_rounded(verdict.bearing_rad),
         side=verdict.side,
         point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
-        limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in verdict.limits],
+        limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in limits],
         way=verdict.way,
     )
 

@@ -21,6 +21,7 @@ from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
+    Hold,
     Limits,
     Obstacles,
     Pose,
@@ -89,6 +90,9 @@ class OpenGate:
         self.latency.acknowledged(took_s, now_s)
 
     def observe_range(self, *_observation: object) -> None: ...
+
+    def limits(self, _now_s: float) -> tuple[Hold, ...]:
+        return ()
 
     def decide(self, asked: Velocity, _sent: Velocity, _now_s: float) -> Verdict:
         if asked != STILL and self.says:

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from robots.bridge.core import RosStatus
-from robots.bridge.gate.values import STILL, Hold, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Hold, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.store import Persisted
 from robots.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
@@ -604,9 +604,8 @@ def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench
         Hold("arm_away", "held to 0.2 m/s", 0.2),
         Hold("sonar_stale", "held to 0.1 m/s", 0.1, "reverse"),
     )
-    bench.gate.says = lambda asked: Verdict(
-        STILL, asked, "sonar_stale", limits[1].text, limits=limits, way="reverse"
-    )
+    bench.gate.says = lambda asked: Verdict(STILL, asked, "sonar_stale", limits[1].text, way="reverse")
+    bench.gate.limits = lambda now_s: limits
     bench.stick(-0.5)
     told = bench.core.state(bench.now_s, []).verdict
     assert (told.code, told.way) == ("sonar_stale", "reverse")
@@ -616,3 +615,17 @@ def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench
     )
     bench.core.revoke(1, "enough", bench.now_s)
     assert bench.core.state(bench.now_s, []).verdict.limits == []
+
+
+def test_what_arrives_is_carried_to_the_newest_pose_before_a_command_asks_while_somebody_has_control(bench):
+    prepared = []
+    bench.gate.obstacles = prepared.append
+    bench.gate.observe_scan = lambda _scan: None
+    scan = LaserScan("laser", 50.0, 101.0, [1.0], 0.0, 0.1, 0.1, 9.0)
+    for granted in (False, True):
+        if granted:
+            bench.granted()
+        bench.core.odometry(50.0 + granted, 100.5, Pose(0.0, 0.0, 0.0), STILL, 50.0)
+        bench.core.laser(scan)
+        bench.core.range("sonar", 50.0, 101.5, 1.0)
+    assert prepared == [100.5, 101.0, 101.5], "by nobody's stick is nothing made ready"

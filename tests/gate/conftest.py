@@ -96,7 +96,8 @@ class Feeder:
         """As if the same had been sent before: there is no step up left to be made, and no answer to wait for."""
         asked = Velocity(vx, vy, w)
         with patch.object(self.gate.latency, "sent"):
-            return self.gate.decide(asked, asked, self.now_s)
+            verdict = self.gate.decide(asked, asked, self.now_s)
+        return verdict._replace(limits=self.gate.limits(self.now_s))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from robots.bridge.gate.footprint import Discs
 from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
 from robots.bridge.gate.values import Hold
-from tests.gate.conftest import Feeder, tiago_profile
+from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 RADIUS_M = 0.09
 ahead = Posture(at_home=False, discs=discs_along(np.array([(0.15, 0.0), (0.45, 0.0), (0.8, 0.0)]), RADIUS_M))
@@ -117,3 +117,13 @@ def test_back_home_the_footprint_is_the_base_again(arm):
 
 def test_a_robot_without_an_arm_knows_nothing_of_it(tiago):
     assert tiago.decide(0.8).code == "free"
+
+
+def test_a_box_that_its_arm_holds_back_has_nothing_left_for_what_is_under_the_arm_to_take():
+    feeder = Feeder(box_profile(has_arm=True))
+    feeder.ranges = np.full(571, math.inf)
+    feeder.ranges[255:316] = 0.7  # right before the hand
+    feeder.ranges[281:290] = 0.55  # under it
+    feeder.all()
+    feeder.gate.observe_posture(Posture(at_home=False, discs=((0.55, 0.0, 0.12),)), feeder.now_s)
+    assert feeder.decide(0.8).velocity.vx == 0.0

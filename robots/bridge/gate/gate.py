@@ -37,6 +37,7 @@ import numpy as np
 from msgspec import structs
 
 from robots.bridge.gate import arc, posture, words
+from robots.bridge.gate.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.health import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
@@ -44,7 +45,8 @@ from robots.bridge.gate.holds import Holds
 from robots.bridge.gate.laser_memory import LaserMemory
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.movers import MOVER, Movers
-from robots.bridge.gate.planar import Points, joined, placed, put
+from robots.bridge.gate.obstacle_cache import ObstacleCache
+from robots.bridge.gate.planar import Points, placed, put
 from robots.bridge.gate.restraint import (
     OBSTACLE,
     Cause,
@@ -54,7 +56,7 @@ from robots.bridge.gate.restraint import (
     is_still,
     restrain,
 )
-from robots.bridge.gate.rollout import LONGEST_STEP_S, Commands, safe_share, stepped_up
+from robots.bridge.gate.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
 from robots.bridge.gate.sources import Laser, Sonar, Source
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import (
@@ -108,9 +110,7 @@ class Gate:
         depth, depth_memory = ((self._depth,), (self._depth.remembered,)) if self._depth else ((), ())
         self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *depth)
         self._sources = (*self._sensors, *self._memories.values(), *depth_memory)
-        self._names = tuple(source.name for source in self._sources)
-        self._kinds = tuple(source.kind for source in self._sources)
-        self._cached: tuple[tuple[int, ...], Obstacles] | None = None
+        self._cache = ObstacleCache(self._sources, self._trail)
 
     # --- what comes in ------------------------------------------------------------------------
 
@@ -182,12 +182,11 @@ class Gate:
 
     def obstacles(self, now_s: float) -> Obstacles:
         """All points, base frame of the newest odometry. Computed again only when something came or went."""
-        key = (self._trail.revision, *(source.revision(now_s) for source in self._sources))
-        if self._cached is None or self._cached[0] != key:
-            parts = [source.points(self._trail, now_s) for source in self._sources]
-            source = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-            self._cached = key, Obstacles(joined(parts), source, self._names, self._kinds)
-        return self._cached[1]
+        return self._cache.obstacles(now_s)
+
+    def limits(self, now_s: float) -> tuple[Hold, ...]:
+        """The limits that hold whatever is asked, for who shows or records them: no command waits for it."""
+        return self._holds.standing(self._holds.everywhere(self.latency.in_force_s(now_s), now_s), now_s)
 
     def standstill(self, now_s: float) -> bool | None:
         """Whether odometry says that the robot stands; None while it is too old to tell."""
@@ -234,37 +233,49 @@ class Gate:
     def _decided(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         latency_s = self.latency.in_force_s(now_s)
         everywhere = self._holds.everywhere(latency_s, now_s)
-        limits = self._holds.standing(everywhere, now_s)
         if not is_finite(asked):
-            return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number", limits=limits)
+            return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number")
         possible = clamped(asked, self.profile)
         if is_still(possible):
-            return Verdict(STILL, asked, "idle", "", limits=limits)
+            return Verdict(STILL, asked, "idle", "")
         if fault := self._holds.fault(now_s):
             text = f"stopped: {fault.text}"
-            return Verdict(STILL, asked, fault.code, text, fault.sensor, limits=limits, neutral=True)
+            return Verdict(STILL, asked, fault.code, text, fault.sensor, neutral=True)
         held = self._holds.held(asked, possible, everywhere, self.footprint, now_s)
         wanted = held.velocity
         if is_still(wanted):
-            return Verdict(STILL, asked, held.code, held.text, limits=limits, way=held.way)
-        obstacles = self.obstacles(now_s)
+            return Verdict(STILL, asked, held.code, held.text, way=held.way)
         turn_rates = (self._velocity.w, sent.w)
         profile = self._with_latency_of(latency_s)
+        obstacles = self.obstacles(now_s)
         hulls = self._hulls(obstacles)
         allowed, cause = wanted, None
-        for hull, near in hulls:
-            found = restrain(allowed, turn_rates, near.points, near.source, hull, profile)
-            if found.velocity != allowed:
-                allowed, cause = found.velocity, found.cause
+        if not restrains_nothing(wanted, turn_rates, obstacles.points, self.footprint, profile):
+            for hull, near in hulls:
+                if is_still(allowed):
+                    break
+                found = restrain(allowed, turn_rates, near.points, near.source, hull, profile)
+                if found.velocity != allowed:
+                    allowed, cause = found.velocity, found.cause
         step_s = min(now_s - self._decided_s, LONGEST_STEP_S)
         risen = stepped_up(sent, allowed, profile, step_s)
-        for hull, near in hulls:
-            rolled = self._rolled_out(risen, hull, near, profile, now_s)
-            if rolled.cause is not None:
-                allowed, risen, cause = rolled.velocity, rolled.velocity, rolled.cause
+        queue = self._commands.lately(now_s, profile.parameters.latency_s)
+        if not self._plays_clear(risen, queue, obstacles.points, profile):
+            for hull, near in hulls:
+                rolled = self._rolled_out(risen, queue, hull, near, profile)
+                if rolled.cause is not None:
+                    allowed, risen, cause = rolled.velocity, rolled.velocity, rolled.cause
         if cause is None:
-            return Verdict(risen, asked, held.code, held.text, limits=limits, way=held.way)
-        return self._restrained(asked, wanted, allowed, cause, limits)._replace(velocity=risen)
+            return Verdict(risen, asked, held.code, held.text, way=held.way)
+        return self._restrained(asked, wanted, allowed, cause)._replace(velocity=risen)
+
+    def _plays_clear(
+        self, candidate: Velocity, queue: list[Sent], points: Points, profile: GateProfile
+    ) -> bool:
+        """Whether it is certain that a roll-out takes nothing away: nothing moves, and all is far off."""
+        if any(movers.any for movers in self._movers.values()):
+            return False
+        return plays_clear(candidate, queue, self._velocity, points, self.footprint, profile, PERIOD_S)
 
     def _hulls(self, obstacles: Obstacles) -> list[tuple[Footprint, Obstacles]]:
         """Which hull must stay clear of which obstacles.
@@ -281,7 +292,12 @@ class Gate:
         ]
 
     def _rolled_out(
-        self, candidate: Velocity, hull: Footprint, obstacles: Obstacles, profile: GateProfile, now_s: float
+        self,
+        candidate: Velocity,
+        queue: list[Sent],
+        hull: Footprint,
+        obstacles: Obstacles,
+        profile: GateProfile,
     ) -> Restraint:
         """The share of a candidate that stays clear when it is played out, and what is in the way of more."""
         if is_still(candidate):
@@ -291,7 +307,7 @@ class Gate:
         points = obstacles.points if drift is None else obstacles.points + self._scan_age_s() * drift
         rolled = safe_share(
             candidate,
-            self._commands.lately(now_s, profile.parameters.latency_s),
+            queue,
             self._velocity,
             points,
             drift,
@@ -327,9 +343,7 @@ class Gate:
             drift = np.where(drift.any(axis=1, keepdims=True), drift, movers.drift(there))
         return placed(drift, Pose(0.0, 0.0, -newest.yaw))
 
-    def _restrained(
-        self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause, limits: tuple[Hold, ...]
-    ) -> Verdict:
+    def _restrained(self, asked: Velocity, wanted: Velocity, allowed: Velocity, cause: Cause) -> Verdict:
         """The verdict about a twist that an obstacle holds back."""
         source = self._sources[cause.source]
         bearing = math.atan2(cause.point[1], cause.point[0])
@@ -344,7 +358,6 @@ class Gate:
             bearing,
             words.side(bearing),
             cause.point,
-            limits,
         )
 
 

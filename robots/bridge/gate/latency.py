@@ -56,14 +56,17 @@ class Latency:
         self._in_force_s = assumed_s
         self._backlogs: dict[str, Backlog] = {}
         self._commands = Backlog()
+        self._later_s = 0.0  # than at best, by the newest arrivals
 
     def arrived(self, source: str, stamp_s: float, arrival_s: float) -> None:
         """Something new came from a source: odometry, or a laser."""
         self._backlogs.setdefault(source, Backlog()).arrived(stamp_s, arrival_s)
+        self._reckon_backlogs()
 
     def acknowledged(self, took_s: float, now_s: float) -> None:
         """So long the robot's machine took to acknowledge a twist: the way there and back."""
         self._commands.took(took_s, now_s)
+        self._reckon_backlogs()
 
     def sent(self, velocity: Velocity, now_s: float) -> None:
         """A twist was published."""
@@ -88,9 +91,11 @@ class Latency:
         while its messages come later than at best.
         """
         waited_s = max(axis.waited_s(now_s) for axis in self._axes)
+        return max(self._in_force_s, min(waited_s, LONGEST_S)) + self._later_s
+
+    def _reckon_backlogs(self) -> None:
         later_s = max((backlog.later_s for backlog in self._backlogs.values()), default=0.0)
-        later_s = max(BOTH_WAYS * later_s, self._commands.later_s)
-        return max(self._in_force_s, min(waited_s, LONGEST_S)) + later_s
+        self._later_s = max(BOTH_WAYS * later_s, self._commands.later_s)
 
     def _from_measurements(self) -> float:
         late_s = float(np.quantile(self._measured, SHARE, method="higher")) + ADDED_S
@@ -104,6 +109,7 @@ class Backlog:
         self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
         self._best_s = math.inf
         self._stamp_s = -math.inf
+        self.later_s = 0.0  # by how much even the quickest of late came later than the best one, jitter apart
 
     def arrived(self, stamp_s: float, arrival_s: float) -> None:
         """Something new came. Stamps go back only where a clock was set."""
@@ -120,14 +126,8 @@ class Backlog:
         while now_s - self._lately[0][0] > LATELY_S:
             self._lately.popleft()
         self._best_s = min(self._best_s + ACCEPTED * max(passed_s, 0.0), after_s)
-
-    @property
-    def later_s(self) -> float:
-        """By how much even the quickest message of late came later than the best one, jitter apart."""
-        if not self._lately:
-            return 0.0
         quickest_s = min(after_s for _, after_s in self._lately)
-        return min(max(quickest_s - self._best_s - JITTER_S, 0.0), MOST_BACKLOG_S)
+        self.later_s = min(max(quickest_s - self._best_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
 
 class _Axis:

@@ -199,11 +199,11 @@ def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
         return np.empty(0, dtype=np.intp)
     linear, _ = braking.deceleration(surroundings.profile)
     slowing_m = braking.way_between(v, parameters.creep_mps, parameters.latency_s, linear)
-    near = surroundings.gaps < slowing_m + _harmless_m(v, parameters)
+    near = surroundings.gaps < slowing_m + harmless_m(v, parameters)
     return (near & (surroundings.points[:, 0] > 0.0)).nonzero()[0]
 
 
-def _harmless_m(v: float, parameters: Parameters) -> float:
+def harmless_m(v: float, parameters: Parameters) -> float:
     """The clearance at which a near miss allows this speed."""
     return parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
 
@@ -221,7 +221,7 @@ def _passing_share(
     parameters = surroundings.profile.parameters
     clear = clearances(course.track.take(passed), twist, surroundings.footprint)
     growth = surroundings.growth_of(passed)
-    near = ((clear < _harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
+    near = ((clear < harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
     if not len(near):
         return FREE
     clear, rows = clear.take(near), passed.take(near)

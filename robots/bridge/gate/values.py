@@ -133,8 +133,8 @@ class Verdict(NamedTuple):
     """What may be sent, and why not more.
 
     `code`: "idle" (nothing asked), "free", or the rule that holds back; `way` as in `Hold`, if one holds back. `limits`
-    are those that hold whatever is asked. `neutral` says that this was a stop of the kind after which the stick must
-    return to neutral (stale or missing data).
+    are those that hold whatever is asked; `Gate.decide` leaves them out, `Gate.limits` tells them. `neutral` says that
+    this was a stop of the kind after which the stick must return to neutral (stale or missing data).
     """
 
     velocity: Velocity

@@ -37,7 +37,7 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
                 else:
                     verdict = gate.decide(_twist(message), sent, time.to_sec())
                     sent = verdict.velocity
-                    yield time.to_sec(), verdict
+                    yield time.to_sec(), verdict._replace(limits=gate.limits(time.to_sec()))
     except (rosbag.ROSBagException, OSError) as error:
         raise BadRecording(f"{file.name} is no rosbag, or was cut: {error}") from error
     for needed in (topics.odometry.name, topics.drive.name):
