@@ -32,6 +32,6 @@ END_S = 5.0
 if "daphne.server" in sys.modules:  # which has chosen the reactor
     from twisted.internet import reactor
 
-    reactor.addSystemEventTrigger("before", "shutdown", leave_within, END_S)  # type: ignore[arg-type]
+    reactor.addSystemEventTrigger("before", "shutdown", leave_within, END_S)
 
 application = ProtocolTypeRouter({"http": http, "websocket": guarded(URLRouter(websocket_urlpatterns))})

@@ -1,0 +1,204 @@
+"""HTTP connections within limits: a request that passes one is told so at once, and nothing more of it is read."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from io import BytesIO
+from typing import Any
+
+from daphne import http_protocol
+from daphne.utils import parse_x_forwarded_for
+from twisted.web import http
+
+from fleet.server import limits
+from fleet.server.limits import Refusal, Refused
+
+TOLD_WITHIN_S = 1.0  # so long a refused client may take to read why
+
+
+class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no types
+    """One request: its body stays in memory and within its limit."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._parsePOSTFormSubmission = False  # Django does
+        self._most_bytes = limits.BODY_BYTES
+        self._counted_bytes = 0
+        self._place: str | None = None
+
+    def gotLength(self, length: int | None) -> None:
+        """All headers are there; `length` is that of the body, None if it is sent in chunks."""
+        self._most_bytes = limits.most_body_bytes(
+            session_cookie=self.server.session_cookie in self.received_cookies
+        )
+        self.content = BytesIO()
+        self._count(length or 0)
+
+    def handleContentChunk(self, data: bytes) -> None:
+        """A part of the body."""
+        self._count(max(0, self.content.tell() + len(data) - self._counted_bytes))
+        super().handleContentChunk(data)
+
+    def _count(self, more_bytes: int) -> None:
+        if self._counted_bytes + more_bytes > self._most_bytes:
+            raise Refused(limits.body_too_large(self._most_bytes))
+        if self.server.bodies_bytes + more_bytes > limits.BODIES_BYTES:
+            raise Refused(limits.busy())
+        self._counted_bytes += more_bytes
+        self.server.bodies_bytes += more_bytes
+
+    def forget_body(self) -> None:
+        """The body no longer counts: it was handed on, or the request is over."""
+        self.server.bodies_bytes -= self._counted_bytes
+        self._counted_bytes = 0
+
+    def process(self) -> Any:
+        """The whole request is there."""
+        address = self.address()
+        if not self.server.requests.take(address):
+            self.forget_body()
+            return self.channel.refuse(limits.busy())
+        self._place = address
+        return super().process()
+
+    def address(self) -> str:
+        """Whose request this is, for counting: a proxy that is believed says so."""
+        peer = [str(getattr(self.client, "host", ""))]
+        with suppress(ValueError):  # not text
+            peer, _scheme = parse_x_forwarded_for(
+                self.requestHeaders, self.server.proxy_forwarded_address_header, None, None, peer
+            )
+        return str(peer[0])
+
+    def over(self) -> None:
+        """It was answered, given up, or became a WebSocket. May be said more than once."""
+        self.forget_body()
+        if self._place is not None:
+            self.server.requests.give_back(self._place)
+            self._place = None
+
+    def finish(self) -> None:
+        """The answer is complete."""
+        self.over()
+        super().finish()
+
+    def connectionLost(self, reason: Any) -> None:
+        """The connection is gone."""
+        self.over()
+        super().connectionLost(reason)
+
+
+class Channel(http.HTTPChannel):  # type: ignore[misc]
+    """One connection, which carries requests one after the other."""
+
+    totalHeadersSize = 2 * limits.HEAD_BYTES  # ours is below
+    MAX_LENGTH = limits.HEAD_BYTES
+    requestFactory = Request
+    _refused = False
+    _between = False  # two requests
+
+    @property
+    def server(self) -> Any:
+        """The server that this connection belongs to."""
+        return self.factory.server
+
+    def connectionMade(self) -> None:
+        """Take a place, or leave again."""
+        super().connectionMade()
+        self.setTimeout(limits.HEAD_S)
+        if not self.server.entered(self):
+            self.refuse(limits.busy())
+
+    def resetTimeout(self) -> None:
+        """Bytes that trickle in do not buy time: a request has to be there in time."""
+
+    def dataReceived(self, data: bytes) -> None:
+        """More of a request."""
+        if self._refused:
+            return
+        if self._between:
+            self._between = False
+            self.setTimeout(limits.HEAD_S)
+        try:
+            super().dataReceived(data)
+        except Refused as error:
+            self.refuse(error.refusal)
+
+    def lineReceived(self, line: bytes) -> None:
+        """A line of the head."""
+        first = not hasattr(self, "_command")
+        if first and len(line) > limits.URL_BYTES:
+            raise Refused(limits.url_too_long())
+        if self._receivedHeaderSize + len(line) > limits.HEAD_BYTES:
+            raise Refused(limits.head_too_large())
+        super().lineReceived(line)
+
+    def lineLengthExceeded(self, _line: bytes) -> None:
+        """A line that does not end."""
+        raise Refused(limits.head_too_large() if hasattr(self, "_command") else limits.url_too_long())
+
+    def headerReceived(self, line: bytes) -> bool:
+        """A header."""
+        if self._receivedHeaderCount >= limits.HEADERS:
+            raise Refused(limits.head_too_large())
+        return bool(super().headerReceived(line))
+
+    def allHeadersReceived(self) -> None:
+        """The head is complete; a body may follow."""
+        super().allHeadersReceived()
+        self.setTimeout(limits.BODY_S)
+
+    def allContentReceived(self) -> None:
+        """The request is complete."""
+        self.server.working(self)
+        super().allContentReceived()
+
+    def requestDone(self, request: Any) -> None:
+        """It was answered; another one may come by this connection."""
+        if self.persistent:
+            self.server.waiting(self)
+        self._between = True
+        self._savedTimeOut = limits.IDLE_S
+        super().requestDone(request)
+
+    def timeoutConnection(self) -> None:
+        """Nothing came, or not all of it."""
+        if self._between or not (self.requests or self._buffer):
+            self.transport.abortConnection()
+        else:
+            self.refuse(limits.too_slow(limits.BODY_S if self.length else limits.HEAD_S))
+
+    def _respondToBadRequestAndDisconnect(self) -> None:
+        raise Refused(limits.malformed())
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Say why, read nothing more, and close the connection soon after."""
+        if self._refused:
+            return
+        self._refused = True
+        self.setTimeout(None)
+        for request in self.requests:
+            request.over()
+        self.transport.unregisterProducer()
+        self.transport.write(refusal.response())
+        self.transport.pauseProducing()
+        if hasattr(self.transport, "loseWriteConnection"):
+            self.transport.loseWriteConnection()
+        # A close before the client has read would take the answer from it.
+        self.callLater(TOLD_WITHIN_S, self.transport.abortConnection)
+
+    def connectionLost(self, reason: Any) -> None:
+        """The connection is gone."""
+        self.server.left(self.transport)
+        super().connectionLost(reason)
+
+
+class Factory(http_protocol.HTTPFactory):  # type: ignore[misc]
+    """Makes `Channel`s, without Twisted's wrapper for HTTP/2, which the console does not speak."""
+
+    def buildProtocol(self, _address: Any) -> Channel:
+        """For a new connection."""
+        channel = Channel()
+        channel.factory = self
+        channel.timeOut = limits.IDLE_S
+        return channel

@@ -1,0 +1,70 @@
+"""The server and its command line."""
+
+from __future__ import annotations
+
+import resource
+from typing import Any
+
+from daphne import server as daphne_server  # first: it chooses Twisted's reactor
+from daphne.cli import CommandLineInterface
+
+from fleet.server import channel, limits, websocket
+from fleet.server.connections import Connections, Places
+
+# `Server.run` makes its factories by these names, and offers no other way to make others.
+daphne_server.HTTPFactory = channel.Factory
+daphne_server.WebSocketFactory = websocket.Factory
+
+
+class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
+    """Daphne, which counts who is connected."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        from django.conf import settings  # the application was imported before
+
+        super().__init__(*args, **options)
+        self.session_cookie = settings.SESSION_COOKIE_NAME.encode()
+        self.open: Connections[Any] = Connections()
+        self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
+        self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
+        self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
+
+    def run(self) -> None:
+        """Until it is told to end."""
+        _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
+        super().run()
+
+    def entered(self, connection: channel.Channel) -> bool:
+        """Whether there is a place for a new connection; the oldest that only waits leaves for it."""
+        address = getattr(connection.transport.getPeer(), "host", None)
+        if self.proxy_forwarded_address_header:
+            address = None
+        admitted, leaves = self.open.admit(connection.transport, address)
+        if leaves is not None:
+            leaves.abortConnection()
+        return admitted
+
+    def working(self, connection: channel.Channel) -> None:
+        """It has sent a whole request."""
+        self.open.working(connection.transport)
+
+    def waiting(self, connection: channel.Channel) -> None:
+        """Its request was answered."""
+        self.open.waiting(connection.transport)
+
+    def left(self, transport: Any) -> None:
+        """It is closed."""
+        self.open.left(transport)
+
+
+class CommandLine(CommandLineInterface):  # type: ignore[misc]
+    """Daphne's, with smaller WebSocket messages."""
+
+    server_class = Server
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.parser.set_defaults(
+            websocket_max_message_size=limits.MESSAGE_BYTES, websocket_max_frame_size=limits.MESSAGE_BYTES
+        )

@@ -1,0 +1,94 @@
+"""Who is connected: how many connections, requests and WebSockets there are, in all and from each address.
+
+A new connection takes the place of the oldest that only waits, so that strangers who keep many open lock nobody out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from fleet.server import limits
+
+K = TypeVar("K", bound=Hashable)
+
+
+@dataclass
+class Connections(Generic[K]):
+    """Open connections by a key of the caller's choice.
+
+    `address` is None where one address stands for many people: a proxy, or a Unix socket.
+    """
+
+    most: int = limits.CONNECTIONS
+    most_of_address: int = limits.CONNECTIONS_OF_ADDRESS
+    _open: dict[K, str | None] = field(default_factory=dict)
+    _waiting: dict[K, None] = field(default_factory=dict)  # oldest first; has sent nothing whole since
+    _of_address: Counter[str] = field(default_factory=Counter)
+
+    def admit(self, key: K, address: str | None) -> tuple[bool, K | None]:
+        """Whether this one may come in, and which waiting one must leave for it."""
+        leaves = None
+        if address is not None and self._of_address[address] >= self.most_of_address:
+            leaves = next((waiting for waiting in self._waiting if self._open[waiting] == address), None)
+            if leaves is None:
+                return False, None
+        elif len(self._open) >= self.most:
+            leaves = next(iter(self._waiting), None)
+            if leaves is None:
+                return False, None
+        if leaves is not None:
+            self.left(leaves)
+        self._open[key] = address
+        self._waiting[key] = None
+        if address is not None:
+            self._of_address[address] += 1
+        return True, leaves
+
+    def working(self, key: K) -> None:
+        """A request of this connection is being answered, or it became a WebSocket: it keeps its place."""
+        self._waiting.pop(key, None)
+
+    def waiting(self, key: K) -> None:
+        """It waits again."""
+        if key in self._open:
+            self._waiting[key] = None
+
+    def left(self, key: K) -> None:
+        """It is closed. May be said more than once."""
+        self._waiting.pop(key, None)
+        address = self._open.pop(key, None)
+        if address is not None:
+            self._of_address[address] -= 1
+            if not self._of_address[address]:
+                del self._of_address[address]
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+
+@dataclass
+class Places:
+    """Places that are taken and given back, in all and for each address."""
+
+    most: int
+    most_of_address: int
+    taken: int = 0
+    _of_address: Counter[str] = field(default_factory=Counter)
+
+    def take(self, address: str) -> bool:
+        """False if there is none."""
+        if self.taken >= self.most or self._of_address[address] >= self.most_of_address:
+            return False
+        self.taken += 1
+        self._of_address[address] += 1
+        return True
+
+    def give_back(self, address: str) -> None:
+        """A place that was taken."""
+        self.taken -= 1
+        self._of_address[address] -= 1
+        if not self._of_address[address]:
+            del self._of_address[address]

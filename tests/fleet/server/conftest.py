@@ -1,0 +1,93 @@
+"""A real web process of its own, and strangers with plain sockets."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from script.stack.processes import Child, end_all
+from script.stack.stack import daphne
+
+ROOT = Path(__file__).resolve().parents[3]
+PASSWORD = "a long walk on the beach"
+READY_S = 60
+
+
+class Web:
+    """A running web process. Somebody named "first" has an account."""
+
+    def __init__(self, child, port, environ):
+        self.child = child
+        self.port = port
+        self.environ = environ
+
+    def connect(self):
+        return socket.create_connection(("127.0.0.1", self.port), timeout=30)
+
+    def say(self, data):
+        """Send these bytes by a connection of their own; what comes until it closes."""
+        with self.connect() as stranger:
+            stranger.sendall(data)
+            return heard(stranger)
+
+    def resident_bytes(self):
+        """Of the process that owns the port."""
+        pages = int(Path(f"/proc/{self.child.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGESIZE")
+
+
+def heard(stranger):
+    """Everything until the server closes the connection."""
+    parts = []
+    try:
+        while part := stranger.recv(65536):
+            parts.append(part)
+    except ConnectionResetError:
+        pass
+    return b"".join(parts)
+
+
+@pytest.fixture(scope="session")
+def web(tmp_path_factory):
+    """Debug spares the collecting of static files; what is tested here is the same."""
+    directory = tmp_path_factory.mktemp("web")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "DJANGO_"))}
+    environ = {
+        **kept,
+        "FLEET_VAR": str(directory / "var"),
+        "FLEET_SECRET_KEY": "k" * 50,
+        "FLEET_HOSTS": "127.0.0.1",
+        "FLEET_DEBUG": "1",
+    }
+    manage = [sys.executable, "manage.py"]
+    account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
+    with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
+    subprocess.run([*manage, "migrate", "--verbosity", "0"], cwd=ROOT, env=environ, check=True)
+    subprocess.run([*manage, *account], cwd=ROOT, env=with_password, check=True)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        child = Child(
+            "web",
+            [*daphne(), "--fd", str(free.fileno())],
+            env=environ,
+            log=directory / "web.log",
+            fds=[free.fileno()],
+        )
+        running = Web(child, free.getsockname()[1], environ)
+        try:
+            _wait_until_it_answers(running)
+            yield running
+        finally:
+            end_all([child])
+
+
+def _wait_until_it_answers(web):
+    deadline = time.monotonic() + READY_S
+    while time.monotonic() < deadline and web.child.running:
+        if b" 200 OK" in web.say(b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n"):
+            return
+        time.sleep(0.05)
+    pytest.fail(f"no web process: {web.child.last_lines()}")

@@ -1,0 +1,55 @@
+"""Places for connections and requests: a class fits behind one address, and no stranger locks anybody out."""
+
+import pytest
+
+from fleet.server.connections import Connections, Places
+
+
+@pytest.fixture
+def connections():
+    return Connections(most=4, most_of_address=3)
+
+
+def test_the_oldest_that_waits_leaves_for_a_new_one(connections):
+    for number in range(4):
+        assert connections.admit(number, f"address {number % 2}") == (True, None)
+    connections.working(0)
+    assert connections.admit("new", "address 2") == (True, 1)
+    assert len(connections) == 4
+
+
+def test_an_address_that_has_many_makes_room_among_its_own(connections):
+    connections.admit("other", "another")
+    for number in range(3):
+        connections.admit(number, "one")
+    assert connections.admit("new", "one") == (True, 0)
+
+
+def test_connections_that_work_are_never_sent_away(connections):
+    for number in range(4):
+        connections.admit(number, None)
+        connections.working(number)
+    assert connections.admit("new", "address") == (False, None)
+    connections.left(2)
+    assert connections.admit("new", "address") == (True, None)
+
+
+def test_one_that_was_answered_waits_again(connections):
+    for number in range(4):
+        connections.admit(number, None)
+        connections.working(number)
+    connections.waiting(3)
+    assert connections.admit("new", "address") == (True, 3)
+    connections.waiting(3)  # it is gone
+    assert connections.admit("newer", "address") == (True, "new")
+
+
+def test_a_place_is_given_back(connections):
+    places = Places(most=3, most_of_address=2)
+    assert places.take("one")
+    assert places.take("one")
+    assert not places.take("one")
+    assert places.take("another")
+    assert not places.take("a third")
+    places.give_back("one")
+    assert places.take("a third")

@@ -1,0 +1,94 @@
+"""What strangers send is bounded before Django hears of it, by the real server."""
+
+import http.client
+import json
+import re
+
+import pytest
+
+from fleet.server import limits
+
+MEGABYTE = 1024 * 1024
+HEAD = b"POST /accounts/sign-in/ HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+
+
+def told(answer):
+    """Status and refusal of an answer."""
+    head, body = answer.split(b"\r\n\r\n", 1)
+    return int(head.split()[1]), json.loads(body)
+
+
+@pytest.mark.parametrize(
+    "path", [b"/", b"/accounts/sign-in/", b"/api/robots/", b"/robots/x/stop/", b"/nowhere"]
+)
+def test_a_huge_body_is_refused_before_it_is_sent(web, path):
+    declared = b"POST %s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: %d\r\n\r\n" % (path, 500 * MEGABYTE)
+    status, refusal = told(web.say(declared))
+    assert (status, refusal["code"]) == (413, "body_too_large")
+    assert refusal["figures"] == {"most_bytes": limits.BODY_BYTES}
+
+
+def test_a_body_in_chunks_is_read_up_to_its_limit_and_no_further(web):
+    before = web.resident_bytes()
+    chunk = b"10000\r\n" + bytes(0x10000) + b"\r\n"
+    sent = 0
+    with web.connect() as stranger:
+        stranger.sendall(HEAD + b"Transfer-Encoding: chunked\r\n\r\n")
+        with pytest.raises((BrokenPipeError, ConnectionResetError)):
+            while sent < 200 * MEGABYTE:
+                stranger.sendall(chunk)
+                sent += len(chunk)
+    assert sent < 20 * MEGABYTE  # what fits into the kernel's buffers
+    assert web.resident_bytes() - before < 20 * MEGABYTE
+
+
+def test_a_session_cookie_allows_an_admin_form_but_not_more(web):
+    cookie = b"Cookie: %s=x\r\n" % _session_cookie_of(web).encode()
+    head = HEAD + cookie + b"Connection: close\r\nContent-Length: %d\r\n\r\n"
+    assert b" 403 " in web.say(head % MEGABYTE + bytes(MEGABYTE))  # Django's own answer: no token
+    assert told(web.say(head % (500 * MEGABYTE)))[0] == 413
+
+
+def _session_cookie_of(web):
+    """Its name: consoles on one host have different ones."""
+    connection = http.client.HTTPConnection("127.0.0.1", web.port)
+    connection.request("GET", "/cookies/")
+    return re.search(r"fleet_session_\w+", connection.getresponse().read().decode())[0]
+
+
+def test_a_long_address_and_large_headers_are_refused(web):
+    status, refusal = told(web.say(b"GET /" + b"a" * 20000 + b" HTTP/1.1\r\n\r\n"))
+    assert (status, refusal["code"]) == (414, "url_too_long")
+    many = b"".join(b"X-%d: y\r\n" % number for number in range(limits.HEADERS + 2))
+    for headers in (many, b"X: " + b"y" * 20000 + b"\r\n", b"X: " + b"y" * 100000):
+        status, refusal = told(web.say(b"GET / HTTP/1.1\r\n" + headers))
+        assert (status, refusal["code"]) == (431, "headers_too_large")
+
+
+def test_no_http_is_refused_in_words(web):
+    status, refusal = told(web.say(b"\x16\x03\x01 no http at all\r\n\r\n"))
+    assert (status, refusal["code"]) == (400, "malformed")
+
+
+def test_bytes_that_trickle_in_do_not_buy_time(web):
+    with web.connect() as stranger:
+        stranger.sendall(b"GET / HTTP/1.1\r\n")
+        stranger.settimeout(1.0)
+        answer = b""
+        for number in range(int(limits.HEAD_S) + 10):
+            try:
+                answer = stranger.recv(65536)
+                break
+            except TimeoutError:
+                stranger.sendall(b"X-%d: y\r\n" % number)
+    status, refusal = told(answer)
+    assert (status, refusal["code"]) == (408, "request_too_slow")
+
+
+def test_several_requests_go_by_one_connection(web):
+    connection = http.client.HTTPConnection("127.0.0.1", web.port)
+    for _ in range(3):
+        connection.request("POST", "/api/robots/", body=b"x" * 1000)
+        answer = connection.getresponse()
+        assert (answer.status, answer.getheader("Connection")) == (401, None)
+        answer.read()

@@ -1,0 +1,30 @@
+"""WebSockets through the real server."""
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from fleet.server import limits
+from teleop.socket import CloseCode
+
+
+def test_a_stranger_is_told_to_sign_in(web):
+    with connect(f"ws://127.0.0.1:{web.port}/ws/fleet/", origin=f"http://127.0.0.1:{web.port}") as stranger:
+        with pytest.raises(ConnectionClosed) as closed:
+            stranger.recv()
+        assert closed.value.rcvd.code == CloseCode.SIGNED_OUT
+
+
+def test_a_handshake_with_much_behind_it_is_cut_off(web):
+    head = (
+        "GET /ws/fleet/ HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"Origin: http://127.0.0.1\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'A' * 22}==\r\n\r\n"
+    )
+    sent = 0
+    with web.connect() as stranger:
+        stranger.sendall(head.encode())
+        with pytest.raises((BrokenPipeError, ConnectionResetError)):
+            while sent < 100 * 1024 * 1024:
+                stranger.sendall(bytes(limits.HANDSHAKE_BYTES))
+                sent += limits.HANDSHAKE_BYTES
+    assert sent < 20 * 1024 * 1024
