@@ -25,6 +25,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots import wire
 from robots.bridge.config import LinkAddress
+from robots.bridge.overload import LATE_S
 from robots.connections import DOWN, open_link, open_sync, why_down
 from robots.connections import LinkRefused as LinkRefused
 from robots.inquiries import Inquiries
@@ -55,6 +56,7 @@ _BESIDE_S = 0.3  # a link that did not answer a stop by then may be dead
 _ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
 _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
 _LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
+_WATCH_S = 0.1  # how often the loop's own lateness is looked at
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
 _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
@@ -132,9 +134,11 @@ class BridgeLink:
         self._orders: Inquiries[Accepted | Refused] = Inquiries()  # by kind, fencing number and number
         self._questions: Inquiries[str] = Inquiries()  # by number
         self._pause_s = _BACK_OFF_S[0]
+        self.tried = asyncio.Event()  # a first attempt came to an end, good or bad
         self.closed = False
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
         self._lingering = self._linger()
+        self._watching = self._watch_soon()
 
     # --- followers -----------------------------------------------------------------------------------
 
@@ -275,8 +279,22 @@ class BridgeLink:
         """The end, unless somebody follows soon."""
         return asyncio.get_running_loop().call_later(_LINGER_S, self._end)
 
+    def _watch_soon(self) -> asyncio.TimerHandle:
+        due_s = time.monotonic() + _WATCH_S
+        return asyncio.get_running_loop().call_later(_WATCH_S, self._watch_loop, due_s)
+
+    def _watch_loop(self, due_s: float) -> None:
+        """Where this process itself was late, the bridge must not blame the operator."""
+        late_s = time.monotonic() - due_s
+        if late_s >= LATE_S and self.up:
+            late = wire.LinkLate(late_s)
+            if self._lane is None or not self._lane.send(wire.encode(late)):
+                self.send(late)
+        self._watching = self._watch_soon()
+
     def _end(self) -> None:
         self.closed = True
+        self._watching.cancel()
         if self._telling is not None:
             self._telling.cancel()
         self._task.cancel()
@@ -445,12 +463,14 @@ class BridgeLink:
         """With the first state."""
         if self.up:
             return
+        self.tried.set()
         self.up, self.refusal, self._pause_s = True, None, _BACK_OFF_S[0]
         for listener in list(self._listeners):
             listener.on_link(True, None)
 
     def _went_down(self, refusal: Refusal) -> None:
         """Everybody who waits is told; the last state is no longer the truth."""
+        self.tried.set()
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
         self.state = self.offers = None

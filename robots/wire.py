@@ -571,6 +571,16 @@ class NeutralNeeded(Struct, frozen=True):
     text: str
 
 
+OverloadedPart = Literal["bridge", "console"]
+
+
+class Overload(Struct, frozen=True):
+    """The console's computer does not keep up: this part of it woke so late in the last seconds."""
+
+    part: OverloadedPart
+    late_s: float
+
+
 class State(Struct, frozen=True):
     """The robot as its bridge knows it."""
 
@@ -601,6 +611,7 @@ class State(Struct, frozen=True):
     chosen: dict[Use, str] = {}  # the topic where input goes instead of the default
     choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
     publishing: list[Publishing] = []
+    overload: Overload | None = None
 
 
 class MotionOffer(Struct, frozen=True):
@@ -880,6 +891,12 @@ class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_default
     press: UUID | None = None
 
 
+class LinkLate(Struct, frozen=True, tag_field="t", tag="link_late"):
+    """The web process's loop woke so late: commands lay unread there."""
+
+    late_s: Annotated[float, Meta(ge=0.0)]
+
+
 class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
     """Clear the latch of stop `number`. The web process has checked the right. `seq` comes back with the answer.
 
@@ -930,6 +947,7 @@ LinkRequest = (
     | Refresh
     | LinkCancel
     | LinkStop
+    | LinkLate
     | LinkClear
     | Watch
     | Inspect

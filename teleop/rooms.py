@@ -33,6 +33,7 @@ from teleop.views_out import Views
 
 log = logging.getLogger(__name__)
 
+LINK_TRY_S = 5.0  # on a computer that has much else to do, to open a link takes a while
 LINK_WAIT_S = 0.5
 LOOK_S = 0.5
 REFRESH_S = 1.0  # the robot is asked at most so often what it offers
@@ -135,8 +136,9 @@ class Room:
         self.link.look_at(self, topics)
 
     async def link_settles(self) -> None:
-        """Wait a moment for a link that is just being made."""
+        """Wait for a link that is just being made, and a moment for a bridge that could not be reached."""
         with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self.link.tried.wait(), LINK_TRY_S)
             await asyncio.wait_for(self.link_is_up.wait(), LINK_WAIT_S)
 
     # --- the database ------------------------------------------------------------------------------

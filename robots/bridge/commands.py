@@ -53,6 +53,11 @@ class Stick:
         self.is_out = False  # as it was last seen, also if that command has died since
 
     @property
+    def taken_s(self) -> float:
+        """When the last command was taken."""
+        return self._taken_s
+
+    @property
     def seq(self) -> int | None:
         """Number of the last command that was taken."""
         return self._drive.seq if self._drive else None

@@ -27,6 +27,7 @@ from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.grants import Grants
 from robots.bridge.orders import Orders, Performer, holder_of
+from robots.bridge.overload import Lateness
 from robots.bridge.publishings import Publisher
 from robots.bridge.records import Asker, Records, unrecorded
 from robots.bridge.stick import COMMAND_LIFE_S
@@ -38,6 +39,7 @@ log = logging.getLogger(__name__)
 QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
 ODOMETRY_ONLINE_S = 1.0
 PRESSES_KNOWN = 1000  # the newest; a press that is delivered twice comes twice within seconds
+AT_ONCE_S = 0.05
 REACHED_S = 1.0  # after joining the master: whoever listens to cancels is connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -127,6 +129,9 @@ class Core:
         self._cancelling = left.latched  # everybody's goals, again and again
         self._cancelled_s = float("-inf")
         self._joined_s = float("inf")  # the robot's master
+        self._late = Lateness("bridge")
+        self._console_late = Lateness("console")
+        self._silent: tuple[Stick, float] | None = None  # whose last command died, and when that was noticed
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
@@ -235,8 +240,10 @@ class Core:
         self._verdict = _IDLE
         return None
 
-    def tick(self, now_s: float) -> None:
-        """Every period: expiry, dead-man, the gate's newest word, zeros."""
+    def tick(self, now_s: float, late_s: float = 0.0) -> None:
+        """Every period: expiry, dead-man, the gate's newest word, zeros. `late_s` after it was due."""
+        self._late.observe(late_s, now_s)
+        self._console_late.observe(0.0, now_s)
         self._expire(now_s)
         took_s = self._base.acknowledged_s(now_s)
         if took_s is not None:
@@ -252,6 +259,16 @@ class Core:
         if self.stop_state.state == "stopping" and self._reported.odometry:
             self._see_standstill(still, self._reported.odometry[0])
         self._repeat_cancel(now_s)
+
+    def console_was_late(self, late_s: float, now_s: float) -> None:
+        """A web process's loop woke late. What was held against the operator meanwhile was not the operator's."""
+        self._console_late.observe(late_s, now_s)
+        if self._silent and now_s - self._silent[1] < late_s:
+            stick, noticed_s = self._silent
+            code, reason = self._why_silent(stick, noticed_s)
+            for owing in (self._stick, self._twists):
+                if owing.owes and owing.owes.code == "dead_man":
+                    owing.owes = wire.NeutralNeeded(code, reason)
 
     def recorded(self, now_s: float) -> None:
         """A record is in: what waited for it need not wait for the next tick."""
@@ -362,6 +379,7 @@ class Core:
             battery_percent=told.battery_percent,
             charging=told.charging,
             skew_s=told.skew_s,
+            overload=self._late.told(now_s) or self._console_late.told(now_s),
         )
         return view.state(standing, self._gate, self.orders, now_s, watchers, watchers_more)
 
@@ -406,7 +424,8 @@ class Core:
         """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
         grant = self.grants.current
         if self._asking and self._asking.current(now_s) is None:
-            self._need_neutral("dead_man", f"no command came for {COMMAND_LIFE_S} s")
+            self._silent = self._asking, now_s
+            self._need_neutral(*self._why_silent(self._asking, now_s))
         self._asking, asked = self._wanted(grant, now_s) if grant else (None, STILL)
         refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
         self._passed = asked if refusal is None else STILL
@@ -423,6 +442,14 @@ class Core:
             self._verdict = verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
+
+    def _why_silent(self, stick: Stick, now_s: float) -> tuple[str, str]:
+        """Why no command of `stick` is young enough: this computer, where its lateness explains it, else the sender."""
+        for late, part in ((self._late, "the bridge"), (self._console_late, "the console")):
+            late_s = late.since(now_s - AT_ONCE_S)  # else what came meanwhile has been read
+            if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
+                return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
+        return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
 
     def _watch_records(self, now_s: float) -> None:
         """What cannot be recorded does not go on, nor does what waited for its record begin late."""

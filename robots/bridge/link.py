@@ -150,6 +150,12 @@ class LinkServer:
                 ping_timeout=_PING_S,
             )
 
+    def read_lanes(self) -> None:
+        """Hear what came in by every link's lane so far."""
+        for link in list(self.links):
+            if link.lane:
+                link.lane.read_all()
+
     def shut(self) -> None:
         """From now on nothing that comes in is heard, and no link opens; `close` follows."""
         self._deaf = True

@@ -110,15 +110,16 @@ class Bridge:
         due_s = time.monotonic()
         while not self._ended.is_set():
             now_s = time.monotonic()
-            self._core.tick(now_s)
+            self._links.read_lanes()  # after a stall: commands that came in time count before their absence does
+            self._core.tick(now_s, now_s - due_s)
             grant = self._core.grants.current
             self._base.look(grant is not None)
             self._maps.look(grant.fence if grant else None, now_s)
             self._show(now_s, count)
             count += 1
-            due_s = max(due_s + TICK_S, now_s)  # after a stall: on from here, no catching up
+            due_s = max(due_s, now_s - TICK_S) + TICK_S  # after a stall: on from here, no catching up
             with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._ended.wait(), due_s + TICK_S - time.monotonic())
+                await asyncio.wait_for(self._ended.wait(), due_s - time.monotonic())
 
     def _recorded(self) -> None:
         if not self._ended.is_set():

@@ -93,6 +93,8 @@ class Reception:
                     log.info("stop %d was cleared by %s", message.number, message.by)
                 else:
                     link.report(wire.Refused("link_clear", refusal, message.seq))
+            case wire.LinkLate():
+                self._core.console_was_late(message.late_s, now_s)
             case wire.Watch():
                 link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():

@@ -35,6 +35,7 @@ class Standing(NamedTuple):
     battery_percent: float | None
     charging: bool | None
     skew_s: float | None  # of the robot's clock against ours
+    overload: wire.Overload | None
 
 
 def state(
@@ -71,6 +72,7 @@ def state(
         chosen=orders.choices.chosen,
         choice_ended=dict(orders.choices.gone),
         publishing=orders.publishings.view,
+        overload=standing.overload,
     )
 
 

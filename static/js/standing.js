@@ -117,7 +117,24 @@ export function banner({ outdated, connected, gone, state, sinceViewMs, asksNeut
       text: because(state.neutral_needed?.text),
     };
   }
+  if (state.overload) {
+    return {
+      level: "warning",
+      title: gettext("The console’s computer is overloaded"),
+      text: `${overloadText(state)} ${gettext("Commands may come late, and then the robot stops. Tell staff.")}`,
+    };
+  }
   return null;
+}
+
+/** Which part of the console was late, and how much; empty if all keep up. */
+export function overloadText({ overload = null }) {
+  if (!overload) return "";
+  const text =
+    overload.part === "bridge"
+      ? gettext("The robot’s bridge was %s s late.")
+      : gettext("The console was %s s late.");
+  return interpolate(text, [overload.late_s.toFixed(1)]);
 }
 
 export function batteryText({ battery_percent: percent, charging }) {

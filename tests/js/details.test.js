@@ -38,7 +38,16 @@ describe("the panel", () => {
   let details;
 
   beforeEach(() => {
-    const names = ["watchers", "sensors", "clock", "latency", "foreign", "refusals", "all-limits"];
+    const names = [
+      "watchers",
+      "sensors",
+      "clock",
+      "latency",
+      "foreign",
+      "refusals",
+      "all-limits",
+      "overload",
+    ];
     parts = Object.fromEntries(names.map((name) => [name, document.createElement("p")]));
     details = new Details(parts);
   });
@@ -49,6 +58,13 @@ describe("the panel", () => {
     expect(parts.clock.textContent).toContain("3.2 s ahead");
     details.state = STATE;
     expect(parts.clock.hidden).toBe(true);
+  });
+
+  test("says which part of the console is late, while it is", () => {
+    details.state = { ...STATE, overload: { part: "console", late_s: 0.42 } };
+    expect(parts.overload.textContent).toBe("The console was 0.4 s late.");
+    details.state = { ...STATE, overload: null };
+    expect(parts.overload.hidden).toBe(true);
   });
 
   test("lists the standing limits in their words, and says so if there is none", () => {

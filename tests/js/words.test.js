@@ -22,6 +22,15 @@ const WELL = {
 const CONTROL = { state: "free", holder: null, asking: null, may_take_over: false, refusal: null };
 
 describe("the banner", () => {
+  it("names a computer that does not keep up, with the figure", () => {
+    const state = { ...ONLINE, overload: { part: "bridge", late_s: 0.25 } };
+    expect(banner({ ...WELL, state })).toMatchObject({
+      level: "warning",
+      title: "The console’s computer is overloaded",
+      text: expect.stringContaining("The robot’s bridge was 0.3 s late."),
+    });
+  });
+
   it("is not there when all is well", () => {
     expect(banner(WELL)).toBeNull();
   });

@@ -3,7 +3,7 @@
 import asyncio
 import threading
 import time
-from contextlib import suppress
+from contextlib import asynccontextmanager, suppress
 from datetime import timedelta
 
 import pytest
@@ -11,6 +11,7 @@ from django.db import OperationalError
 from django.utils import timezone
 from msgspec import structs
 
+import robots.link
 from fleet import audit
 from fleet.audit.models import Record
 from robots import wire
@@ -542,6 +543,19 @@ async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot,
     await elsewhere.give()
     await page.hears("control", state="other")
     await elsewhere.close()
+
+
+async def test_control_is_taken_while_a_slow_computer_still_makes_the_link(open_page, bridge, monkeypatch):
+    open_link = robots.link.open_link
+
+    @asynccontextmanager
+    async def slowly(address):
+        await asyncio.sleep(4 * rooms.LINK_WAIT_S)
+        async with open_link(address) as socket:
+            yield socket
+
+    monkeypatch.setattr(robots.link, "open_link", slowly)
+    await take(await open_page("operator"))
 
 
 async def test_a_page_that_comes_while_the_bridge_is_away_is_told(open_page, bridge):

@@ -1,0 +1,61 @@
+"""A computer with far too much to do: takes of control come through, and the operator is not blamed for it."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from robots.bridge.stick import COMMAND_LIFE_S
+from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
+from script.stack.stack import PRACTICE_ROBOTS, temporary_stack
+
+BURNERS = 8  # on two cores a process has a fifth of one
+BURNED_S = 40  # then they end by themselves
+TAKES = 5
+HELD_S = 5.0
+BURN = f"import time\nend = time.monotonic() + {BURNED_S}\nwhile time.monotonic() < end: pass"
+
+
+@contextmanager
+def burners() -> Iterator[None]:
+    """Processes that want nothing but processor time."""
+    burning = [subprocess.Popen([sys.executable, "-c", BURN]) for _ in range(BURNERS)]
+    try:
+        yield
+    finally:
+        for burner in burning:
+            burner.kill()
+            burner.wait()
+
+
+def test_takes_are_not_lost_and_nobody_is_blamed_for_an_overloaded_computer():
+    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+        cookie = sign_in(stack, "operator")
+        with burners():
+            asyncio.run(drive_under_load(stack, cookie))
+
+
+async def drive_under_load(stack, cookie) -> None:
+    for _ in range(TAKES):
+        async with Driver(stack, "tiago-1", cookie) as driver:
+            await driver.take()
+            await hold(driver, HELD_S / TAKES)
+
+
+async def hold(driver: Driver, seconds: float) -> None:
+    """Turn on the spot. Where this hand itself was in time, no command was missing."""
+    own_gap_s = 0.0
+    sent_s = time.monotonic()
+    end_s = sent_s + seconds
+    while time.monotonic() < end_s:
+        needed = driver.state.neutral_needed if driver.state else None
+        if own_gap_s < COMMAND_LIFE_S / 2:
+            assert needed is None or needed.code != "dead_man"
+        await driver.drive(0.0, 0.0 if needed else 0.3)
+        now_s = time.monotonic()
+        own_gap_s, sent_s = max(own_gap_s, now_s - sent_s), now_s
+        await asyncio.sleep(DRIVE_PERIOD_S)
