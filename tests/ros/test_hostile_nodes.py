@@ -33,6 +33,7 @@ def answering(answer: bytes) -> Iterator[str]:
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))  # unread, it would cut off a long answer
             self.send_response(200)
             self.send_header("Content-Length", str(len(answer)))
             self.end_headers()

@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
+from msgspec import structs
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import BridgeConfig, Topic
@@ -297,7 +298,8 @@ class RosBase:
 
     def tell(self, status: RosStatus) -> None:
         """How the connection to the master is."""
-        self._post(lambda: self._core.ros_status(status, time.monotonic()))
+        short = structs.replace(status, text=cut(status.text, SENTENCE))
+        self._post(lambda: self._core.ros_status(short, time.monotonic()))
 
     def lost(self, name_taken: bool) -> None:
         """This process's node has ended, or never began as it should."""

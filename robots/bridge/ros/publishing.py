@@ -35,18 +35,21 @@ class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
     """A message goes out at once, without a queue and its thread; whoever does not read is cut off, not waited for.
 
     rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
-    listener whose buffers are full has been silent for seconds: after `patience_s` the write gives up and rospy closes
-    the connection, which the listener's own side makes anew when it wakes.
+    listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the connection,
+    which the listener's own side makes anew when it wakes. All listeners together are waited for `patience_s` at most.
     """
 
     def __init__(self, patience_s: float) -> None:
-        self._patience = struct.pack("@ll", *divmod(round(patience_s * 1e6), 1_000_000))  # a timeval
+        self._patience_s = patience_s
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        for connection in topic_publish.__self__.connections:
+        connections = topic_publish.__self__.connections
+        microseconds = max(round(self._patience_s * 1e6 / max(len(connections), 1)), 1000)
+        patience = struct.pack("@ll", *divmod(microseconds, 1_000_000))  # a timeval
+        for connection in connections:
             connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, self._patience)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, patience)
 
 
 def publish(publisher: rospy.Publisher, message: Any) -> None:

@@ -35,6 +35,10 @@ PER_S, AT_ONCE = 100.0, 300.0  # connections, and calls, of one address
 MOST_ADDRESSES = 256
 
 
+# A call was too large to be read. If it was the master's, it named publishers: it is asked for them.
+TOO_LARGE = threading.Event()
+
+
 class Callers:
     """How often each address comes, and who is there now. Safe to use from several threads."""
 
@@ -121,6 +125,7 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
         if not self.server.callers.may(self.client_address[0], time.monotonic()):
             self._refuse(503, "too many calls")
         elif not size.isdecimal() or int(size) > LARGEST_CALL or self.headers.get("Content-Encoding"):
+            TOO_LARGE.set()
             self._refuse(413, "a call must be short, with its length, and not compressed")
         else:
             self.connection.settimeout(HEADER_S)
@@ -150,6 +155,10 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
         self.callers.enter(request)
         return True
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A connection broke, as anybody can make one do."""
+        log.debug("a call from %s broke", client_address[0])
+
     def shutdown_request(self, request: Any) -> None:
         """A connection is over."""
         self.callers.leave(request)
@@ -168,7 +177,10 @@ def take_connection(server: Any, connection: socket.socket, address: tuple[str, 
         connection.close()
         return
     _handshakes.enter(connection)
-    threading.Thread(target=_shake_hands, args=(server, connection, address), daemon=True).start()
+    try:
+        threading.Thread(target=_shake_hands, args=(server, connection, address), daemon=True).start()
+    except RuntimeError:  # no room for a thread: nobody is taken, and rospy's own thread goes on
+        connection.close()
 
 
 def _shake_hands(server: Any, connection: socket.socket, address: tuple[str, int]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable
 from typing import Any
 
@@ -10,10 +11,15 @@ import rosgraph.xmlrpc
 from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
 
 from robots.bridge.ros.bounds import doors, listening
+from robots.bridge.ros.bounds.logs import spare_the_log
+
+PATIENCE_S = 60.0  # of rospy's own calls of the master
 
 
 def install(exhausted: Callable[[], None]) -> None:
     """Bound what rospy reads, and who it listens to. `exhausted` is called on its threads when memory ends."""
+    spare_the_log()
+    socket.setdefaulttimeout(PATIENCE_S)  # as rospy itself does once it has listened to something
     listening.Transport.exhausted = staticmethod(exhausted)
     tcpros_pubsub.TCPROSSub = listening.Listening
     tcpros_pubsub.TCPROSTransport = listening.Transport

@@ -26,6 +26,7 @@ from rospy.impl.transport import INBOUND
 
 from robots.bridge.flood import Budget
 from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.doors import TOO_LARGE
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.master import Master, MasterError
@@ -234,7 +235,14 @@ class Manager(RegManager):  # type: ignore[misc]
         """Ask the master again for the publishers of topics on which some were left alone."""
         while not rospy.is_shutdown():
             time.sleep(LOOK_S)
-            for topic in BOARD.released(time.monotonic()):
+            topics = BOARD.released(time.monotonic())
+            if TOO_LARGE.is_set():
+                TOO_LARGE.clear()
+                topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
+                time.sleep(
+                    DROPPED_S / 2.0
+                )  # a stranger's large calls are no reason to ask the master all the time
+            for topic in topics:
                 subscriber = get_topic_manager().get_subscriber_impl(topic)
                 if subscriber is None or not self.uri:
                     continue

@@ -6,6 +6,7 @@ than those that come. What is not installed here is kept on disk by (type, md5),
 
 from __future__ import annotations
 
+import hashlib
 import re
 import threading
 from collections.abc import Iterable, Iterator
@@ -32,6 +33,7 @@ DEEPEST = 20
 LONGEST_ARRAY = 100_000  # elements, of those that a definition fixes: of an array and those around it
 LONGEST_WORDS = 300  # of a publisher's, within a sentence of ours
 MOST_KEPT = 1000  # definitions on disk
+MOST_FOUND = 200  # in memory
 
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*")
 _MD5 = re.compile(r"[0-9a-f]{32}")
@@ -145,20 +147,21 @@ class Definitions:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._found: dict[tuple[str, str, str], Definition | Declined] = {}  # by what was told
+        self._found: dict[str, Definition | Declined] = {}  # by a digest of what was told
         self._lock = threading.Lock()
 
     def of_connection(self, header: dict[str, str]) -> Definition:
         """What the publisher behind a connection header sends. Raises Declined."""
         told = (header.get("type", ""), header.get("md5sum", ""), header.get("message_definition", ""))
+        key = hashlib.sha256("\0".join(told).encode()).hexdigest()
         with self._lock:
-            found = self._found.get(told)
+            found = self._found.get(key)
             if found is None:
                 found = self._judged(*told)
-            if len(self._found) >= MOST_KEPT:
+            if len(self._found) >= MOST_FOUND:
                 self._found.clear()
             if told[2] or isinstance(found, Definition):  # else another publisher may tell it yet
-                self._found[told] = found
+                self._found[key] = found
         if isinstance(found, Declined):
             raise found
         return found

@@ -1,0 +1,37 @@
+"""What rospy writes into the log when strangers make it: few lines, and short ones."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from robots.bridge.flood import Budget
+from robots.bridge.ros.bounds.texts import cut
+
+TALKATIVE = ("rospy", "rosout", "xmlrpc", "rosgraph", "genpy")
+PER_S, AT_ONCE = 2.0, 50.0
+LONGEST = 4000  # characters
+
+
+class Sparing(logging.Filter):
+    """For handlers: passes what others write as it is, of rospy's records some a second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._budget = Budget(PER_S, AT_ONCE)
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether it is written."""
+        if record.name.partition(".")[0] not in TALKATIVE:
+            return True
+        if not self._budget.spend(time.monotonic()):
+            return False
+        record.msg, record.args = cut(record.getMessage(), LONGEST), ()
+        return True
+
+
+def spare_the_log() -> None:
+    """Put it before all handlers that there are now."""
+    sparing = Sparing()
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(sparing)

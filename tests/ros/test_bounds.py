@@ -1,0 +1,356 @@
+"""What a robot's network may cost is bounded: texts, tables, messages, time of the loop, connections."""
+
+from __future__ import annotations
+
+import http.client
+import ipaddress
+import itertools
+import logging
+import os
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import xmlrpc.client
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+import robots.bridge.ros.bounds.doors as doors
+from robots.bridge.ros.bounds import texts
+from robots.bridge.ros.bounds.board import MOST_SHOWN, SHOWN_S, Board
+from robots.bridge.ros.bounds.listening import Reading
+from robots.bridge.ros.bounds.logs import AT_ONCE, Sparing
+from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
+from robots.bridge.ros.bounds.sizes import Kind, kind_of
+from robots.bridge.ros.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
+from robots.bridge.ros.master import Master, MasterError
+from tests.ros import strangers
+from tests.ros.meddling import answer_of
+from tests.ros.support import REPOSITORY
+from tests.ros.test_hostile_nodes import answering
+
+LONG = "n" * 1_000_000
+
+
+# --- texts and tables ------------------------------------------------------------------------------
+
+
+def test_a_text_is_cut_and_shows_it():
+    assert texts.cut("short", 5) == "short"
+    assert texts.cut("too long", 5) == "too …"
+
+
+def test_every_text_of_a_masters_answer_is_cut_as_it_comes():
+    with answering(answer_of([[["/key_vel", [f"/{LONG}"]]], [], []])) as uri:
+        [[_, [node]]], _, _ = Master(uri, "/test").call("getSystemState")
+    assert len(node) == texts.ANSWER
+
+
+def test_a_robots_description_is_not_cut():
+    with answering(answer_of(LONG)) as uri:
+        assert Master(uri, "/test").parameter("/robot_description") == LONG
+
+
+def test_an_error_of_a_masters_is_a_sentence():
+    answer = xmlrpc.client.dumps(([0, LONG, 0],), methodresponse=True).encode()
+    with answering(answer) as uri, pytest.raises(MasterError) as caught:
+        Master(uri, "/test").alive()
+    assert len(str(caught.value)) == texts.SENTENCE
+
+
+def test_an_answer_with_too_many_values_is_none():
+    with answering(answer_of([[]] * 600_000)) as uri, pytest.raises(MasterError, match="too many values"):
+        Master(uri, "/test").alive()
+
+
+def test_an_answer_without_end_is_none(monkeypatch):
+    monkeypatch.setattr("robots.bridge.ros.master.LARGEST_ANSWER", 100_000)
+    with answering(answer_of(LONG)) as uri, pytest.raises(MasterError, match="more than 100000 bytes"):
+        Master(uri, "/test").alive()
+
+
+def test_of_too_many_names_a_page_is_told_how_many_more_there_are():
+    assert texts.named({f"/node_{number:02}" for number in range(12)})[-2:] == ["/node_09", "2 more"]
+
+
+def test_our_goals_are_kept_when_there_are_too_many():
+    goals = {**{f"other-{number}": 1 for number in range(500)}, "ours-1": 1}
+    kept = texts.most_of(goals, "ours-")
+    assert len(kept) == texts.MOST_GOALS
+    assert "ours-1" in kept
+
+
+def test_new_frames_without_end_leave_out_old_ones_that_nobody_asked_for():
+    frames = Frames("base")
+    told = (_transform("base", "torso"), _transform("torso", "camera"))
+    with pytest.raises(PoseUnknown):
+        frames.place("camera", 1.0, patience_s=0.0)  # so it is wanted
+    for transform in told * 2:  # the camera's is heard first: of its parent it is known then
+        frames.hear(transform, fixed=False)
+        with pytest.raises(PoseUnknown):
+            frames.place("camera", 99.0, patience_s=0.0)
+    for number in range(4 * MOST_MOVING):
+        frames.hear(_transform("base", f"flood_{number}"), fixed=False)
+    assert len(frames._moving) == MOST_MOVING
+    assert frames.is_full
+    assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
+
+
+def test_fixed_frames_without_end_leave_those_that_were_told_first():
+    frames = Frames("base")
+    frames.hear(_transform("base", "camera"), fixed=True)
+    for number in range(2 * MOST_FIXED):
+        frames.hear(_transform("base", f"flood_{number}"), fixed=True)
+    assert len(frames._fixed) == MOST_FIXED
+    assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
+
+
+def test_a_frame_with_a_long_name_is_not_kept():
+    frames = Frames("base")
+    frames.hear(_transform("base", LONG), fixed=False)
+    assert not frames._moving
+
+
+def _transform(parent: str, child: str) -> bytes:
+    header = struct.pack("<III", 0, 1, 0) + strangers.text(parent)
+    return struct.pack("<I", 1) + header + strangers.text(child) + struct.pack("<7d", 0, 0, 0, 0, 0, 0, 1)
+
+
+# --- publishers --------------------------------------------------------------------------------------
+
+
+def test_a_message_is_too_large_before_it_has_come():
+    reading = Reading(Kind(most_bytes=1000))
+    assert reading.why_not(1000, 1, 0.0, 0.0) == ""
+    assert reading.why_not(12_000_000, 0, 0.0, 0.0) == "sends messages of 12 MB, at most 1 kB is taken"
+
+
+def test_a_laser_may_have_as_many_beams_as_the_gate_takes():
+    kind = kind_of("/scan", "sensor_msgs/LaserScan")
+    assert kind.most_bytes > len(strangers.scan(1, 20_000))
+    assert kind.most_bytes < len(strangers.scan(1, 50_000))
+
+
+def test_ten_thousand_messages_a_second_are_too_many_and_a_stall_is_not():
+    reading = Reading(Kind(most_hz=1000.0))
+    assert reading.why_not(10, 1500, 0.0, 0.0) == ""  # they waited while the network stood
+    seconds = itertools.count(1)
+    assert all(reading.why_not(10, 1000, 0.0, float(next(seconds))) == "" for _ in range(5))
+    whys = [reading.why_not(10, 1000, 0.0, 6.0 + number / 10) for number in range(5)]
+    assert "sends more than 1000 messages a second" in whys
+
+
+def test_reading_that_takes_too_much_of_a_processor_ends():
+    reading = Reading(Kind(share=0.25))
+    assert all(reading.why_not(10, 1, 0.02, number / 10) == "" for number in range(100))
+    whys = [reading.why_not(10, 1, 0.09, 10.0 + number / 10) for number in range(20)]
+    assert "takes more than 25% of a processor" in whys
+
+
+# --- the event loop ----------------------------------------------------------------------------------
+
+
+class _Loop:
+    """Runs what was handed to it when it is told to; working costs what `cost_s` says."""
+
+    def __init__(self) -> None:
+        self.calls: list = []
+        self.worked_s = 0.0
+
+    def later(self, call) -> None:
+        self.calls.append(call)
+
+    def run(self) -> None:
+        calls, self.calls = self.calls, []
+        for call in calls:
+            call()
+
+
+class _Speaker:
+    topic = "/scan"
+
+    def __init__(self) -> None:
+        self.dropped: list[str] = []
+
+    def drop(self, why: str) -> None:
+        self.dropped.append(why)
+
+
+def test_of_a_source_the_newest_waits_and_one_call_at_most():
+    loop, done = _Loop(), []
+    mail = Mailboxes(loop.later)
+    for number in range(1000):
+        mail.post("scan", lambda number=number: done.append(number))
+        mail.post("odometry", lambda number=number: done.append(-number), depth=2)
+    assert len(loop.calls) == 2
+    loop.run()
+    assert done == [999, -998, -999]
+    mail.post("scan", lambda: done.append("again"))
+    loop.run()
+    assert done[-1] == "again"
+
+
+def test_a_source_that_costs_the_loop_more_than_its_share_is_dropped():
+    loop, speaker = _Loop(), _Speaker()
+    mail = Mailboxes(loop.later, lambda: speaker, lambda: loop.worked_s)
+
+    def work(cost_s: float) -> None:
+        loop.worked_s += cost_s
+
+    mail.post("scan", lambda: work(0.01))
+    loop.run()
+    assert not speaker.dropped
+    for _ in range(5):
+        mail.post("scan", lambda: work(0.1))
+        loop.run()
+    assert speaker.dropped[0] == f"takes more than {LOOP_SHARE:.0%} of the bridge’s time"
+
+
+def test_a_call_that_breaks_leaves_its_source_heard():
+    loop, done = _Loop(), []
+    mail = Mailboxes(loop.later)
+    mail.post("scan", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        loop.run()
+    mail.post("scan", lambda: done.append(True))
+    loop.run()
+    assert done
+
+
+def test_what_is_refused_is_shown_for_a_while_and_there_are_not_too_many():
+    board = Board()
+    for number in range(100):
+        board.complain(f"/topic_{number}", f"{number} {LONG}", now_s=0.0)
+    shown = board.texts(now_s=1.0)
+    assert len(shown) == MOST_SHOWN
+    assert shown[0].startswith("99 ")
+    assert max(map(len, shown)) <= texts.SENTENCE
+    assert board.texts(now_s=SHOWN_S + 1.0) == []
+
+
+def test_a_publisher_that_was_cut_off_is_tried_again_after_its_time():
+    board = Board()
+    board.bar("/scan", "http://x/", until_s=10.0)
+    assert board.barred("/scan", "http://x/", now_s=9.0)
+    assert board.released(9.0) == set()
+    assert board.released(10.0) == {"/scan"}
+    assert not board.barred("/scan", "http://x/", now_s=10.0)
+
+
+# --- doors -------------------------------------------------------------------------------------------
+
+
+def test_ports_are_bound_to_the_advertised_address_and_to_all_where_that_is_another_computers(monkeypatch):
+    monkeypatch.delenv("ROS_IP", raising=False)
+    addresses = {"our-console": "127.0.0.3", "another-computer": "192.0.2.1"}  # of a documentation network
+    monkeypatch.setattr(socket, "gethostbyname", addresses.__getitem__)
+    monkeypatch.setenv("ROS_HOSTNAME", "our-console")
+    assert doors.bind_address() == "127.0.0.3"
+    monkeypatch.setenv("ROS_HOSTNAME", "another-computer")
+    assert doors.bind_address() == str(ipaddress.IPv4Address(0))
+
+
+@contextmanager
+def call_server() -> Iterator[doors.Server]:
+    server = doors.Server(("127.0.0.1", 0))
+    server.register_function(lambda *_: (1, "", 7), "getPid")
+    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+def test_a_call_with_a_body_of_4_gb_is_refused_at_its_header():
+    with call_server() as server:
+        connection = http.client.HTTPConnection(*server.server_address, timeout=10)
+        connection.putrequest("POST", "/RPC2")
+        connection.putheader("Content-Length", "4294967295")
+        connection.endheaders()
+        assert connection.getresponse().status == 413
+        connection.close()
+
+
+def test_callers_who_say_nothing_keep_nobody_out():
+    with call_server() as server:
+        silent = [socket.create_connection(server.server_address) for _ in range(2 * doors.MOST_CALLERS)]
+        with xmlrpc.client.ServerProxy("http://{}:{}/".format(*server.server_address)) as proxy:
+            assert proxy.getPid("/test") == [1, "", 7]
+        for connection in silent:
+            connection.close()
+
+
+def test_an_address_that_calls_without_pause_is_not_served():
+    callers = doors.Callers(4)
+    assert sum(callers.may("10.0.0.1", 0.0) for _ in range(1000)) == doors.AT_ONCE
+    assert callers.may("10.0.0.2", 0.0)
+
+
+class _Topics:
+    """A TCPROS server as rospy has it, which takes everybody."""
+
+    def __init__(self) -> None:
+        self.taken: list[dict[str, str]] = []
+        self.came = threading.Event()
+
+    def topic_connection_handler(self, connection, address, header):
+        self.taken.append(header)
+        self.came.set()
+
+
+def test_a_listener_that_declares_4_gb_or_says_nothing_delays_no_other():
+    topics, ours = _Topics(), []
+    for said in (b"", struct.pack("<I", 0xFFFFFFFF) + bytes(100_000)):
+        near, far = socket.socketpair()
+        far.sendall(said)
+        doors.take_connection(topics, near, ("127.0.0.1", 1))
+        ours.append(far)
+    near, far = socket.socketpair()
+    far.sendall(strangers.header({"topic": "/key_vel", "callerid": LONG[:1000], "md5sum": "*"}))
+    doors.take_connection(topics, near, ("127.0.0.1", 2))
+    assert topics.came.wait(10)
+    assert len(topics.taken[0]["callerid"]) == texts.NAME
+    ours[1].settimeout(10)
+    with suppress(ConnectionResetError):
+        assert ours[1].recv(1) == b""  # the one with 4 GB is cut off
+    for connection in (*ours, near, far):
+        connection.close()
+
+
+def test_strangers_fill_no_log():
+    sparing = Sparing()
+    record = logging.LogRecord("rospy.internal", logging.WARNING, "", 0, LONG, (), None)
+    passed = [sparing.filter(record) for _ in range(1000)]
+    assert AT_ONCE <= sum(passed) < 2 * AT_ONCE
+    assert len(record.msg) < 5000
+    own = logging.LogRecord("robots.bridge", logging.WARNING, "", 0, "ours", (), None)
+    assert sparing.filter(own)
+
+
+# --- memory ------------------------------------------------------------------------------------------
+
+GREEDY = """
+import sys
+from robots.bridge.ros.bounds.memory import limit_memory
+limit_memory(200 * 1024 * 1024)
+kept = []
+try:
+    while True:
+        kept.append(bytearray(10_000_000))
+except MemoryError:
+    sys.exit(f"full at {len(kept)}")
+"""
+
+
+def test_a_process_that_would_keep_more_than_its_ceiling_gets_no_more_memory():
+    ended = subprocess.run(
+        [sys.executable, "-c", GREEDY], cwd=REPOSITORY, env=dict(os.environ), capture_output=True, text=True
+    )
+    assert ended.returncode == 1
+    assert 5 < int(ended.stderr.removeprefix("full at ")) < 25

@@ -1,0 +1,115 @@
+"""A stranger on the robot's network: the bridge goes on, stays small, says what it does not take, and stops."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge.config import DepthSource, Topic
+from robots.bridge.gate.values import DepthView
+from tests.ros import strangers
+from tests.ros.bridge_support import BridgeProcess, Hand, drivable, tiago_config
+
+LARGEST_STATE = 16 * 1024  # bytes on the link
+GROWN = 60 * 1024 * 1024  # bytes of memory, through any attack
+
+
+@pytest.fixture(scope="module")
+def attacked(make_master, simulator, tmp_path_factory):
+    """A robot on a master of its own, its bridge and who drives it."""
+    master, folder = make_master(), tmp_path_factory.mktemp("attacked")
+    simulator(master=master, name="attacked")
+    config = tiago_config(master, folder)
+    topics = msgspec.structs.replace(
+        config.topics,
+        motions=Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
+        depth=DepthSource("/nobody/depth", "sensor_msgs/Image"),  # so that tf is listened to
+    )
+    gate = msgspec.structs.replace(config.gate, depth=DepthView(height_m=1.5))
+    bridge = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
+    hand = bridge.link()
+    hand.state_until(drivable, "a robot that can be driven")
+    yield SimpleNamespace(master=master, bridge=bridge, hand=hand)
+    hand.close()
+    bridge.stop()
+
+
+def memory(bridge: BridgeProcess) -> int:
+    """Bytes that it has in memory."""
+    pages = int(Path(f"/proc/{bridge.process.pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def goes_on(attacked, hand: Hand) -> None:
+    """It lives, is small, says little, and still says it."""
+    assert attacked.bridge.process.poll() is None, attacked.bridge.log.read_text()[-2000:]
+    state = hand.state_until(lambda state: True, "a state")
+    assert len(wire.encode(state)) < LARGEST_STATE
+
+
+SAID = {
+    strangers.long_name: lambda state: any(name.endswith("…") for name in state.foreign),
+    strangers.long_type: lambda state: "/long_type" in state.foreign,
+    strangers.long_result: lambda state: (
+        "/play_motion/result: /long_result sends messages of 18 MB" in state.text
+    ),
+    strangers.huge_scans: lambda state: "/scan_raw: /huge_scans_1 sends messages of 12 MB" in state.text,
+    strangers.declared_scan: lambda state: (
+        "/scan_raw: /declared_scan_1 sends messages of 4.29 GB" in state.text
+    ),
+    strangers.tiny_messages: lambda state: "sends more than 1000 messages a second" in state.text,
+    strangers.fast_scans: lambda state: "/scan_raw: /fast_scans " in state.text,
+    strangers.declared_header: lambda state: True,
+    strangers.silent_listeners: lambda state: True,
+    strangers.declared_call: lambda state: True,
+    strangers.false_publishers: lambda state: True,
+}
+
+
+@pytest.mark.parametrize("attack", SAID, ids=lambda attack: attack.__name__)
+def test_a_stranger_neither_ends_nor_fills_the_bridge_and_a_stop_holds(
+    attacked, attack: Callable, request: pytest.FixtureRequest
+):
+    hand, before = attacked.hand, memory(attacked.bridge)
+    with attack(attacked.master.uri):
+        hand.send(wire.LinkStop("Ann", "a test", seq=1))
+        hand.state_until(lambda state: state.stop.state == "stopped", "standstill")
+        hand.state_until(SAID[attack], f"what is said of {attack.__name__}")
+        goes_on(attacked, hand)
+        assert memory(attacked.bridge) - before < GROWN
+    number = hand.state.stop.number
+    hand.send(wire.LinkClear("Ann", number, seq=2))
+    hand.state_until(lambda state: state.stop.state == "clear" and drivable(state), "a robot to be driven")
+
+
+def test_new_frames_without_end_neither_fill_the_bridge_nor_stop_the_driver(attacked):
+    hand = attacked.hand
+    hand.take_control(fence=10)
+    before = memory(attacked.bridge)
+    with strangers.frames(attacked.master.uri) as node:
+        hand.drive_until(
+            0.2,
+            lambda state: "tf tells of too many frames" in state.text and node.sent > 300,
+            "that tf is full",
+        )
+        assert memory(attacked.bridge) - before < GROWN
+        goes_on(attacked, hand)
+    hand.stick(0.0)
+    hand.send(wire.Revoke(10, "the test is over"))
+
+
+def test_a_publisher_that_was_cut_off_is_heard_again_once_it_is_as_it_should_be(attacked):
+    """The stranger's laser sends what none may, and after a while a battery's level as it should be."""
+    hand, levels = attacked.hand, iter([b"\xff" * 4, *[strangers.framed(b"\0\0\x28\x42")] * 1000])
+    with strangers.Node(attacked.master.uri, "/mended") as node:
+        node.publish("/power/battery_level", "std_msgs/Float32", lambda: levels, 10.0)
+        hand.state_until(
+            lambda state: "/mended sends messages of 4.29 GB" in state.text, "why it is not heard"
+        )
+        hand.state_until(lambda state: state.battery_percent == 42.0, "its level")
