@@ -11,6 +11,7 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonRespons
 from django.shortcuts import render
 from django.views.defaults import server_error
 
+from fleet.accounts.hashing import HashingBusy
 from fleet.accounts.requests import wants_json
 from fleet.audit import AuditUnavailable
 from fleet.audit.errors import cause_of
@@ -43,7 +44,7 @@ def error_page(request: HttpRequest) -> HttpResponse:
 def answer(request: HttpRequest, error: BaseException | None) -> HttpResponse | None:
     """The answer to a request that the database has let down."""
     match error:
-        case AuditUnavailable():
+        case AuditUnavailable() | HashingBusy():
             refusal = {"code": error.code, "text": error.text, "rule": error.rule}
         case OperationalError() | InterfaceError():
             code, cause = cause_of(error)

@@ -92,3 +92,17 @@ class SignIn(models.Model):
     def device(self) -> str:
         """The browser and system in plain words."""
         return device_of(self.user_agent)
+
+
+class SignInAttempt(models.Model):
+    """A password that is being looked at. It counts as a failure until it was found right; see `throttle`."""
+
+    at = models.DateTimeField(default=timezone.now)
+    name_digest = models.CharField(max_length=32)
+    address_digest = models.CharField(max_length=32)
+
+    class Meta:
+        indexes = [models.Index(fields=["address_digest", "at"])]
+
+    def __str__(self) -> str:
+        return self.at.isoformat()

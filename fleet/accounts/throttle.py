@@ -1,18 +1,22 @@
 """Guessing passwords is slow: few failures for each name from each address, and not many more from one address.
 
 The failures are counted in the audit log, so that several web processes count together; by digests, for names and
-addresses do not stay there for ever.
+addresses do not stay there for ever. A password that is being looked at counts as a failure until it was found right:
+many guesses at once are no more than one after the other.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime, timedelta
 
+from django.db import connection, transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from fleet.accounts.models import User
+from fleet.accounts.models import SignInAttempt, User
 from fleet.audit import record
 from fleet.audit.models import Record
 
@@ -21,6 +25,7 @@ FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address
 WINDOW = timedelta(minutes=5)
 # of two web processes: what is later was recorded while a clock was ahead, and counts no more
 CLOCKS = timedelta(minutes=5)
+LOOKED_AT = timedelta(minutes=1)  # an attempt older than this was left behind by a process that died
 KIND = "account.sign_in_failed"
 
 
@@ -42,13 +47,45 @@ def failure_recorded(*, username: str, address: str) -> None:
     )
 
 
-def wait_s(*, username: str, address: str) -> float:
-    """Seconds until this name may be tried again from this address; 0 if it may be now."""
+class TooMany(Exception):
+    """The password may not be looked at for `wait_s` seconds; 0 while other attempts are being decided."""
+
+    def __init__(self, wait_s: float) -> None:
+        super().__init__(wait_s)
+        self.wait_s = wait_s
+
+
+@contextmanager
+def attempt(*, username: str, address: str) -> Iterator[None]:
+    """Look at a password in here. Raises `TooMany` before, if that name or address has had its share."""
+    begun = _begin(_digest(username), _digest(address))
+    try:
+        yield
+    finally:  # a failure is on record by now
+        begun.delete()
+
+
+@transaction.atomic
+def _begin(name: str, address: str) -> SignInAttempt:
+    """Count an attempt, or raise `TooMany`; of those from one address one decides after the other."""
+    if connection.vendor == "postgresql":  # SQLite has one writer at a time
+        with connection.cursor() as cursor:
+            cursor.execute("SELECT pg_advisory_xact_lock(hashtext(%s))", [address])
     now = timezone.now()
+    SignInAttempt.objects.filter(at__lt=now - LOOKED_AT).delete()
     recent = Record.objects.filter(kind=KIND, at__gt=now - WINDOW, at__lt=now + CLOCKS)
-    from_there = recent.filter(parameters__address_digest=_digest(address))
-    of_name = from_there.filter(parameters__name_digest=_digest(username))
-    return max(_wait_s(of_name, FAILURES, now), _wait_s(from_there, FAILURES_OF_ADDRESS, now))
+    failures = recent.filter(parameters__address_digest=address)
+    looked_at = SignInAttempt.objects.filter(address_digest=address)
+    of_name = failures.filter(parameters__name_digest=name), looked_at.filter(name_digest=name), FAILURES
+    of_address = failures, looked_at, FAILURES_OF_ADDRESS
+    wait_s = max(_wait_s(failed, most, now) for failed, _, most in (of_name, of_address))
+    if wait_s > 0:
+        raise TooMany(wait_s)
+    if any(
+        failed[:most].count() + pending.count() >= most for failed, pending, most in (of_name, of_address)
+    ):
+        raise TooMany(0)
+    return SignInAttempt.objects.create(at=now, name_digest=name, address_digest=address)
 
 
 def _wait_s(failures: QuerySet[Record], most: int, now: datetime) -> float:

@@ -36,10 +36,10 @@ class SignInView(LoginView):
             return super().form_valid(form)
 
     def form_invalid(self, form: AuthenticationForm) -> HttpResponse:
-        """Show the form again; 429 while the name must wait."""
+        """Show the form again; 429 while the name must wait, 503 while many others are being signed in."""
         response = super().form_invalid(form)
-        if isinstance(form, SignInForm) and form.has_error(NON_FIELD_ERRORS, THROTTLED):
-            response.status_code = 429
+        if isinstance(form, SignInForm) and form.wait_s:
+            response.status_code = 429 if form.has_error(NON_FIELD_ERRORS, THROTTLED) else 503
             response.headers["Retry-After"] = str(ceil(form.wait_s))
         return response
 
