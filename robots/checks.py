@@ -27,6 +27,7 @@ from robots.bridge.findings import (
     Listened,
     Plan,
     TopicFound,
+    watchdog_name,
 )
 from robots.described import Problems
 from robots.environment import NoWrapper, ros_environment
@@ -269,7 +270,10 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
     else:
         text = _("%(nodes)s listens to %(topic)s (%(type)s).") % {**words, "nodes": _and(found.subscribers)}
         yield Check(name, OK, text)
-    yield _others(drive.name, [node for node in found.publishers if node != BRIDGE])
+    yield _others(
+        drive.name,
+        [node for node in found.publishers if node not in {BRIDGE, watchdog_name(config.robot_id)}],
+    )
 
 
 def _others(topic: str, nodes: list[str]) -> Check:

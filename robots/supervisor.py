@@ -1,4 +1,4 @@
-"""Keeping programs running: one bridge for each robot, started again when it ends, at a pace.
+"""Keeping programs running: a bridge and a watchdog for each robot, started again when it ends, at a pace.
 
 A program holds the read end of a pipe as its stdin: the life line. When the pipe closes, because this process wants it
 to end or because it died, however suddenly, the program stops its robot and exits. Each program has a session of its

@@ -222,6 +222,13 @@ class Core:
                 holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
             )
 
+    def stopped_elsewhere(self, by: str, reason: str, press: UUID | None, now_s: float) -> None:
+        """The watchdog holds a stop: one that it heard, or (`press` None) one that an earlier bridge had latched."""
+        stop = self.stop_state
+        if press is None and stop.state != "clear" and (stop.by or "", stop.reason) == (by, reason):
+            return  # the state file told of it as well
+        self.stop(by, reason, now_s, press)
+
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
         """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since.
 
@@ -275,6 +282,10 @@ class Core:
         self._expire(now_s)
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
+
+    def publishing(self, now_s: float) -> bool:
+        """Whether twists go out: for control, a stop, or the moment after."""
+        return now_s < self._publish_until_s
 
     def close(self, now_s: float) -> None:
         """The bridge ends: nobody has control any more, and nothing begins."""

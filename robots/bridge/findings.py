@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from uuid import UUID
+
 from msgspec import Struct
 
 from robots.bridge.config import Topic
 
 CALLER = "/fleet_check"  # the name under which the probe asks
 BRIDGE = "/fleet_bridge"  # a bridge's, the same from every console: the second one is refused
+WATCHDOG = "/fleet_watchdog"  # how a watchdog's name begins; it publishes nothing but zeros
+
+
+def watchdog_name(robot_id: str) -> str:
+    """The node name of this console's watchdog of a robot: no other console has that robot id."""
+    return f"{WATCHDOG}_{UUID(robot_id).hex[:12]}"
 
 
 class Listened(Struct, frozen=True):

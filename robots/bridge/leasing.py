@@ -10,6 +10,7 @@ import asyncio
 import logging
 import time
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol
 
@@ -34,9 +35,15 @@ class Saves(Protocol):
 
 
 class Leasing:
-    """Control of one robot, as its links give and take it. Runs on the event loop; one thread writes the state file."""
+    """Control of one robot, as its links give and take it. Runs on the event loop; one thread writes the state file.
 
-    def __init__(self, core: Core, store: Saves, fence_on_disk: int) -> None:
+    `on_latch` is called when a stop was pressed or cleared, before anybody is told that it was.
+    """
+
+    def __init__(
+        self, core: Core, store: Saves, fence_on_disk: int, on_latch: Callable[[], None] = lambda: None
+    ) -> None:
+        self._on_latch = on_latch
         self._core = core
         self._store = store
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="state-file")
@@ -63,9 +70,12 @@ class Leasing:
         """A link is gone, and with it what it asked for and did not get yet."""
         self._waiting = _Waiting((entry for entry in self._waiting if entry[0] is not link), WAITING_MOST)
 
-    def save_latch(self) -> None:
-        """Write the stop latch in the background: the robot has been told already."""
-        self._disk.submit(self._store.save, self._core.persisted()).add_done_callback(_log_failure)
+    def save_latch(self) -> Future[None]:
+        """Write the stop latch in the background: the robot has been told already. Returns when it is done."""
+        self._on_latch()
+        saved = self._disk.submit(self._store.save, self._core.persisted())
+        saved.add_done_callback(_log_failure)
+        return saved
 
     def close(self) -> None:
         """Wait until everything is written."""

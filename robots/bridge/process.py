@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import time
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,9 @@ from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
 from robots.bridge.store import AlreadyRunning, Store
+from robots.bridge.watchdog.beats import Beats
+from robots.bridge.watchdog.config import lane_path
+from robots.bridge.watchdog.rules import Beat, Press
 from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
 
 log = logging.getLogger(__name__)
@@ -70,9 +74,10 @@ class Bridge:
             on_scan=lambda: self._view(_VIEW_GAP_S),
         )
         self._maps = Maps(config, self._records.keep_map)
-        self._leasing = Leasing(self._core, store, left.fence)
+        self._leasing = Leasing(self._core, store, left.fence, lambda: self._beat(time.monotonic()))
         door = Reception(self._core, self._leasing, self._inspection)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
+        self._beats = Beats(lane_path(config), self._pressed)
         self._ended = asyncio.Event()
         self._exit_code = 0
         self._last_key: tuple[object, ...] = ()
@@ -83,6 +88,7 @@ class Bridge:
         self._watch_for_the_end()
         await self._links.start()
         loop = asyncio.get_running_loop()
+        self._beat(time.monotonic())  # what only the watchdog heard is latched before the robot is joined
         self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._node_lost)
         gc.collect()
@@ -94,6 +100,7 @@ class Bridge:
             leave_within(END_S)
             self._links.shut()  # nobody drives a robot that is being let go of
             self._let_go(time.monotonic())
+            self._beats.close()
             await self._maps.close()
             await asyncio.gather(
                 self._inspection.close(),
@@ -112,6 +119,7 @@ class Bridge:
             now_s = time.monotonic()
             self._links.read_lanes()  # after a stall: commands that came in time count before their absence does
             self._core.tick(now_s, now_s - due_s)
+            self._beat(now_s)
             grant = self._core.grants.current
             self._base.look(grant is not None)
             self._maps.look(grant.fence if grant else None, now_s)
@@ -120,6 +128,29 @@ class Bridge:
             due_s = max(due_s, now_s - TICK_S) + TICK_S  # after a stall: on from here, no catching up
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._ended.wait(), due_s - time.monotonic())
+
+    def _beat(self, now_s: float) -> None:
+        """Tell the watchdog that this loop runs, and what it does."""
+        stop = self._core.stop_state
+        beat = Beat(
+            publishing=self._core.publishing(now_s) and self._base.listeners > 0,
+            latched=stop.state != "clear",
+            by=stop.by or "",
+            reason=stop.reason,
+            drive=self._core.orders.choices.topic("drive"),
+        )
+        self._beats.beat(beat)
+
+    def _pressed(self, press: Press) -> None:
+        """A stop that the watchdog heard. It is the watchdog's until it is on disk."""
+        self._core.stopped_elsewhere(press.by, press.reason, press.press, time.monotonic())
+        loop = asyncio.get_running_loop()
+
+        def written(_saved: Future[None]) -> None:
+            with contextlib.suppress(RuntimeError):  # the bridge has ended
+                loop.call_soon_threadsafe(self._beats.heard, press.number)
+
+        self._leasing.save_latch().add_done_callback(written)
 
     def _recorded(self) -> None:
         if not self._ended.is_set():

@@ -21,6 +21,7 @@ from tests.robots.support import FakePrograms, until
 pytestmark = pytest.mark.django_db
 
 State = BridgeStatus.State
+QUIET = ("-c", "import sys; sys.stdin.read()")  # in the watchdogs' place
 
 
 class Supervised:
@@ -28,7 +29,7 @@ class Supervised:
 
     def __init__(self, programs: FakePrograms, only: frozenset[str] = frozenset()) -> None:
         self.programs = programs
-        self.fleet = Fleet(only, programs.script)
+        self.fleet = Fleet(only, programs.script, QUIET)
 
     def until(self, condition: Callable[[], object], what: str) -> None:
         until(lambda: (self.fleet.step(time.monotonic()), condition())[1], what)

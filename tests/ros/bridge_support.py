@@ -22,6 +22,7 @@ from websockets.sync.client import unix_connect
 from robots import wire
 from robots.bridge.config import BridgeConfig, LinkAddress, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits
+from robots.bridge.watchdog.config import lane_path, watchdog_config
 from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
 
 SONARS = {
@@ -112,6 +113,44 @@ class BridgeProcess:
         self.process.stdin.close()
         assert self.config.link.unix_path is not None
         shutil.rmtree(Path(self.config.link.unix_path).parent, ignore_errors=True)
+
+
+class WatchdogProcess:
+    """The watchdog of a bridge's robot, its standard input the life line."""
+
+    def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
+        self.config = config
+        self.log = folder / f"{config.robot_id}.watchdog.log"
+        told = msgspec.json.encode(watchdog_config(config)).decode()
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "robots.bridge.watchdog", told],
+                cwd=REPOSITORY, env=master.environment(),
+                stdin=subprocess.PIPE, stdout=log, stderr=log,
+            )  # fmt: skip
+
+    def ready(self) -> WatchdogProcess:
+        """Wait until it has joined the master."""
+        until(lambda: "joined" in self.log.read_text() or self.process.poll() is not None, "the watchdog")
+        return self
+
+    def press(self, by: str = "Ann", reason: str = "", robot: uuid.UUID | None = None) -> wire.LinkReport:
+        """Stop the robot, as a web process does that cannot reach the bridge; waits for the answer."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
+            lane.settimeout(PATIENCE_S)
+            lane.connect(lane_path(self.config))
+            lane.send(wire.encode(wire.LinkStop(by, reason, 7, robot)))
+            return wire.link_report(lane.recv(65536))
+
+    def kill(self) -> None:
+        """As a crash."""
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self) -> None:
+        end(self.process)
+        assert self.process.stdin is not None
+        self.process.stdin.close()
 
 
 def _fence_told(report: Any) -> int | None:

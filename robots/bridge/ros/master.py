@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from robots.bridge.findings import BRIDGE
+from robots.bridge.findings import BRIDGE, WATCHDOG
 from robots.bridge.ros.bounds import texts
 
 TIMEOUT_S = 1.0
@@ -24,8 +24,8 @@ INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console 
 
 
 def is_own(node: str) -> bool:
-    """Whether a node is a console's bridge or inspector: they are no part of the robot, and no listeners."""
-    return node.startswith((BRIDGE, INSPECTOR))
+    """Whether a node is a console's bridge, inspector or watchdog: none is part of the robot, or listens."""
+    return node.startswith((BRIDGE, INSPECTOR, WATCHDOG))
 
 
 _Told = TypeVar("_Told")

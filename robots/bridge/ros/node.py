@@ -25,7 +25,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.findings import BRIDGE
+from robots.bridge.findings import BRIDGE, watchdog_name
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.posture import Disc, Posture
 from robots.bridge.gate.values import STILL, Pose, Velocity
@@ -46,6 +46,7 @@ from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.names import Names
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.tf import TfTopics
 from robots.bridge.ros.types import message_class
@@ -243,6 +244,7 @@ class RosBase:
         """Join the master and all topics."""
         topics = self._config.topics
         install(lambda: os.kill(os.getpid(), signal.SIGTERM))
+        refuse_shutdown(self._watcher.name_is_taken)
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )
@@ -347,7 +349,8 @@ class RosBase:
     def _survey(self, system: SystemState) -> RosStatus:
         topics = self._config.topics
         drive = Topic(self._drive_topic, topics.drive.type)
-        foreign = named(set(system.publishers.get(drive.name, [])) - {BRIDGE})
+        own = {BRIDGE, watchdog_name(self._config.robot_id)}
+        foreign = named(set(system.publishers.get(drive.name, [])) - own)
         wanted = [drive, topics.odometry]
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = BOARD.texts()

@@ -121,6 +121,14 @@ class MasterWatcher:
             if watch.wait(SURVEY_S):
                 raise MasterError(f"The ROS master at {self._master.uri} is gone.")
 
+    def name_is_taken(self) -> bool:
+        """Whether the master knows another node by the bridge's name. On any thread; False if it does not answer."""
+        try:
+            uri = self._master.node_uri(BRIDGE)
+        except MasterError:
+            return False
+        return uri is not None and uri != rospy.get_node_uri()
+
     def _require_name(self) -> None:
         if self._begun and rospy.is_shutdown():
             raise NodeLost("Another node took this bridge’s name on the robot’s master.", name_taken=True)

@@ -1,4 +1,4 @@
-"""``manage.py run_fleet [SLUG ...]``: one bridge for each enabled robot, and one housekeeping process.
+"""``manage.py run_fleet [SLUG ...]``: a bridge and a watchdog for each enabled robot, and one housekeeping process.
 
 Notices within a second what was added, edited or disabled in the registry, and touches only the robot concerned.
 Ends on SIGTERM, SIGINT or SIGHUP: every robot is let go of and stops.
@@ -11,15 +11,18 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError, connection
 
 from fleet.audit import AuditUnavailable
+from robots.bridge.watchdog.config import watchdog_config
 from robots.described import Problems
 from robots.ending import leave_within
 from robots.environment import NoWrapper, ros_environment
@@ -27,7 +30,7 @@ from robots.faults import bridge_is
 from robots.models import BridgeStatus, Robot
 from robots.selectors import bridge_config, require_link_settings
 from robots.services import bridge_status_set
-from robots.supervisor import KILL_S, LOCK, AlreadySupervised, Keeper, Program, only_instance
+from robots.supervisor import KILL_S, LOCK, AlreadySupervised, Keeper, Program, RestartBudget, only_instance
 
 State = BridgeStatus.State
 Told = tuple[State, str, int | None]  # state, detail in words, process id
@@ -39,6 +42,12 @@ DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
 LAST_S = END_S + 1.0  # the database may hang as well
 HOUSEKEEPING = "run_housekeeping"
+WATCHDOG = ("-m", "robots.bridge.watchdog")
+
+
+def eager() -> RestartBudget:
+    """A watchdog is back soon, however often it ends: without it a stop depends on the bridge alone."""
+    return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=1.0)
 
 
 class Command(BaseCommand):
@@ -101,12 +110,16 @@ class Stopping:
 
 
 class Fleet:
-    """The robots of this supervisor, each with the keeper of its bridge."""
+    """The robots of this supervisor, each with the keepers of its bridge and of its watchdog."""
 
-    def __init__(self, only: frozenset[str], manage: Path | None = None) -> None:
+    def __init__(
+        self, only: frozenset[str], manage: Path | None = None, watchdog: Sequence[str] = WATCHDOG
+    ) -> None:
         self._only = only
         self._manage = manage or settings.BASE_DIR / "manage.py"
+        self._watchdog = watchdog
         self._keepers: dict[UUID, Keeper] = {}
+        self._watchdogs: dict[UUID, Keeper] = {}
         self._told: dict[UUID, Told] = {}
         self._unsaved: dict[UUID, Told] = {}
         self._database_well = True
@@ -120,20 +133,19 @@ class Fleet:
         if now_s >= self._poll_at_s:
             self._poll_at_s = now_s + POLL_S
             self._poll()
-        for keeper in (*self._keepers.values(), self._housekeeping):
+        for keeper in self._all:
             keeper.step(now_s)
         self._save()
 
     def end(self) -> None:
         """Let go of every program and see them out."""
-        keepers = [*self._keepers.values(), self._housekeeping]
-        for keeper in keepers:
+        for keeper in self._all:
             keeper.want(None)
         last_s = time.monotonic() + END_S
         while time.monotonic() < last_s:
-            for keeper in keepers:
+            for keeper in self._all:
                 keeper.step(time.monotonic())
-            if all(keeper.idle for keeper in keepers):
+            if all(keeper.idle for keeper in self._all):
                 break
             time.sleep(STEP_S)
         for robot_id, (state, _, _) in list(self._told.items()):
@@ -153,7 +165,7 @@ class Fleet:
             return
         self._database_well = True
         for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
-            self._keepers[robot_id].want(None)
+            self._let_go(robot_id)
 
     def _is_mine(self, robot: Robot) -> bool:
         """Named on the command line; without names, every robot whose bridge is not said to run elsewhere."""
@@ -162,7 +174,7 @@ class Fleet:
     def _look_at(self, robot: Robot) -> None:
         keeper = self._keepers.get(robot.id) or self._keeper(robot)
         if not robot.enabled:
-            keeper.want(None)
+            self._let_go(robot.id)
             self._tell(robot.id, State.DISABLED, "", None)
             return
         try:
@@ -172,7 +184,7 @@ class Fleet:
                 return
             environment = ros_environment(config, settings.FLEET_RUN_DIR)
         except (Problems, NoWrapper) as error:
-            keeper.want(None)
+            self._let_go(robot.id)
             self._tell(robot.id, State.REFUSED, str(error), None)
             return
         except OSError as error:  # a full disk; the bridge that runs keeps running as it was described before
@@ -181,6 +193,22 @@ class Fleet:
             self._tell(robot.id, state, text, pid)
             return
         keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
+        watched = watchdog_config(config)
+        watchdog = self._watchdogs[robot.id]
+        if watched.digest() != watchdog.digest:
+            told = msgspec.json.encode(watched).decode()
+            path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
+            arguments = [sys.executable, *self._watchdog, told]
+            watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
+
+    def _let_go(self, robot_id: UUID) -> None:
+        """Neither bridge nor watchdog from now on."""
+        self._keepers[robot_id].want(None)
+        self._watchdogs[robot_id].want(None)
+
+    @property
+    def _all(self) -> list[Keeper]:
+        return [*self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
 
     def _keeper(self, robot: Robot) -> Keeper:
         robot_id = robot.id
@@ -188,6 +216,7 @@ class Fleet:
             f"Bridge of {robot.slug}", lambda state, detail, pid: self._tell(robot_id, state, detail, pid)
         )
         self._keepers[robot_id] = keeper
+        self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)
         return keeper
 
     def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:

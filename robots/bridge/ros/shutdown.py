@@ -1,0 +1,46 @@
+"""rospy ends a node at any caller's `shutdown`; a bridge and a watchdog end by their supervisor only."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from rospy.impl.masterslave import ROSHandler
+
+log = logging.getLogger(__name__)
+
+_Answer = tuple[int, str, int]
+_REFUSED: _Answer = (0, "refused: this node ends by its supervisor", 0)
+
+
+def refuse_shutdown(name_is_taken: Callable[[], bool] = lambda: False) -> None:
+    """Do nothing at a `shutdown` call, from now on in this process. Call it before `rospy.init_node`.
+
+    A master calls `shutdown` when another node takes this node's name. `name_is_taken` asks the master whether it did:
+    if so, rospy shuts down as usual.
+    """
+    shutdown = ROSHandler.shutdown
+    asking = threading.Lock()  # a flood of calls asks the master one question at a time
+    unasked = threading.Event()  # a call came since
+    said = False
+
+    def judged(handler: ROSHandler, caller: str, message: str = "") -> _Answer:
+        nonlocal said
+        unasked.set()
+        if not asking.acquire(blocking=False):
+            return _REFUSED
+        try:
+            while unasked.is_set():
+                unasked.clear()
+                if name_is_taken():
+                    answer: _Answer = shutdown(handler, caller, message)
+                    return answer
+        finally:
+            asking.release()
+        if not said:
+            said = True
+            log.warning("a shutdown call of %s was refused (%s); more are not logged", caller, message)
+        return _REFUSED
+
+    ROSHandler.shutdown = judged

@@ -1,0 +1,140 @@
+"""The watchdog's rospy node: publishers only, so that nothing that the robot says can hold it up."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from contextlib import closing
+from pathlib import Path
+
+import rospy
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Twist, TwistStamped
+
+from robots.bridge.ros.master import DeathWatch, Master, MasterError
+from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.registration import register_again
+from robots.bridge.ros.shutdown import refuse_shutdown
+from robots.bridge.watchdog.config import WatchdogConfig
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 0.5
+CHECK_S = 0.5  # that the master still knows this node, and that each drive topic has its publisher
+SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to zeros is not full by chance
+FLUSH_S = 0.1
+
+
+class RosStops:
+    """Zeros and cancels at one robot, whatever happens to its master."""
+
+    def __init__(self, config: WatchdogConfig) -> None:
+        self._config = config
+        self._master = Master(config.master_uri, config.node)
+        self._stamped = config.drive.type == "geometry_msgs/TwistStamped"
+        self._wanted = {config.drive.name}
+        self._drives: dict[str, rospy.Publisher] = {}
+        self._cancels: list[rospy.Publisher] = []
+        self._joined = False
+        self._ending = threading.Event()
+
+    def start(self) -> None:
+        """Begin to look for the master, on a thread of its own."""
+        os.environ["ROS_MASTER_URI"] = self._config.master_uri
+        os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
+        os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
+        threading.Thread(target=self._keep_registered, name="master", daemon=True).start()
+
+    def stop(self) -> None:
+        """Off the master's books, if it answers."""
+        self._ending.set()
+        if self._joined:
+            time.sleep(FLUSH_S)  # the last bytes leave before the socket is closed
+            leaving = threading.Thread(target=rospy.signal_shutdown, args=("watchdog ends",), daemon=True)
+            leaving.start()
+            leaving.join(1.0)
+
+    # --- as the watchdog sees it (watchdog.process.Robot) ----------------------------------------------
+
+    def zero(self) -> int:
+        """Publish a zero velocity wherever the robot is driven; returns how many nodes it was written to."""
+        twist = Twist()
+        message = TwistStamped(twist=twist) if self._stamped else twist
+        if self._stamped:
+            message.header.stamp = rospy.Time.from_sec(time.time())
+        reached = 0
+        for publisher in list(self._drives.values()):
+            publish(publisher, message)
+            reached += len(heard_by(publisher))
+        return reached
+
+    def cancel(self) -> None:
+        """Cancel everybody's goals: an empty goal id means all."""
+        for publisher in self._cancels:
+            publish(publisher, GoalID())
+
+    def drive_to(self, topic: str) -> None:
+        """The robot is driven on this topic now, beside the default. Returns at once."""
+        self._wanted = {self._config.drive.name, topic}
+
+    # --- on the thread for the master ------------------------------------------------------------------
+
+    def _keep_registered(self) -> None:
+        while not self._ending.is_set():
+            try:
+                self._master.alive()
+                with closing(DeathWatch(self._master.uri)) as watch:
+                    self._join()
+                    self._stay(watch)
+            except MasterError as error:
+                log.debug("%s", error)  # the bridge says it on the page
+            except Exception:
+                log.exception("watching the robot's master failed")
+            self._ending.wait(RETRY_S)
+
+    def _join(self) -> None:
+        """rospy begins once in a process's life: if that fails, another process must try."""
+        if self._joined:
+            return
+        try:
+            refuse_shutdown()
+            rospy.init_node(
+                self._config.node.strip("/"),
+                argv=[],
+                disable_signals=True,
+                disable_rostime=True,
+                disable_rosout=True,
+            )
+            self._cancels = [
+                immediate_publisher(f"{action}/cancel", GoalID, SEND_PATIENCE_S)
+                for action in self._config.actions
+            ]
+            self._attend()
+        except Exception:
+            log.exception("joining the robot's master failed")
+            os._exit(1)
+        self._joined = True
+        log.info("joined the robot's master as %s", self._config.node)
+
+    def _stay(self, watch: DeathWatch) -> None:
+        """Until the master is gone. Whoever takes this node's name, or strikes it off the books, loses."""
+        while not self._ending.is_set():
+            if self._master.node_uri(self._config.node) != rospy.get_node_uri():
+                log.warning("the robot's master does not know this watchdog any more: registering again")
+                register_again(self._master)
+            self._attend()
+            if watch.wait(CHECK_S):
+                return
+
+    def _attend(self) -> None:
+        """A publisher for each drive topic that is wanted, and for no other."""
+        kind = TwistStamped if self._stamped else Twist
+        wanted = self._wanted
+        for name in wanted - self._drives.keys():
+            self._drives = {**self._drives, name: immediate_publisher(name, kind, SEND_PATIENCE_S)}
+        for name in self._drives.keys() - wanted:
+            left = self._drives[name]
+            self._drives = {topic: one for topic, one in self._drives.items() if one is not left}
+            left.unregister()

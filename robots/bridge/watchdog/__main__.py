@@ -1,0 +1,13 @@
+"""``python -m robots.bridge.watchdog CONFIG``: the watchdog of one robot, until stdin ends. CONFIG is JSON."""
+
+from __future__ import annotations
+
+import sys
+
+import msgspec
+
+from robots.bridge.watchdog.config import WatchdogConfig
+from robots.bridge.watchdog.process import run
+
+if __name__ == "__main__":
+    sys.exit(run(msgspec.json.decode(sys.argv[1], type=WatchdogConfig)))

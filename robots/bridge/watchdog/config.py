@@ -1,0 +1,58 @@
+"""What a watchdog is told about its robot: a small part of the bridge's config."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from uuid import UUID
+
+import msgspec
+from msgspec import Struct
+
+from robots.bridge.config import BridgeConfig, Topic
+from robots.bridge.findings import watchdog_name
+
+
+class WatchdogConfig(Struct, frozen=True):
+    """Everything one watchdog needs."""
+
+    robot_id: UUID
+    slug: str
+    master_uri: str
+    node: str  # its name on the robot's master
+    drive: Topic
+    actions: tuple[str, ...]  # their goals are cancelled while a stop is latched
+    lane: str  # path of the socket on which it hears
+    state_dir: str
+
+    def digest(self) -> str:
+        """Differs when anything the watchdog was told differs."""
+        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()
+
+
+def lane_path(config: BridgeConfig) -> str:
+    """Where the robot's watchdog listens: beside the bridge's socket, or in the state directory if it has none."""
+    if config.link.unix_path:
+        return str(Path(config.link.unix_path).with_suffix(".stop"))
+    return str(Path(config.state_dir) / f"{UUID(config.robot_id).hex[:12]}.stop")
+
+
+def watchdog_config(config: BridgeConfig) -> WatchdogConfig:
+    """The watchdog's part of a bridge's config."""
+    topics = config.topics
+    actions = {*topics.cancel_on_stop}
+    actions |= {
+        topic.name for topic in (topics.motions, topics.speech) if topic and topic.type.endswith("Action")
+    }
+    if topics.motions:
+        actions |= {one.name for one in config.allowed if one.what == "choose" and one.use == "motions"}
+    return WatchdogConfig(
+        robot_id=UUID(config.robot_id),
+        slug=config.slug,
+        master_uri=config.master_uri,
+        node=watchdog_name(config.robot_id),
+        drive=topics.drive,
+        actions=tuple(sorted(actions)),
+        lane=lane_path(config),
+        state_dir=config.state_dir,
+    )

@@ -1,0 +1,65 @@
+"""The file in which a stop survives its watchdog, until a bridge has latched it."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from pathlib import Path
+from uuid import UUID
+
+import msgspec
+
+from robots.bridge.store import Store
+from robots.bridge.watchdog.rules import Press
+
+log = logging.getLogger(__name__)
+
+
+class Kept:
+    """Written on a thread of its own: no disk that hangs holds up zeros."""
+
+    def __init__(self, state_dir: str, robot_id: UUID) -> None:
+        self._path = Path(state_dir) / f"{robot_id.hex[:12]}.pressed"
+        self._bridge = Store(Path(state_dir), str(robot_id))
+        self._newest: Press | None = None
+        self._written: Press | None = None
+        self._news = threading.Event()
+
+    def load(self, first: int) -> Press | None:
+        """The stop that the last watchdog left, or the one that the bridge has latched; None if neither did."""
+        with contextlib.suppress(OSError, msgspec.DecodeError):
+            self._newest = self._written = msgspec.json.decode(self._path.read_bytes(), type=Press)
+        left = self._bridge.load(0)
+        if self._written is None and left.latched:
+            return Press(first, left.by, left.reason)
+        return self._written
+
+    def start(self) -> None:
+        """Begin to write."""
+        threading.Thread(target=self._write, name="kept", daemon=True).start()
+
+    def keep(self, press: Press | None) -> None:
+        """Write this stop, or that there is none. Returns at once."""
+        if press != self._newest:
+            self._newest = press
+            self._news.set()
+
+    def _write(self) -> None:
+        while True:
+            self._news.wait()
+            self._news.clear()
+            newest = self._newest
+            try:
+                self._write_one(newest)
+            except OSError as error:
+                log.error("a stop was not written: %s", error)
+
+    def _write_one(self, press: Press | None) -> None:
+        if press is None:
+            self._path.unlink(missing_ok=True)
+            return
+        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        fresh = self._path.with_suffix(".new-press")
+        fresh.write_bytes(msgspec.json.encode(press))
+        fresh.replace(self._path)

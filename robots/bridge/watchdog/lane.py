@@ -1,0 +1,111 @@
+"""The watchdog's socket: one datagram is one message, on connections that tell when their other end is gone."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import socket
+from pathlib import Path
+from typing import NamedTuple
+
+LARGEST = 16 * 1024  # bytes of a message
+MOST = 100  # connections; beyond it the one that came first is closed
+BACKLOG = 32
+
+
+class Heard(NamedTuple):
+    """A message; None: the other end is gone."""
+
+    connection: socket.socket
+    message: bytes | None
+
+
+class Lane:
+    """Server of a SEQPACKET Unix socket that only its owner can open. Nothing here blocks, apart from `wait`."""
+
+    def __init__(self, path: str, life_line: int | None = None) -> None:
+        Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        Path(path).unlink(missing_ok=True)
+        self._path = path
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        umask = os.umask(0o177)
+        try:
+            self._listener.bind(path)
+        finally:
+            os.umask(umask)
+        self._listener.listen(BACKLOG)
+        self._listener.setblocking(False)
+        self._connections: dict[socket.socket, None] = {}  # in order of their coming
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._life_line = life_line
+        self.ended = False  # the life line closed
+        if life_line is not None:
+            os.set_blocking(life_line, False)
+            self._selector.register(life_line, selectors.EVENT_READ)
+
+    def wait(self, timeout_s: float) -> list[Heard]:
+        """Everything that came meanwhile; waits for it at most so long."""
+        heard: list[Heard] = []
+        for key, _ in self._selector.select(max(timeout_s, 0.0)):
+            if key.fileobj is self._listener:
+                self._accept()
+            elif key.fileobj == self._life_line:
+                self._listen_to_life()
+            elif isinstance(key.fileobj, socket.socket):
+                heard += self._read(key.fileobj)
+        return heard
+
+    def send(self, connection: socket.socket, message: bytes) -> None:
+        """Send it; who does not read misses it."""
+        with contextlib.suppress(OSError):
+            connection.send(message, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+
+    def drop(self, connection: socket.socket) -> None:
+        """Close a connection."""
+        if connection in self._connections:
+            del self._connections[connection]
+            self._selector.unregister(connection)
+            connection.close()
+
+    def close(self) -> None:
+        """Close everything, and remove the socket file."""
+        for connection in list(self._connections):
+            self.drop(connection)
+        self._selector.close()
+        self._listener.close()
+        Path(self._path).unlink(missing_ok=True)
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:  # who called has gone again
+            return
+        connection.setblocking(False)
+        if len(self._connections) >= MOST:
+            self.drop(next(iter(self._connections)))
+        self._connections[connection] = None
+        self._selector.register(connection, selectors.EVENT_READ)
+
+    def _read(self, connection: socket.socket) -> list[Heard]:
+        """All that waits there: a beat that is queued up is no silence."""
+        heard: list[Heard] = []
+        while connection in self._connections:
+            try:
+                message = connection.recv(LARGEST)
+            except BlockingIOError:
+                break
+            except OSError:
+                message = b""
+            heard.append(Heard(connection, message or None))
+            if not message:
+                self.drop(connection)
+        return heard
+
+    def _listen_to_life(self) -> None:
+        assert self._life_line is not None  # noqa: S101  (it is registered)
+        with contextlib.suppress(BlockingIOError):
+            if not os.read(self._life_line, 1024):
+                self.ended = True
+                self._selector.unregister(self._life_line)

@@ -1,0 +1,177 @@
+"""The watchdog process: wires the rules to the socket, to ROS and to the clock."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import socket
+import sys
+import time
+from typing import Protocol
+
+import msgspec
+
+from robots import wire
+from robots.bridge.goals import CANCEL_AGAIN_S
+from robots.bridge.ros.watchdog import RosStops
+from robots.bridge.watchdog.config import WatchdogConfig
+from robots.bridge.watchdog.kept import Kept
+from robots.bridge.watchdog.lane import Heard, Lane
+from robots.bridge.watchdog.rules import Beat, Rules
+from robots.ending import leave_within
+from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
+
+log = logging.getLogger(__name__)
+
+PERIOD_S = 0.05  # of zeros
+IDLE_S = 1.0  # without a bridge and without a stop nothing is due
+LAST_S = 2.0  # from the end of the life line: the bridge's own end is awaited so long
+END_S = 3.0
+
+_OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire")
+_decoder = msgspec.json.Decoder(LinkStop | Beat)
+
+
+class Robot(Protocol):
+    """What the watchdog may do to the robot."""
+
+    def zero(self) -> int:
+        """Publish a zero velocity wherever the robot is driven; returns how many nodes it was written to."""
+
+    def cancel(self) -> None:
+        """Cancel everybody's goals."""
+
+    def drive_to(self, topic: str) -> None:
+        """The robot is driven on this topic now, beside the default. Returns at once."""
+
+
+class Watchdog:
+    """One robot's watchdog; everything here runs on one thread."""
+
+    def __init__(self, config: WatchdogConfig, rules: Rules, kept: Kept, lane: Lane, robot: Robot) -> None:
+        self._config = config
+        self._rules = rules
+        self._kept = kept
+        self._lane = lane
+        self._robot = robot
+        self._bridge: socket.socket | None = None
+        self._unanswered: list[tuple[socket.socket, LinkStop]] = []
+        self._zero_s = self._cancelled_s = float("-inf")
+
+    def run(self) -> None:
+        """Until the life line closes; then the bridge, which lets go of the robot, is seen out."""
+        end_s = float("inf")
+        while time.monotonic() < end_s and not (self._lane.ended and self._bridge is None):
+            now_s = time.monotonic()
+            self.step(self._lane.wait(self._pause_s(now_s)), time.monotonic())
+            if self._lane.ended:
+                end_s = min(end_s, time.monotonic() + LAST_S)
+
+    def step(self, heard: list[Heard], now_s: float) -> None:
+        """Everything that came is judged before silence is: what waits in a queue was said."""
+        for connection, message in heard:
+            self._hear(connection, message, now_s)
+        self._act(now_s)
+
+    def _pause_s(self, now_s: float) -> float:
+        if self._bridge is None and not self._rules.zeros(now_s):
+            return IDLE_S
+        return max(self._zero_s + PERIOD_S - now_s, 0.0) if self._rules.zeros(now_s) else PERIOD_S
+
+    def _hear(self, connection: socket.socket, message: bytes | None, now_s: float) -> None:
+        if message is None:
+            self._gone(connection, now_s)
+            return
+        match _understood(message):
+            case LinkStop() as said:
+                self._stop(connection, said, now_s)
+            case Beat() as said:
+                self._beat(connection, said, now_s)
+            case None:
+                self._lane.drop(connection)
+                self._gone(connection, now_s)
+
+    def _gone(self, connection: socket.socket, now_s: float) -> None:
+        self._unanswered = [entry for entry in self._unanswered if entry[0] is not connection]
+        if connection is self._bridge:
+            self._bridge = None
+            self._rules.bridge_gone(now_s)
+            self._kept.keep(self._rules.own)
+            log.warning("the bridge is gone%s", ": the robot stays stopped" if self._rules.latched else "")
+
+    def _stop(self, connection: socket.socket, stop: LinkStop, now_s: float) -> None:
+        if stop.robot is not None and stop.robot != self._config.robot_id:
+            self._lane.send(connection, wire.encode(Refused("link_stop", _OTHER, stop.seq)))
+            return
+        press = self._rules.press(stop.by, stop.reason, stop.press)
+        self._zero_s = self._cancelled_s = float("-inf")  # both are due
+        self._unanswered.append((connection, stop))
+        if self._bridge is not None:
+            self._lane.send(self._bridge, wire.encode(press))
+        self._act(now_s)
+        self._kept.keep(press)
+
+    def _beat(self, connection: socket.socket, beat: Beat, now_s: float) -> None:
+        if connection is not self._bridge:
+            log.info("a bridge is there")
+            self._bridge = connection
+            self._rules.bridge_came(now_s)
+        news = self._rules.beat(beat, now_s)
+        if news is not None:
+            self._lane.send(connection, wire.encode(news))
+        self._kept.keep(self._rules.own)
+        if beat.drive:
+            self._robot.drive_to(beat.drive)
+
+    def _act(self, now_s: float) -> None:
+        """Zeros, cancels, and an answer to each stop that has reached the robot."""
+        if self._rules.zeros(now_s) and now_s - self._zero_s >= PERIOD_S:
+            self._zero_s = max(self._zero_s + PERIOD_S, now_s - PERIOD_S)  # at the pace, without catching up
+            if self._robot.zero():
+                self._answer()
+        if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
+            self._cancelled_s = now_s
+            self._robot.cancel()
+
+    def _answer(self) -> None:
+        for connection, stop in self._unanswered:
+            state = StopState("stopping", stop.by, stop.reason)
+            self._lane.send(connection, wire.encode(Stopped(state, stop.seq, stop.press)))
+        self._unanswered.clear()
+
+
+def _understood(message: bytes) -> LinkStop | Beat | None:
+    """None: it is neither. A stop is never refused for its form."""
+    try:
+        return _decoder.decode(message)
+    except msgspec.DecodeError as error:
+        kind, seq = wire.heading(message)
+        if kind == "link_stop":
+            return LinkStop("somebody", "the message was damaged", seq or 0)
+        log.warning("a message on the stop socket was not understood: %s", error)
+        return None
+
+
+def run(config: WatchdogConfig) -> int:
+    """Be the watchdog of one robot; returns the exit code."""
+    logging.basicConfig(format=f"watchdog of {config.slug}: %(message)s")
+    logging.getLogger("robots").setLevel(logging.INFO)
+    sys.setswitchinterval(0.001)  # zeros wait less for rospy's threads
+    kept = Kept(config.state_dir, config.robot_id)
+    first = time.time_ns() // 1_000_000
+    rules = Rules(first, kept.load(first))
+    kept.start()
+    lane = Lane(config.lane, sys.stdin.fileno())
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: sys.exit(0))
+    robot = RosStops(config)
+    robot.start()
+    try:
+        Watchdog(config, rules, kept, lane, robot).run()
+    finally:
+        leave_within(END_S)
+        if rules.zeros(time.monotonic()):
+            robot.zero()
+        lane.close()
+        robot.stop()
+    return 0

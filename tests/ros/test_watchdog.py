@@ -1,0 +1,322 @@
+"""A stop reaches the robot and holds, whatever becomes of the bridge: real processes, real master, simulated robot."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+from xmlrpc.client import ServerProxy
+
+import pytest
+import rosgraph
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Twist
+
+from robots import wire
+from robots.bridge.config import BridgeConfig
+from robots.bridge.findings import BRIDGE, watchdog_name
+from robots.ending import EXIT_NAME_LOST
+from tests.ros.bridge_support import BridgeProcess, Hand, WatchdogProcess, drivable, tiago_config
+from tests.ros.support import PATIENCE_S, Inbox, Master, RosClient, until
+
+DRIVE = "/key_vel"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(rosmaster, simulator):
+    return simulator(pose="2,1.8,0", seed=1, drift=0)
+
+
+@pytest.fixture
+def config(rosmaster: Master, tmp_path) -> BridgeConfig:
+    return tiago_config(rosmaster, tmp_path)
+
+
+@pytest.fixture
+def start(rosmaster: Master, config: BridgeConfig, tmp_path) -> Iterator[Callable[[Any], Any]]:
+    """Start this robot's bridge or watchdog."""
+    with ExitStack() as ending:
+
+        def begin(kind: Any) -> Any:
+            process = kind(config, rosmaster, tmp_path)
+            ending.callback(process.stop)
+            return process
+
+        yield begin
+
+
+@pytest.fixture
+def watchdog(start) -> WatchdogProcess:
+    return start(WatchdogProcess).ready()
+
+
+@pytest.fixture
+def bridge(start, watchdog: WatchdogProcess) -> BridgeProcess:
+    return start(BridgeProcess)
+
+
+@pytest.fixture
+def hand(bridge: BridgeProcess) -> Iterator[Hand]:
+    hand = bridge.link()
+    hand.state_until(drivable, "the robot to be online")
+    hand.take_control(1)
+    yield hand
+    hand.close()
+
+
+@pytest.fixture
+def zeros(ros: RosClient, config: BridgeConfig) -> Iterator[Zeros]:
+    with ros.listen(DRIVE, Twist) as inbox:
+        yield Zeros(inbox, watchdog_name(config.robot_id))
+
+
+class Zeros:
+    """What is published on the drive topic, and by whom."""
+
+    def __init__(self, inbox: Inbox, watchdog: str) -> None:
+        self._inbox = inbox
+        self._watchdog = watchdog
+
+    def of_the_watchdog(self, count: int = 5) -> None:
+        """Wait for so many, from now on."""
+        self._inbox.drain()
+        for _ in range(count):
+            self._inbox.until(lambda message: _caller(message) == self._watchdog and _still(message))
+
+    def end(self) -> None:
+        """Wait until the watchdog is quiet: nothing of its comes for half a second."""
+
+        def quiet() -> bool:
+            time.sleep(0.5)
+            return not any(_caller(message) == self._watchdog for message in self._inbox.drain())
+
+        self._inbox.drain()
+        until(quiet, "the watchdog to be quiet")
+
+    def none_but_zeros(self) -> bool:
+        """Whether nothing of ours moves the robot."""
+        ours = (BRIDGE, self._watchdog)
+        return all(_still(message) for message in self._inbox.drain() if _caller(message) in ours)
+
+
+def _caller(message: Any) -> str:
+    caller: str = message._connection_header["callerid"]
+    return caller
+
+
+def _still(message: Twist) -> bool:
+    return message.linear.x == message.linear.y == message.angular.z == 0.0
+
+
+@contextmanager
+def usurper(master: Master, name: str) -> Iterator[None]:
+    """A node of that name, from elsewhere."""
+    script = "import rospy, sys; rospy.init_node(sys.argv[1], disable_signals=True); print(1, flush=True); rospy.spin()"
+    process = subprocess.Popen(
+        ["/usr/bin/python3", "-c", script, name.strip("/")], env=master.environment(), stdout=subprocess.PIPE
+    )
+    try:
+        assert process.stdout is not None and process.stdout.readline()
+        yield
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def turn(hand: Hand) -> None:
+    """Turn the robot on the spot, with the stick held there from now on."""
+
+    def turns(state: wire.State) -> bool:
+        hand.stick(0.0, 0.0 if state.neutral_needed else 0.5)
+        return state.odometry is not None and state.odometry.w > 0.1
+
+    hand.state_until(turns, "the robot to turn")
+
+
+def uri_of(master: Master, node: str) -> str:
+    return rosgraph.Master("/test", master.uri).lookupNode(node)
+
+
+def test_a_stop_is_heard_by_the_watchdog_latched_by_the_bridge_and_cleared_by_it(
+    hand: Hand, watchdog: WatchdogProcess, zeros: Zeros
+) -> None:
+    answer = watchdog.press("Ann", "smoke")
+    assert answer == wire.Stopped(wire.StopState("stopping", "Ann", "smoke"), 7)
+    stop = hand.state_until(lambda state: state.stop.state == "stopped", "the latch").stop
+    assert (stop.by, stop.reason) == ("Ann", "smoke")
+    zeros.of_the_watchdog()
+    hand.send(wire.LinkClear("Ann", stop.number, 8))
+    hand.state_until(lambda state: state.stop.state == "clear", "the clear")
+    zeros.end()
+    turn(hand)
+
+
+def test_one_press_by_both_ways_is_one_stop(hand: Hand, watchdog: WatchdogProcess) -> None:
+    hand.send(wire.LinkStop("Ann", "smoke", 5))
+    first = hand.until(lambda report: isinstance(report, wire.Stopped), "the stop").stop
+    watchdog.press("Ann", "smoke")
+    watchdog.press("Ben", "")
+    stop = hand.state_until(lambda state: state.stop.by == "Ben", "the second stop").stop
+    assert stop.number == first.number + 1
+
+
+def test_another_robots_stop_is_refused(watchdog: WatchdogProcess, config: BridgeConfig) -> None:
+    refused = watchdog.press(robot=uuid.uuid4())
+    assert isinstance(refused, wire.Refused) and refused.refusal.code == "other_robot"
+    assert isinstance(watchdog.press(robot=uuid.UUID(config.robot_id)), wire.Stopped)
+
+
+def test_a_stop_holds_when_its_bridge_is_killed_and_the_next_bridge_begins_stopped(
+    hand: Hand, bridge: BridgeProcess, start, zeros: Zeros
+) -> None:
+    hand.send(wire.LinkStop("Ann", "smoke", 5))
+    hand.until(lambda report: isinstance(report, wire.Stopped), "the stop")
+    bridge.kill()
+    zeros.of_the_watchdog(20)
+    again = start(BridgeProcess).link()
+    stop = again.state_until(lambda state: state.stop.state == "stopped", "the latch").stop
+    assert stop.by == "Ann"
+    again.send(wire.LinkClear("Ann", stop.number, 8))
+    again.state_until(lambda state: state.stop.state == "clear", "the clear")
+    zeros.end()
+    again.close()
+
+
+def test_a_stop_while_no_bridge_lives_reaches_the_robot_and_the_next_bridge(
+    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, start, zeros: Zeros, ros: RosClient
+) -> None:
+    bridge.kill()
+    with ros.listen("/play_motion/cancel", GoalID) as cancels:
+        ros.connected(cancels)
+        assert isinstance(watchdog.press("Ann", "smoke"), wire.Stopped)
+        zeros.of_the_watchdog()
+        assert cancels.next().id == ""
+        assert cancels.next().id == ""
+    again = start(BridgeProcess).link()
+    stop = again.state_until(lambda state: state.stop.state != "clear", "the latch").stop
+    assert (stop.by, stop.reason) == ("Ann", "smoke")
+    again.close()
+
+
+def test_a_stop_that_only_the_watchdog_heard_survives_the_watchdog(
+    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, start, zeros: Zeros
+) -> None:
+    bridge.kill()
+    watchdog.press("Ann", "smoke")
+    zeros.of_the_watchdog()
+    watchdog.kill()
+    start(WatchdogProcess)
+    zeros.of_the_watchdog()
+    again = start(BridgeProcess).link()
+    assert again.state_until(lambda state: state.stop.state != "clear", "the latch").stop.by == "Ann"
+    again.close()
+
+
+def test_while_the_bridge_is_frozen_a_stop_is_confirmed_and_zeros_come(
+    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, zeros: Zeros
+) -> None:
+    bridge.process.send_signal(signal.SIGSTOP)
+    try:
+        assert isinstance(watchdog.press("Ann", "smoke"), wire.Stopped)
+        zeros.of_the_watchdog(20)
+    finally:
+        bridge.process.send_signal(signal.SIGCONT)
+    hand.state_until(lambda state: state.stop.by == "Ann", "the latch")
+
+
+def test_a_robot_whose_bridge_freezes_in_mid_drive_gets_zeros(
+    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, zeros: Zeros
+) -> None:
+    turn(hand)
+    bridge.process.send_signal(signal.SIGSTOP)
+    try:
+        zeros.of_the_watchdog(3)
+        zeros.end()
+    finally:
+        bridge.process.send_signal(signal.SIGCONT)
+
+
+def test_a_node_that_takes_the_bridges_name_ends_the_bridge_and_no_stop(
+    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, rosmaster: Master, zeros: Zeros, start
+) -> None:
+    turn(hand)
+    with usurper(rosmaster, BRIDGE):
+        assert isinstance(watchdog.press("Ann", "smoke"), wire.Stopped)
+        zeros.of_the_watchdog(20)
+        assert zeros.none_but_zeros()
+        assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST
+    again = start(BridgeProcess).link()
+    assert again.state_until(drivable, "the next bridge").stop.by == "Ann"
+    again.close()
+
+
+def test_nobodys_shutdown_call_ends_bridge_or_watchdog(
+    hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, rosmaster: Master, config: BridgeConfig
+) -> None:
+    for node in (BRIDGE, watchdog_name(config.robot_id)):
+        for caller in ("/master", "/stranger"):
+            code, text, _ = ServerProxy(uri_of(rosmaster, node)).shutdown(caller, "new node registered")
+            assert (code, "refused" in text) == (0, True)
+    turn(hand)
+    assert isinstance(watchdog.press(), wire.Stopped)
+    assert "shutdown call of /master was refused" in bridge.log.read_text()
+    assert (bridge.process.poll(), watchdog.process.poll()) == (None, None)
+
+
+def test_whoever_takes_the_watchdogs_name_does_not_keep_it(
+    watchdog: WatchdogProcess, rosmaster: Master, config: BridgeConfig, zeros: Zeros
+) -> None:
+    name = watchdog_name(config.robot_id)
+    before = uri_of(rosmaster, name)
+    with usurper(rosmaster, name):
+        until(lambda: uri_of(rosmaster, name) == before, "the name to be the watchdog's again")
+    watchdog.press()
+    zeros.of_the_watchdog()
+
+
+def test_the_watchdog_comes_back_to_a_restarted_master(make_master, simulator, tmp_path) -> None:
+    master = make_master()
+    robot = simulator(master=master)
+    config = tiago_config(master, tmp_path)
+    watchdog = WatchdogProcess(config, master, tmp_path).ready()
+    try:
+        before = uri_of(master, watchdog_name(config.robot_id))
+        master.kill()
+        master.start()
+        robot.wait_ready()
+        until(lambda: _registered(master, watchdog_name(config.robot_id)) == before, "the watchdog")
+        assert isinstance(watchdog.press(), wire.Stopped)
+    finally:
+        watchdog.stop()
+
+
+def _registered(master: Master, node: str) -> str | None:
+    try:
+        return uri_of(master, node)
+    except (OSError, rosgraph.MasterException):
+        return None
+
+
+def test_console_nodes_are_no_foreign_publishers(
+    hand: Hand, watchdog: WatchdogProcess, ros: RosClient
+) -> None:
+    with ros.speak(DRIVE, Twist):
+        state = hand.state_until(lambda state: state.foreign, "a foreign publisher")
+    assert [name for name in state.foreign if not name.startswith("/test")] == []
+
+
+def test_only_the_owner_opens_the_socket(watchdog: WatchdogProcess, config: BridgeConfig) -> None:
+    path = config.link.unix_path
+    assert path is not None
+    assert os.stat(path.replace(".sock", ".stop")).st_mode & 0o777 == 0o600
+
+
+def test_it_ends_with_its_life_line(watchdog: WatchdogProcess) -> None:
+    assert watchdog.process.stdin is not None
+    watchdog.process.stdin.close()
+    assert watchdog.process.wait(PATIENCE_S) == 0
