@@ -134,12 +134,22 @@ class WatchdogProcess:
         until(lambda: "joined" in self.log.read_text() or self.process.poll() is not None, "the watchdog")
         return self
 
-    def press(self, by: str = "Ann", reason: str = "", robot: uuid.UUID | None = None) -> wire.LinkReport:
+    def press(
+        self,
+        by: str = "Ann",
+        reason: str = "",
+        robot: uuid.UUID | None = None,
+        press: uuid.UUID | None = None,
+    ) -> wire.LinkReport:
         """Stop the robot, as a web process does that cannot reach the bridge; waits for the answer."""
+        return self.say(wire.encode(wire.LinkStop(by, reason, 7, robot, press)))
+
+    def say(self, message: bytes) -> wire.LinkReport:
+        """Something on its socket; waits for the answer."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
             lane.settimeout(PATIENCE_S)
             lane.connect(lane_path(self.config))
-            lane.send(wire.encode(wire.LinkStop(by, reason, 7, robot)))
+            lane.send(message)
             return wire.link_report(lane.recv(65536))
 
     def kill(self) -> None:

@@ -157,12 +157,19 @@ def test_a_stop_is_heard_by_the_watchdog_latched_by_the_bridge_and_cleared_by_it
 
 
 def test_one_press_by_both_ways_is_one_stop(hand: Hand, watchdog: WatchdogProcess) -> None:
-    hand.send(wire.LinkStop("Ann", "smoke", 5))
+    press = uuid.uuid4()
+    hand.send(wire.LinkStop("Ann", "smoke", 5, press=press))
     first = hand.until(lambda report: isinstance(report, wire.Stopped), "the stop").stop
-    watchdog.press("Ann", "smoke")
+    watchdog.press("Ann", "smoke", press=press)
     watchdog.press("Ben", "")
     stop = hand.state_until(lambda state: state.stop.by == "Ben", "the second stop").stop
     assert stop.number == first.number + 1
+
+
+def test_a_stop_is_not_refused_for_its_form(watchdog: WatchdogProcess, zeros: Zeros) -> None:
+    answer = watchdog.say(b'{"t": "link_stop", "by": 7}')
+    assert isinstance(answer, wire.Stopped) and answer.stop.by == "somebody"
+    zeros.of_the_watchdog()
 
 
 def test_another_robots_stop_is_refused(watchdog: WatchdogProcess, config: BridgeConfig) -> None:

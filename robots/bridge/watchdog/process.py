@@ -29,7 +29,7 @@ LAST_S = 2.0  # from the end of the life line: the bridge's own end is awaited s
 END_S = 3.0
 
 _OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire")
-_decoder = msgspec.json.Decoder(LinkStop | Beat)
+_decoder: msgspec.json.Decoder[LinkStop | Beat] = msgspec.json.Decoder(LinkStop | Beat)
 
 
 class Robot(Protocol):
