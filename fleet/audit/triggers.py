@@ -127,11 +127,16 @@ _SQLITE_SEARCH = [
     END
     """,
 ]
-_SEARCHING = {"audit_content_index", "audit_content_unindex"}  # the names of these triggers
 _POSTGRESQL_SEARCH = [
     "CREATE EXTENSION IF NOT EXISTS pg_trgm",
     "CREATE INDEX audit_content_trigrams ON audit_content USING gin (text gin_trgm_ops)",
 ]
+
+_MADE = {
+    "sqlite": _REFUSING["sqlite"]
+    | {"audit_content_index": _SQLITE_SEARCH[1], "audit_content_unindex": _SQLITE_SEARCH[2]},
+    "postgresql": _REFUSING["postgresql"],
+}
 
 CREATE = {
     "sqlite": [*_REFUSING["sqlite"].values(), *_SQLITE_SEARCH],
@@ -158,17 +163,18 @@ class _Trigger(NamedTuple):
 
 
 def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
-    """What is wrong with the triggers of the log's tables, by their names; those as they were made are left out.
+    """What is wrong with the database's triggers, by their names; those as they were made are left out.
 
-    One that the console did not make might copy elsewhere what is to expire.
+    Of whatever table: one that the console did not make might copy elsewhere what is to expire, or change the log when
+    something is written to another table. So might a rule of PostgreSQL's.
     """
     vendor = connection.vendor
     there = {"sqlite": _on_sqlite, "postgresql": _on_postgresql}[vendor](connection)
-    made = {name: _made(vendor, statement) for name, statement in _REFUSING[vendor].items()}
+    made = {name: _made(vendor, statement) for name, statement in _MADE[vendor].items()}
     put_in = {
         trigger.name: "is none that the console made"
         for trigger in there
-        if trigger.name not in _SEARCHING and trigger.definition != made.get(trigger.name)
+        if trigger.definition != made.get(trigger.name)
     }
     return put_in | {
         name: wrong
@@ -197,9 +203,7 @@ def _made(vendor: str, statement: str) -> str:
 
 def _on_sqlite(connection: BaseDatabaseWrapper) -> list[_Trigger]:
     with connection.cursor() as cursor:
-        cursor.execute(
-            "SELECT name, sql FROM sqlite_master WHERE type = 'trigger' AND tbl_name LIKE 'audit_%'"
-        )
+        cursor.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
         return [_Trigger(name, True, _words(statement)) for name, statement in cursor.fetchall()]
 
 
@@ -210,13 +214,18 @@ def _on_postgresql(connection: BaseDatabaseWrapper) -> list[_Trigger]:
             SELECT tgname, tgenabled IN ('O', 'A'), pg_get_triggerdef(pg_trigger.oid, true),
                 lanname, prosrc, COALESCE(proconfig::text, '')
             FROM pg_trigger
-            JOIN pg_class ON pg_class.oid = tgrelid AND relname LIKE 'audit_%'
             JOIN pg_proc ON pg_proc.oid = tgfoid
             JOIN pg_language ON pg_language.oid = prolang
             WHERE NOT tgisinternal
             """
         )
-        return [_Trigger(name, is_on, _of_postgresql(*parts)) for name, is_on, *parts in cursor.fetchall()]
+        triggers = [
+            _Trigger(name, is_on, _of_postgresql(*parts)) for name, is_on, *parts in cursor.fetchall()
+        ]
+        cursor.execute(
+            "SELECT rulename, definition FROM pg_rules WHERE schemaname NOT IN ('pg_catalog', 'information_schema')"
+        )
+        return triggers + [_Trigger(name, True, definition) for name, definition in cursor.fetchall()]
 
 
 def _of_postgresql(trigger: str, language: str, body: str, settings: str) -> str:

@@ -18,7 +18,7 @@ from django.db.models import QuerySet
 from django.utils import timezone as django_timezone
 from msgspec import Struct
 
-from fleet.audit import triggers
+from fleet.audit import index_check, triggers
 from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest
 from fleet.audit.models import Chain, Record
 from fleet.audit.retention import CLOCKS_DIFFER, RECORDS_KEPT_AT_LEAST
@@ -152,7 +152,7 @@ def verify_all() -> Verified:
     """Look through every chain, and for what a chain cannot tell."""
     chains, findings = _chains()
     told = verify(chains)
-    told.findings += [*findings, *_strays(chains), *_triggers()]
+    told.findings += [*findings, *_strays(chains), *_triggers(), *_index()]
     return told
 
 
@@ -413,6 +413,11 @@ def _strays(chains: Iterable[Chain]) -> Iterator[Finding]:
 def _triggers() -> Iterator[Finding]:
     for name, wrong in sorted(triggers.amiss(connection).items()):
         yield Finding("database", None, None, f"the trigger {name} {wrong}.")
+
+
+def _index() -> Iterator[Finding]:
+    for wrong in index_check.disagreements():
+        yield Finding("database", None, None, wrong)
 
 
 # --- words ------------------------------------------------------------------------------------------------

@@ -11,14 +11,16 @@ from django.db import DatabaseError, connection, transaction
 
 @contextmanager
 def past_the_triggers() -> Iterator[None]:
-    """Nothing refuses what is done to the tables here; afterwards all is there again."""
+    """Nothing refuses what is done to the tables here; afterwards all is there again. The search index follows."""
     with transaction.atomic(), connection.cursor() as cursor:
         if connection.vendor == "postgresql":
             cursor.execute("SET LOCAL session_replication_role = replica")
             yield
             cursor.execute("SET LOCAL session_replication_role = origin")
             return
-        cursor.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger' AND name LIKE 'audit%'")
+        cursor.execute(
+            "SELECT name, sql FROM sqlite_master WHERE type = 'trigger' AND name NOT LIKE '%index'"
+        )
         triggers = cursor.fetchall()
         for name, _sql in triggers:
             cursor.execute(f"DROP TRIGGER {name}")
@@ -32,6 +34,13 @@ def tamper(statement: str, *values: Any) -> None:
     with past_the_triggers(), connection.cursor() as cursor:
         cursor.execute(statement, values)
         assert cursor.rowcount, "the statement met nothing"
+
+
+def index_anew() -> None:
+    """Make the search index one of the texts that are there now; PostgreSQL does so by itself."""
+    if connection.vendor == "sqlite":
+        with connection.cursor() as cursor:
+            cursor.execute("INSERT INTO audit_content_search (audit_content_search) VALUES ('rebuild')")
 
 
 def refused_by_the_database(statement: str) -> str:

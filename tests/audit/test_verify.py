@@ -14,7 +14,7 @@ from django.utils import timezone as django_timezone
 from fleet.audit import record
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.verify import Head, compare, verify, verify_all
-from tests.audit.support import past_the_triggers, tamper
+from tests.audit.support import index_anew, past_the_triggers, tamper
 
 pytestmark = pytest.mark.django_db
 
@@ -194,6 +194,7 @@ def test_records_whose_words_were_swapped_are_both_named(chain):
 )
 def test_what_was_said_cannot_be_changed(chain, change):
     tamper(f"UPDATE audit_content SET {change} WHERE record_id = %s", chain[3].pk)
+    index_anew()
     assert found() == [of(chain[3], "has another content than was written.")]
 
 

@@ -1,0 +1,158 @@
+"""Does the index of texts agree with the log? A search must not miss what was said.
+
+SQLite: the texts are indexed anew, a batch at a time, in a temporary place, and each group of three characters must
+stand at the same places as in the index. PostgreSQL keeps its index itself: that it is defined as it was made, in
+force, and knows of as many texts as there are is what can be asked of it. Both only read, and hold nobody up.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from django.db import DatabaseError, connection, transaction
+from django.db.backends.utils import CursorWrapper
+
+AT_ONCE = 5_000  # texts indexed anew
+
+# What the index has of one group of characters, whatever their order: how many places, and which texts and places.
+_PLACES = (
+    "SELECT term, count(*), sum((doc % 1000003 + 7) * (offset % 10007 + 13) % 1000000007 * 31 + doc)"
+    " FROM temp.{0} GROUP BY term"
+)
+_SQLITE = {
+    "audit_content_search": "CREATE VIRTUAL TABLE audit_content_search USING fts5( text, content='audit_content',"
+    " content_rowid='record_id', tokenize='trigram' )",
+    "audit_content_said": "CREATE INDEX audit_content_said ON audit_content (record_id, text) WHERE text <> ''",
+}
+_POSTGRESQL = {
+    "audit_content_trigrams": "CREATE INDEX audit_content_trigrams ON audit_content USING gin (text gin_trgm_ops)",
+    "audit_content_said": "CREATE INDEX audit_content_said ON audit_content USING btree (record_id) INCLUDE (text)"
+    " WHERE ((text <> ''::text) AND (octet_length(text) <= 2000))",
+    "audit_content_said_at_length": "CREATE INDEX audit_content_said_at_length ON audit_content"
+    " USING btree (record_id) WHERE (octet_length(text) > 2000)",
+}
+
+
+def disagreements() -> Iterator[str]:
+    """What is wrong with the indexes of texts, in words."""
+    definitions, look = {"sqlite": (_SQLITE, _on_sqlite), "postgresql": (_POSTGRESQL, _on_postgresql)}[
+        connection.vendor
+    ]
+    with connection.cursor() as cursor:
+        there = dict(_defined(cursor))
+        wrong = [
+            f"the index {name} is {'another one than the console made' if name in there else 'missing'}."
+            for name, definition in definitions.items()
+            if there.get(name) != definition
+        ]
+        yield from wrong
+        if wrong:
+            return
+        try:
+            with _one_moment(cursor):
+                yield from look(cursor)
+        except DatabaseError as error:
+            yield f"the search index cannot be read: {error}."
+
+
+def _defined(cursor: CursorWrapper) -> Iterator[tuple[str, str]]:
+    """The indexes that are in force, by name, and how they are defined."""
+    if connection.vendor == "sqlite":
+        cursor.execute("SELECT name, sql FROM sqlite_master WHERE name LIKE 'audit_content_s%' AND sql <> ''")
+    else:
+        cursor.execute(
+            "SELECT relname, pg_get_indexdef(indexrelid) FROM pg_index JOIN pg_class ON pg_class.oid = indexrelid"
+            " WHERE indrelid = 'audit_content'::regclass AND indisvalid AND indisready AND indislive"
+        )
+    for name, definition in cursor.fetchall():
+        yield name, re.sub(r" ON \S+\.audit_content ", " ON audit_content ", " ".join(definition.split()))
+
+
+@contextmanager
+def _one_moment(cursor: CursorWrapper) -> Iterator[None]:
+    """Everything is read as it is at one moment, though others write meanwhile. Nothing is locked."""
+    if connection.in_atomic_block:
+        yield
+    elif connection.vendor == "sqlite":
+        cursor.execute("BEGIN DEFERRED")  # Django's own transactions would keep others from writing
+        try:
+            yield
+        finally:
+            cursor.execute("ROLLBACK")
+    else:
+        with transaction.atomic():
+            cursor.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY")
+            yield
+
+
+def _on_sqlite(cursor: CursorWrapper) -> Iterator[str]:
+    cursor.execute(
+        "CREATE VIRTUAL TABLE temp.audit_there USING fts5vocab(main, audit_content_search, instance)"
+    )
+    try:
+        cursor.execute(_PLACES.format("audit_there"))
+        there = {term: tuple(places) for term, *places in cursor.fetchall()}
+    finally:
+        cursor.execute("DROP TABLE temp.audit_there")
+    said = _as_said(cursor)
+    if said and not there:
+        yield "the search index is empty."
+    elif different := sum(there.get(term) != said.get(term) for term in there.keys() | said.keys()):
+        yield (
+            f"the search index does not agree with the log: {different} of {len(said)} groups of three characters"
+            " stand at other places."
+        )
+
+
+def _as_said(cursor: CursorWrapper) -> dict[str, tuple[int, int]]:
+    """What the index must have, from the texts themselves."""
+    said: dict[str, tuple[int, int]] = {}
+    last = -1
+    while True:
+        cursor.execute(
+            "SELECT max(record_id) FROM (SELECT record_id FROM audit_content"
+            " WHERE text <> '' AND record_id > %s ORDER BY record_id LIMIT %s)",
+            [last, AT_ONCE],
+        )
+        (end,) = cursor.fetchone()
+        if end is None:
+            return said
+        cursor.execute(
+            "CREATE VIRTUAL TABLE temp.audit_anew USING fts5(text, content='', tokenize='trigram')"
+        )
+        try:
+            cursor.execute(
+                "INSERT INTO temp.audit_anew (rowid, text) SELECT record_id, text FROM audit_content"
+                " WHERE text <> '' AND record_id > %s AND record_id <= %s",
+                [last, end],
+            )
+            cursor.execute(
+                "CREATE VIRTUAL TABLE temp.audit_words USING fts5vocab(temp, audit_anew, instance)"
+            )
+            try:
+                cursor.execute(_PLACES.format("audit_words"))
+                for term, times, places in cursor.fetchall():
+                    before = said.get(term, (0, 0))
+                    said[term] = (before[0] + times, before[1] + places)
+            finally:
+                cursor.execute("DROP TABLE temp.audit_words")
+        finally:
+            cursor.execute("DROP TABLE temp.audit_anew")
+        last = end
+
+
+def _on_postgresql(cursor: CursorWrapper) -> Iterator[str]:
+    """A pattern without any group of characters makes PostgreSQL go through the whole index."""
+    counts = []
+    for through_index in (True, False):
+        cursor.execute(f"SET LOCAL enable_seqscan = {'off' if through_index else 'on'}")
+        cursor.execute(f"SET LOCAL enable_bitmapscan = {'on' if through_index else 'off'}")
+        cursor.execute(f"SET LOCAL enable_indexscan = {'on' if through_index else 'off'}")
+        cursor.execute("SELECT count(*) FROM audit_content WHERE text LIKE '%%'")
+        counts.append(cursor.fetchone()[0])
+    for name in ("enable_seqscan", "enable_bitmapscan", "enable_indexscan"):
+        cursor.execute(f"SET LOCAL {name} = DEFAULT")
+    if counts[0] != counts[1]:
+        yield f"the search index knows of {counts[0]} texts, the log of {counts[1]}."
