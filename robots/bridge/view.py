@@ -89,8 +89,8 @@ def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
 
 def _centimetres(obstacles: Obstacles, kinds: Collection[Kind], grain: int = 1) -> list[int]:
     """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
-    sources = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
-    points = obstacles.points[np.isin(obstacles.source, sources)]
+    drawn = np.array([kind in kinds for kind in obstacles.kinds], dtype=np.bool_)
+    points = obstacles.points[drawn[obstacles.source]]
     near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
     places = np.rint(near * (100 / grain)).astype(np.int64)
     if grain > 1:

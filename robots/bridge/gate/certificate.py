@@ -9,9 +9,8 @@ when odometry comes, and renews them when a scan, a picture or an echo came, or 
 depend on points was decided before: missing and stale data, posture, blind directions, depth camera, latency, the
 operator's delay, rate limits.
 
-A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist go forward or backward
-(vy = 0) with v = |vx|, and let radius(m) be the radius about the base origin that holds the hull, arm and all, grown
-by m.
+A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist have vy = 0 and
+v = |vx|, and let radius(m) be the radius about the base origin that holds the hull, arm and all, grown by m.
 
 *Braking* (first look). It follows arcs with the speed v and the turn rates wanted, measured and sent last. It takes
 nothing away if on each of them the hull, grown by at most m_lat, touches nothing within T + T_b / 2, with m_front left
@@ -19,7 +18,8 @@ along the path of the point. With R = v / |w| and r = radius(m_lat), a point tha
 from the centre of rotation, so this reserve is an angle of at most m_front / (R - r). Until then the base turns by
 theta = |w| (T + T_b / 2) + m_front / (R - r), goes at most R theta ahead and, as 1 - cos t <= t^2 / 2, at most
 R theta^2 / 2 aside; all that it touches is within r of there. With theta <= pi / 2 it does not come back. Straight on,
-that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box.
+that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box. Turning on the spot
+(v = 0), only what is within radius(m_lat) + m_front is considered at all.
 
 *Passing* (first look). Above v_creep it considers points ahead with a gap below `slowing` + `harmless`; they are within
 L = radius(slowing + harmless). Of these it considers, on each arc, those that the hull passes by less than `harmless`;
@@ -33,9 +33,9 @@ turning. Let P(u) be u (T + period) + u^2 / 2a. Without S the base goes at most 
 most Theta = W (T + period) + W^2 / 2 alpha <= pi / 2 off, at most P(N) back; aside it goes at most
 Theta (P(V) + P(N)). S adds at most P(S), whichever way. What is farther from all of this than radius(m_hard) is clear.
 
-Where the proof would need more, nothing is certified: a wanted way that is not ahead or back, an arc so tight that
-R <= r, points that move (second look), a command from the future (a clock was set). `SLACK_M` is far above what
-rounding does to these sums, also to the 32 bits of the second look, within `LONGEST_M`.
+Where the proof would need more, nothing is certified: a wanted way sideways, an arc so tight that R <= r, points that
+move (second look), a command from the future (a clock was set). `SLACK_M` is far above what rounding does to these
+sums, also to the 32 bits of the second look, within `LONGEST_M`.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def restrains_nothing(
     profile: GateProfile,
 ) -> bool:
     """Whether `restraint.restrain`, told the same, surely leaves `wanted` as it is."""
-    if wanted.vx == 0.0 or wanted.vy != 0.0:
+    if wanted.vy != 0.0:
         return False
     w = max(abs(wanted.w), *map(abs, turn_rates))
     along, across = math.copysign(1.0, wanted.vx) * points[:, 0], np.abs(points[:, 1])
@@ -112,6 +112,9 @@ def _is_clear(box: Box | None, along: Metres, across: Metres) -> bool:
 def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
     """What the hull could touch before it has braked."""
     radius = footprint.reach(profile.parameters.lateral_margin_m)
+    if v == 0.0:
+        around_m = radius + profile.parameters.front_margin_m
+        return Box(around_m, around_m, around_m)
     tightest_m = v / w if w > 0.0 else math.inf
     if tightest_m <= radius:
         return None

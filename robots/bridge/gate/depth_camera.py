@@ -71,6 +71,7 @@ class DepthCamera:
         self._memory = Memory(DEPTH_LAYER)
         self._spans = _Spans(DEPTH_LAYER)
         self._frame: Frame | None = None
+        self._shows_tables = False  # the newest picture does
         self._seen = NO_POINTS  # odometry frame
         self._clock = _MotionClock()
         self._resets = 0
@@ -92,6 +93,7 @@ class DepthCamera:
             return
         self.complaint = ""
         self._frame = frame
+        self._shows_tables = _shows_tables(frame)
         self._frames += 1
         self._learn(frame, base, self._clock.pass_to(base, arrival_s))
 
@@ -133,7 +135,7 @@ class DepthCamera:
         """How far a way is in the picture that begins in `direction` (base frame) and bends by `curvature` (1/m, left
         positive): metres along it, infinite if all of it, 0 if the camera looks elsewhere.
         """
-        if self._frame is None or not _shows_tables(self._frame):
+        if self._frame is None or not self._shows_tables:
             return 0.0
         to_base, right = self._frame.to_base, self._frame.picture.right
         heading = math.atan2(to_base[1, 2], to_base[0, 2])
