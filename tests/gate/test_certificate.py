@@ -10,6 +10,7 @@ import pytest
 
 from robots.bridge.gate import gate as gate_module
 from robots.bridge.gate.certificate import plays_clear, restrains_nothing
+from robots.bridge.gate.corridors import Box, Corridors
 from robots.bridge.gate.footprint import footprint_of
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import AT_HOME, Posture
@@ -19,6 +20,7 @@ from robots.bridge.gate.values import STILL, LaserScan, Limits, Parameters, Pose
 from tests.gate.conftest import LASER, SONARS, box_profile, tiago_profile
 
 PERIOD_S = 0.05
+EMPTY = Corridors.among(np.empty((0, 2)))
 HULLS = (
     {"radius_m": 0.27, "outline": None},
     {"radius_m": None, "outline": ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))},
@@ -74,10 +76,10 @@ def test_arcs_take_nothing_from_what_is_certified(seed):
     wanted = any_twist(random, profile.limits)
     turn_rates = tuple(random.uniform(-1.0, 1.0, 2) * random.choice([0.0, 0.2, 1.0]))
     points = on_the_border(
-        lambda points: restrains_nothing(wanted, turn_rates, points, hull, profile), random
+        lambda points: restrains_nothing(wanted, turn_rates, Corridors.among(points), hull, profile), random
     )
     if points is None:
-        assert not restrains_nothing(wanted, turn_rates, np.empty((0, 2)), hull, profile), "too tight an arc"
+        assert not restrains_nothing(wanted, turn_rates, EMPTY, hull, profile), "too tight an arc"
     else:
         source = np.zeros(len(points), dtype=np.intp)
         found = restrain(wanted, turn_rates, points, source, hull, profile)
@@ -95,22 +97,43 @@ def test_a_roll_out_takes_nothing_from_what_is_certified(seed):
     ages = sorted(random.uniform(0.0, 0.5, len(sent)), reverse=True)
     queue = [Sent(velocity, age_s) for velocity, age_s in zip(sent, ages, strict=True)]
     points = on_the_border(
-        lambda points: plays_clear(candidate, queue, measured, points, hull, profile, PERIOD_S), random
+        lambda points: plays_clear(
+            candidate, queue, measured, Corridors.among(points), hull, profile, PERIOD_S
+        ),
+        random,
     )
     if points is None:
-        nothing = np.empty((0, 2))
-        assert not plays_clear(candidate, queue, measured, nothing, hull, profile, PERIOD_S), "too far round"
+        assert not plays_clear(candidate, queue, measured, EMPTY, hull, profile, PERIOD_S), "too far round"
     else:
         latency_s = profile.parameters.latency_s
         rolled = safe_share(candidate, queue, measured, points, None, hull, profile, PERIOD_S, latency_s)
         assert rolled.share == 1.0
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_corridor_is_clear_only_if_no_point_is_in_the_box(seed):
+    random = np.random.default_rng(seed)
+    points = np.append(random.uniform(-3.0, 3.0, (30, 2)), [(math.nan, math.nan), (math.inf, 0.0)], axis=0)
+    corridors, (x, y) = Corridors.among(points), points.T
+    found = Counter()
+    for _ in range(200):
+        box, reverse = (
+            Box(*random.uniform(0.0, 2.2, 3) * random.choice([0.1, 0.3, 1.0])),
+            random.random() < 0.5,
+        )
+        along = -x if reverse else x
+        free = not ((along <= box.ahead) & (along >= -box.behind) & (np.abs(y) <= box.aside)).any()
+        clear = corridors.are_clear(box, reverse=reverse)
+        assert free or not clear
+        found[free, clear] += 1
+    assert found[True, True] > found[True, False], found
+
+
 def test_a_command_from_the_future_is_played():
     profile = tiago_profile()
-    hull, ahead, nothing = footprint_of(profile), Velocity(0.2, 0.0, 0.0), np.empty((0, 2))
-    assert plays_clear(ahead, [Sent(ahead, 0.0)], ahead, nothing, hull, profile, PERIOD_S)
-    assert not plays_clear(ahead, [Sent(ahead, -0.1)], ahead, nothing, hull, profile, PERIOD_S)
+    hull, ahead = footprint_of(profile), Velocity(0.2, 0.0, 0.0)
+    assert plays_clear(ahead, [Sent(ahead, 0.0)], ahead, EMPTY, hull, profile, PERIOD_S)
+    assert not plays_clear(ahead, [Sent(ahead, -0.1)], ahead, EMPTY, hull, profile, PERIOD_S)
 
 
 # --- both gates, side by side -----------------------------------------------------------------------

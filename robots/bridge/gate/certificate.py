@@ -5,7 +5,8 @@ has a certificate: if its boxes hold no point, the look would take nothing away,
 in a box, this says nothing, and the look decides. So a box that is too large costs time, and nothing else.
 
 Nothing about the past is assumed: the points are those of this moment. `ObstacleCache` carries them to the newest pose
-when odometry comes, and renews them when a scan, a picture or an echo came, or went by time alone. All that does not
+when odometry comes, renews them when a scan, a picture or an echo came, or went by time alone, and makes the
+`Corridors` in which boxes are looked up with the points, never apart. All that does not
 depend on points was decided before: missing and stale data, posture, blind directions, depth camera, latency, the
 operator's delay, rate limits.
 
@@ -42,14 +43,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
-
-import numpy as np
 
 from robots.bridge.gate import braking
-from robots.bridge.gate.arc import Metres
+from robots.bridge.gate.corridors import Box, Corridors
 from robots.bridge.gate.footprint import Footprint
-from robots.bridge.gate.planar import Points
 from robots.bridge.gate.restraint import harmless_m
 from robots.bridge.gate.rollout import Sent
 from robots.bridge.gate.values import GateProfile, Velocity
@@ -59,29 +56,20 @@ LONGEST_M = 20.0
 QUARTER_TURN = math.pi / 2.0
 
 
-class Box(NamedTuple):
-    """A corridor along the way, metres from the base origin."""
-
-    ahead: float
-    behind: float
-    aside: float
-
-
 def restrains_nothing(
     wanted: Velocity,
     turn_rates: Sequence[float],
-    points: Points,
+    corridors: Corridors,
     footprint: Footprint,
     profile: GateProfile,
 ) -> bool:
     """Whether `restraint.restrain`, told the same, surely leaves `wanted` as it is."""
     if wanted.vy != 0.0:
         return False
-    w = max(abs(wanted.w), *map(abs, turn_rates))
-    along, across = math.copysign(1.0, wanted.vx) * points[:, 0], np.abs(points[:, 1])
-    v = abs(wanted.vx)
-    return _is_clear(_braked(v, w, footprint, profile), along, across) and _is_clear(
-        _passed(v, w, footprint, profile), along, across
+    v, w = abs(wanted.vx), max(abs(wanted.w), *map(abs, turn_rates))
+    reverse = wanted.vx < 0.0
+    return _are_clear(corridors, _braked(v, w, footprint, profile), reverse=reverse) and _are_clear(
+        corridors, _passed(v, w, footprint, profile), reverse=reverse
     )
 
 
@@ -89,7 +77,7 @@ def plays_clear(
     candidate: Velocity,
     queue: Sequence[Sent],
     measured: Velocity,
-    points: Points,
+    corridors: Corridors,
     footprint: Footprint,
     profile: GateProfile,
     period_s: float,
@@ -98,15 +86,13 @@ def plays_clear(
     if any(sent.age_s < 0.0 for sent in queue):
         return False
     twists = (candidate, measured, *(sent.velocity for sent in queue))
-    return _is_clear(_played(twists, footprint, profile, period_s), points[:, 0], np.abs(points[:, 1]))
+    return _are_clear(corridors, _played(twists, footprint, profile, period_s))
 
 
-def _is_clear(box: Box | None, along: Metres, across: Metres) -> bool:
-    """Whether no point is in the box."""
+def _are_clear(corridors: Corridors, box: Box | None, *, reverse: bool = False) -> bool:
     if box is None or max(box) > LONGEST_M:
         return False
-    ahead, behind, aside = (side + SLACK_M for side in box)
-    return bool(((along > ahead) | (along < -behind) | (across > aside)).all())
+    return corridors.are_clear(Box(*(side + SLACK_M for side in box)), reverse=reverse)
 
 
 def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:

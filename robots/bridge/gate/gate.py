@@ -38,6 +38,7 @@ from msgspec import structs
 
 from robots.bridge.gate import arc, posture, words
 from robots.bridge.gate.certificate import plays_clear, restrains_nothing
+from robots.bridge.gate.corridors import Corridors
 from robots.bridge.gate.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.health import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
@@ -247,10 +248,10 @@ class Gate:
             return Verdict(STILL, asked, held.code, held.text, way=held.way)
         turn_rates = (self._velocity.w, sent.w)
         profile = self._with_latency_of(latency_s)
-        obstacles = self.obstacles(now_s)
+        obstacles, corridors = self._cache.newest(now_s)
         hulls = self._hulls(obstacles)
         allowed, cause = wanted, None
-        if not restrains_nothing(wanted, turn_rates, obstacles.points, self.footprint, profile):
+        if not restrains_nothing(wanted, turn_rates, corridors, self.footprint, profile):
             for hull, near in hulls:
                 if is_still(allowed):
                     break
@@ -260,7 +261,7 @@ class Gate:
         step_s = min(now_s - self._decided_s, LONGEST_STEP_S)
         risen = stepped_up(sent, allowed, profile, step_s)
         queue = self._commands.lately(now_s, profile.parameters.latency_s)
-        if not self._plays_clear(risen, queue, obstacles.points, profile):
+        if not self._plays_clear(risen, queue, corridors, profile):
             for hull, near in hulls:
                 rolled = self._rolled_out(risen, queue, hull, near, profile)
                 if rolled.cause is not None:
@@ -270,12 +271,12 @@ class Gate:
         return self._restrained(asked, wanted, allowed, cause)._replace(velocity=risen)
 
     def _plays_clear(
-        self, candidate: Velocity, queue: list[Sent], points: Points, profile: GateProfile
+        self, candidate: Velocity, queue: list[Sent], corridors: Corridors, profile: GateProfile
     ) -> bool:
         """Whether it is certain that a roll-out takes nothing away: nothing moves, and all is far off."""
         if any(movers.any for movers in self._movers.values()):
             return False
-        return plays_clear(candidate, queue, self._velocity, points, self.footprint, profile, PERIOD_S)
+        return plays_clear(candidate, queue, self._velocity, corridors, self.footprint, profile, PERIOD_S)
 
     def _hulls(self, obstacles: Obstacles) -> list[tuple[Footprint, Obstacles]]:
         """Which hull must stay clear of which obstacles.

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robots.bridge.gate.corridors import Corridors
 from robots.bridge.gate.planar import NO_POINTS, Points, joined
 from robots.bridge.gate.sources import Source
 from robots.bridge.gate.trail import Trail
@@ -28,10 +29,14 @@ class ObstacleCache:
         self._kinds = tuple(source.kind for source in sources)
         self._parts: list[Points] = [NO_POINTS] * len(sources)
         self._revisions: list[Revisions | None] = [None] * len(sources)
-        self._newest: Obstacles | None = None
+        self._newest: tuple[Obstacles, Corridors] | None = None
 
     def obstacles(self, now_s: float) -> Obstacles:
         """All points, base frame of the newest odometry."""
+        return self.newest(now_s)[0]
+
+    def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
+        """All points, base frame of the newest odometry, and the corridors among them."""
         trail_revision = self._trail.revision
         for number, source in enumerate(self._sources):
             revisions = trail_revision, source.revision(now_s)
@@ -42,5 +47,7 @@ class ObstacleCache:
         if self._newest is None:
             counts = [len(part) for part in self._parts]
             rows = np.repeat(np.arange(len(counts)), counts)
-            self._newest = Obstacles(joined(self._parts), rows, self._names, self._kinds)
+            points = joined(self._parts)
+            obstacles = Obstacles(points, rows, self._names, self._kinds)
+            self._newest = obstacles, Corridors.among(points)
         return self._newest

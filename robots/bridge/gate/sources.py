@@ -55,6 +55,7 @@ class Laser:
         self.measured = NO_POINTS  # the same with all their noise
         self._complaint = ""
         self._revision = 0
+        self._covered: dict[float, bool] = {}  # the directions of which the newest scan was asked
 
     def observe(self, told: LaserScan) -> bool:
         """Take a scan; whether it is news. One that makes no sense is none; its complaint is kept for `health`."""
@@ -69,6 +70,7 @@ class Laser:
         if not self.freshness.advances(told.stamp_s, told.arrival_s):
             return False
         self.sweep = sweep
+        self._covered.clear()
         self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
         self.measured = scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
         self._complaint = ""
@@ -77,8 +79,11 @@ class Laser:
 
     def covers(self, direction: float) -> bool:
         """Whether its newest scan looks in a direction of the base frame; one that is half covered may not."""
-        sweep = self.sweep
-        return sweep is not None and sweep.looks_to(direction - self.pose.yaw, LASER_WATCHES_RAD)
+        if direction not in self._covered:
+            sweep = self.sweep
+            covered = sweep is not None and sweep.looks_to(direction - self.pose.yaw, LASER_WATCHES_RAD)
+            self._covered[direction] = covered
+        return self._covered[direction]
 
     def is_paired(self, trail: Trail) -> bool:
         """Whether the odometry tells where the robot was when the newest scan was taken."""
