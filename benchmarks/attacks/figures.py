@@ -39,6 +39,7 @@ class Taken:
     bridge_mb: tuple[float, float] = (math.nan, math.nan)  # before, most
     web_mb: tuple[float, float] = (math.nan, math.nan)
     records: int = 0  # added to the audit log
+    lasted_s: float = 0.0
     answers: dict[str, int] = field(default_factory=dict)  # of the stop's doors
     attacker: str = ""  # its last words
     fault: str = ""  # what ended the attack's slots early
@@ -51,6 +52,7 @@ class Taken:
         self.lost += other.lost
         self.control_lost += other.control_lost
         self.records += other.records
+        self.lasted_s += other.lasted_s
         for ours, theirs in ((self.halts, other.halts), (self.answers, other.answers)):
             for key, number in theirs.items():
                 ours[key] = ours.get(key, 0) + number
@@ -96,7 +98,7 @@ def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
         Figure("bridge most", taken.bridge_mb[1], "MB"),
         Figure("web before", taken.web_mb[0], "MB"),
         Figure("web most", taken.web_mb[1], "MB"),
-        Figure("records beyond those of presses", _extra_records(taken, usual), ""),
+        Figure("records", taken.records / taken.lasted_s if taken.lasted_s else math.nan, "/s"),
     ]
     return told
 
@@ -131,12 +133,6 @@ def _ratio(seconds: Sequence[float], usual: Sequence[float]) -> float:
     return quantile(seconds, 0.99) / quantile(usual, 0.99) if seconds and usual else math.nan
 
 
-def _extra_records(taken: Taken, usual: Taken) -> float:
-    """A press, a clear and a drive leave records too: as many for each press as in slots as usual."""
-    each = usual.records / len(usual.presses) if usual.presses else 0.0
-    return taken.records - each * len(taken.presses)
-
-
 COLUMNS = (
     ("stop p50", "p50"),
     ("stop p99", "p99"),
@@ -152,7 +148,7 @@ COLUMNS = (
     ("control lost", "control"),
     ("bridge most", "bridge"),
     ("web most", "web"),
-    ("records beyond those of presses", "records"),
+    ("records", "rec./s"),
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import itertools
 import json
 import math
 import sqlite3
@@ -32,6 +33,7 @@ IN_FORCE_S = 1.5  # from an attacker's start
 LONGEST_S = 90.0  # of an attacker
 SAMPLE_S = 0.25
 BACK_S = 60.0
+CALM_S, LOOK_S, BUSY = 15.0, 0.5, 0.6  # how long to wait for less than so much of a core
 
 Row = tuple[str, Sequence[Figure], Sequence[str]]
 
@@ -99,13 +101,14 @@ async def run_on(
     taken: dict[str, Taken] = {}
     usual = Taken()
     async with scene_on(stack, cookies["supervisor"], cookies["operator"], seed) as scene:
-        await _slot(scene, Taken(), 2, calm=True)  # whatever is slow the first time
+        await _slot(scene, Taken(), ["page", "REST"], calm=True)  # whatever is slow the first time
         bench = Bench(scene, cookies)
         for attack in attacks:
             whole = taken[attack.name] = Taken()
+            doors = map(door, itertools.count())
             for _ in range(slots):
                 usual.add(await bench.usual(usual_presses))
-                whole.add(await bench.attacked(attack, presses))
+                whole.add(await bench.attacked(attack, list(itertools.islice(doors, presses))))
                 if whole.fault:
                     break
             progress(f"{attack.name}: {_in_words(whole)}")
@@ -121,37 +124,49 @@ class Bench:
         self._scene = scene
         self._stack = scene.stack
         self._cookies = cookies
+        self._usual_doors = map(door, itertools.count())
 
     async def usual(self, presses: int) -> Taken:
         """Nobody attacks."""
         taken = Taken()
         try:
-            await self._measured(taken, presses, calm=True)
+            await self._measured(taken, list(itertools.islice(self._usual_doors, presses)), calm=True)
         except LostError as error:
             progress(f"    as usual: {error}; supervisor and web process start again")
             await self._start_again()
         return taken
 
-    async def attacked(self, attack: Attack, presses: int) -> Taken:
-        """While it lasts."""
+    async def attacked(self, attack: Attack, doors: Sequence[str]) -> Taken:
+        """While it lasts: the stop is pressed at these doors."""
         taken = Taken()
         if attack.side == "incident":
-            return await self._struck(attack, taken, presses)
+            return await self._struck(attack, taken, len(doors))
         child = _start(self._stack, attack.side, attack.name, LONGEST_S, self._cookies.get(attack.as_who, ""))
         try:
             await asyncio.sleep(IN_FORCE_S)
             if attack.plays:
                 with suppress(LostError):
                     await self._scene.play()
-            await self._measured(taken, presses, calm=False)
+            await self._measured(taken, doors, calm=False)
             return taken
         finally:
             await asyncio.to_thread(end_all, [child])
+            await self._calm()
             taken.attacker = (child.last_lines().splitlines() or [""])[-1]
 
-    async def _measured(self, taken: Taken, presses: int, *, calm: bool) -> None:
+    async def _calm(self) -> None:
+        """What was left to do of an attack is done: it must not count as usual."""
+        end_s = time.monotonic() + CALM_S
+        while time.monotonic() < end_s:
+            pids = [self._stack.web.pid, *bridges(self._stack)]
+            before_s = sum(map(_cpu_s, pids))
+            await asyncio.sleep(LOOK_S)
+            if sum(map(_cpu_s, pids)) - before_s < BUSY * LOOK_S:
+                return
+
+    async def _measured(self, taken: Taken, doors: Sequence[str], *, calm: bool) -> None:
         async with _watched(self._stack, taken):
-            await _slot(self._scene, taken, presses, calm=calm)
+            await _slot(self._scene, taken, doors, calm=calm)
             if self._scene.hopeless:
                 taken.fault = "the stop did not reach the robot"
 
@@ -185,11 +200,11 @@ class Bench:
             await asyncio.to_thread(stack.wait_ready, BACK_S)
 
 
-async def _slot(scene: Scene, taken: Taken, presses: int, *, calm: bool) -> None:
+async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], *, calm: bool) -> None:
     scene.begin(calm=calm)
     try:
-        for number in range(presses):
-            await scene.press(door(number), number)
+        for number, name in enumerate(doors):
+            await scene.press(name, number)
             if scene.hopeless:
                 break
         if calm:
@@ -201,13 +216,14 @@ async def _slot(scene: Scene, taken: Taken, presses: int, *, calm: bool) -> None
 @asynccontextmanager
 async def _watched(stack: Stack, taken: Taken) -> AsyncIterator[None]:
     """Memory, and the log, from the beginning of the slot to its end."""
-    before = _records(stack)
+    before, began_s = _records(stack), time.monotonic()
     sampling = asyncio.create_task(_sample(stack, taken))
     try:
         yield
     finally:
         sampling.cancel()
         taken.records += _records(stack) - before
+        taken.lasted_s += time.monotonic() - began_s
 
 
 async def _sample(stack: Stack, taken: Taken) -> None:
@@ -226,6 +242,12 @@ def _resident_mb(pids: Sequence[int]) -> float:
         with suppress(OSError):
             total += proc.resident_mb(pid)
     return total
+
+
+def _cpu_s(pid: int) -> float:
+    with suppress(OSError):
+        return proc.cpu_s(pid)
+    return 0.0
 
 
 def _records(stack: Stack) -> int:

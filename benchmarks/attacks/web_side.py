@@ -26,8 +26,8 @@ ADDRESSES = [f"127.0.0.{last}" for last in range(2, 6)]
 GUESSES = 60  # at once
 GUESSES_FROM = "127.0.{}.{}"  # a wave's own address: those before it have to wait
 BODY = 500_000_000
-CHUNK = bytes(1 << 18)
-BODY_GAP_S = 0.002  # between two chunks: about 100 MB/s, as far as the console takes it
+CHUNK = bytes(1 << 20)
+BODY_GAP_S = 0.002  # between two chunks: at most 500 MB/s, as far as the console takes it
 SLOW, IDLE = 200, 300  # connections
 SLOW_GAP_S = 1.0
 REQUESTS_HZ, REQUESTS_MOST = 100.0, 16
@@ -112,24 +112,26 @@ async def _guess(target: Target, source: str, cookie: str, token: str, number: i
 
 
 async def bodies(target: Target) -> None:
-    """500 MB to one address after the other, as far as the console takes them."""
+    """500 MB to one address after the other, as far as the console takes them; two at once."""
     paths = ("/accounts/sign-in/", "/api/stop/", "/", "/robots/tiago-1/stop/", "/nowhere/", "/static/x.js")
-    for path, source in zip(cycle(paths), cycle(ADDRESSES)):
-        head = target.head("POST", path, "Content-Type: text/plain", f"Content-Length: {BODY}")
-        with suppress(*FAULTS):
-            reader, writer = await target.connect(source)
-            try:
-                writer.write(head + b"\r\n")
-                for _ in range(BODY // len(CHUNK)):
-                    writer.write(CHUNK)
-                    target.count("MB sent, x4")
-                    await asyncio.wait_for(writer.drain(), ANSWER_S)
-                    await asyncio.sleep(BODY_GAP_S)
-                answer = await asyncio.wait_for(reader.read(12), ANSWER_S)
-                target.count(answer[9:12].decode(errors="replace"))
-            finally:
-                writer.close()
-        await asyncio.sleep(0.05)
+    turns = cycle(paths)
+
+    async def send(source: str) -> None:
+        head = target.head("POST", next(turns), "Content-Type: text/plain", f"Content-Length: {BODY}")
+        reader, writer = await target.connect(source)
+        try:
+            writer.write(head + b"\r\n")
+            for _ in range(BODY // len(CHUNK) + 1):
+                writer.write(CHUNK)
+                target.count("MB sent")
+                await asyncio.wait_for(writer.drain(), ANSWER_S)
+                await asyncio.sleep(BODY_GAP_S)
+            answer = await asyncio.wait_for(reader.read(12), ANSWER_S)
+            target.count(answer[9:12].decode(errors="replace"))
+        finally:
+            writer.close()
+
+    await _kept(target, 2, send)
 
 
 async def slow_heads(target: Target) -> None:
@@ -176,7 +178,7 @@ async def huge_frames(target: Target) -> None:
             writer.write(struct.pack("!BBQ4x", 0x81, 0xFF, BODY))
             for _ in range(BODY // len(CHUNK)):
                 writer.write(CHUNK)
-                target.count("MB sent, x4")
+                target.count("MB sent")
                 await asyncio.wait_for(writer.drain(), ANSWER_S)
                 await asyncio.sleep(BODY_GAP_S)
         finally:

@@ -59,11 +59,11 @@ def test_lost_control_breaks_the_limit_of_an_attack_on_the_web_door():
     assert any("control lost" in fault for fault in faults(lost))
 
 
-def test_records_are_counted_beyond_those_that_presses_leave():
+def test_records_are_told_by_the_second():
     attacked = taken(PRESS, PRESS)
-    attacked.records = 25
-    [extra] = [one for one in figures(attacked, taken(), WEB) if one.name.startswith("records")]
-    assert extra.value == 25 - 2 * 10
+    attacked.records, attacked.lasted_s = 30, 4.0
+    [records] = [one for one in figures(attacked, taken(), WEB) if one.name == "records"]
+    assert (records.value, records.unit) == (7.5, "/s")
 
 
 def test_slots_of_one_kind_add_up():
