@@ -59,16 +59,29 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
             self.forget_body()
             return self.channel.refuse(limits.busy())
         self._place = address
+        if self.server.forward is not None and self.server.forward.takes(self):
+            return self.server.forward(self)
         return super().process()
 
     def address(self) -> str:
-        """Whose request this is, for counting: a proxy that is believed says so."""
-        peer = [str(getattr(self.client, "host", ""))]
-        with suppress(ValueError):  # not text
-            peer, _scheme = parse_x_forwarded_for(
-                self.requestHeaders, self.server.proxy_forwarded_address_header, None, None, peer
+        """Whose request this is, for counting."""
+        client, _scheme = self.seen_from()
+        return str(client[0]) if client else ""
+
+    def seen_from(self) -> tuple[list[Any] | None, str]:
+        """Address and port of the client, None on a Unix socket, and its scheme: a proxy that is believed says so."""
+        peer = [str(self.client.host), self.client.port] if hasattr(self.client, "port") else None
+        scheme = "https" if self.isSecure() else "http"
+        with suppress(UnicodeDecodeError):
+            peer, scheme = parse_x_forwarded_for(
+                self.requestHeaders,
+                self.server.proxy_forwarded_address_header,
+                self.server.proxy_forwarded_port_header,
+                self.server.proxy_forwarded_proto_header,
+                peer,
+                scheme,
             )
-        return str(peer[0])
+        return peer, scheme
 
     def over(self) -> None:
         """It was answered, given up, or became a WebSocket. May be said more than once."""

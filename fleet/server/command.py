@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import resource
+from argparse import Namespace
 from typing import Any
 
 from daphne import server as daphne_server  # first: it chooses Twisted's reactor
 from daphne.cli import CommandLineInterface
+from twisted.internet import reactor
 
-from fleet.server import channel, limits, websocket
+from fleet.server import channel, limits, pages, websocket
 from fleet.server.connections import Connections, Places
 
 # `Server.run` makes its factories by these names, and offers no other way to make others.
@@ -19,6 +22,8 @@ daphne_server.WebSocketFactory = websocket.Factory
 class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     """Daphne, which counts who is connected."""
 
+    keeper: pages.Keeper | None = None  # of the pages process; None in that process itself
+
     def __init__(self, *args: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
 
@@ -27,12 +32,16 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.open: Connections[Any] = Connections()
         self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
         self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
+        self.forward: pages.Forward | None = None  # None: this process answers all
         self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
 
     def run(self) -> None:
         """Until it is told to end."""
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
+        if self.keeper is not None:
+            self.forward = pages.Forward(self.keeper.path)
+            reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
         super().run()
 
     def entered(self, connection: channel.Channel) -> bool:
@@ -59,7 +68,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
 
 
 class CommandLine(CommandLineInterface):  # type: ignore[misc]
-    """Daphne's, with smaller WebSocket messages."""
+    """Daphne's, with smaller WebSocket messages and a process for the pages."""
 
     server_class = Server
 
@@ -68,3 +77,18 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         self.parser.set_defaults(
             websocket_max_message_size=limits.MESSAGE_BYTES, websocket_max_frame_size=limits.MESSAGE_BYTES
         )
+        self.parser.add_argument(
+            "--life-line", type=int, help="answer pages only, for the process at the other end of this pipe"
+        )
+
+    def run(self, args: list[str]) -> None:
+        """Until it is told to end."""
+        asked: Namespace = self.parser.parse_args(args)
+        if asked.life_line is None:
+            os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
+            from django.conf import settings
+
+            Server.keeper = pages.Keeper(settings.FLEET_RUN_DIR, asked.application)
+        else:
+            pages.become_pages(asked.life_line)
+        super().run(args)

@@ -101,6 +101,12 @@ def busy() -> Refusal:
     return Refusal(503, "Service Unavailable", "busy", text, retry_after_s=2)
 
 
+def no_answer() -> Refusal:
+    """The pages process died meanwhile, or does not start."""
+    text = "The console did not answer this. Look whether it was done, and try again in a moment."
+    return Refusal(503, "Service Unavailable", "no_answer", text, retry_after_s=2)
+
+
 def most_body_bytes(*, session_cookie: bool) -> int:
     """How large a body may be."""
     return SIGNED_IN_BODY_BYTES if session_cookie else BODY_BYTES

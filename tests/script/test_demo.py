@@ -141,7 +141,7 @@ def assert_the_port_is_refused_to_another(demo: Demo) -> None:
 
 def test_a_part_that_dies_is_named_and_ends_the_demo(port: int, start: Start):
     demo = start(port)
-    os.kill(demo.family.named("fleet.server"), signal.SIGKILL)
+    os.kill(demo.family.named("fleet.server --verbosity"), signal.SIGKILL)
     assert demo.process.wait(ENDED_S) == 1
     assert "web was ended by SIGKILL" in demo.said
     demo.assert_nothing_left()

@@ -252,7 +252,7 @@ def test_a_robot_is_added_driven_stopped_and_edited_and_no_end_leaves_anything(
 
         family = Family(first.pid)
         assert len(family) >= 5  # serve, supervisor, bridge, housekeeping, web process
-        os.kill(family.named("fleet.server"), signal.SIGKILL)
+        os.kill(family.named("fleet.server --verbosity"), signal.SIGKILL)
         assert first.wait(ENDED_S) == 1
         assert "web was ended by SIGKILL" in served.log.read_text()
         assert_nothing_left(served, family)

@@ -1,0 +1,209 @@
+"""The pages process: answers every HTTP request but the stop's, so that no page shares an interpreter with a stick.
+
+The process that owns the port starts it, starts it again when it dies, and forwards whole requests by a Unix socket.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from twisted.internet import defer, endpoints, protocol, reactor, task
+from twisted.internet.error import ConnectError
+from twisted.web.client import Agent, FileBodyProducer, ResponseDone
+from twisted.web.http_headers import Headers
+from twisted.web.iweb import IAgentEndpointFactory
+from zope.interface import implementer
+
+from fleet.server import limits
+from robots.ending import leave_within
+
+log = logging.getLogger(__name__)
+
+NICENESS = 5
+END_S = 5.0
+AGAIN_S = 0.5  # until it is started again
+READY_S = 30.0  # so long a request waits for a process that is just starting
+RETRY_S = 0.05
+
+# These addresses stop robots: they are answered by the process that has the links, whatever the pages do.
+STOPS = re.compile(rb"/(api/)?(robots/[^/]+/stop|stop|stop-all)/?")
+# Between two hops only, or said anew here.
+NOT_FORWARDED = {
+    *(b"connection", b"keep-alive", b"proxy-connection", b"transfer-encoding", b"te", b"trailer", b"upgrade"),
+    *(b"expect", b"content-length", b"daphne-root-path"),
+    *(b"x-forwarded-for", b"x-forwarded-port", b"x-forwarded-proto"),
+}
+
+
+class Keeper:
+    """Starts the pages process, and again when it dies. Ends it when told, or with this process."""
+
+    def __init__(self, run_directory: Path, application: str) -> None:
+        self.path = run_directory / f"web-{os.getpid()}.sock"
+        self._application = application
+        self._ending = threading.Event()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._life_line, self._ours = os.pipe2(os.O_CLOEXEC)
+        run_directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _tidy(run_directory)
+        threading.Thread(target=self._keep, name="pages", daemon=True).start()
+
+    def end(self) -> None:
+        """It is needed no more."""
+        self._ending.set()
+        os.close(self._ours)
+        self.path.unlink(missing_ok=True)
+
+    def _keep(self) -> None:
+        while not self._ending.is_set():
+            self.path.unlink(missing_ok=True)
+            self._process = subprocess.Popen(self._command(), pass_fds=[self._life_line])  # noqa: S603
+            status = self._process.wait()
+            if not self._ending.is_set():
+                log.error("The pages process ended with status %d. It is started again.", status)
+                self._ending.wait(AGAIN_S)
+
+    def _command(self) -> list[str]:
+        where = str(self.path).replace("\\", r"\\").replace(":", r"\:")
+        return [
+            *(sys.executable, "-m", "fleet.server", "--life-line", str(self._life_line), "--verbosity", "0"),
+            *("--proxy-headers", "--endpoint", f"unix:{where}:mode=600:lockfile=0", self._application),
+        ]
+
+
+def _tidy(run_directory: Path) -> None:
+    """Sockets of processes that were killed."""
+    for left in run_directory.glob("web-*.sock"):
+        if not Path(f"/proc/{left.stem.removeprefix('web-')}").exists():
+            left.unlink(missing_ok=True)
+
+
+def become_pages(life_line: int) -> None:
+    """In the pages process: give way to the process that drives, and end with it."""
+    os.nice(NICENESS)
+    threading.Thread(target=_end_with, args=(life_line,), name="life line", daemon=True).start()
+
+
+def _end_with(life_line: int) -> None:
+    os.read(life_line, 1)  # nobody writes: this is its end
+    leave_within(END_S)
+    with suppress(ProcessLookupError):
+        os.kill(os.getpid(), 15)
+
+
+@implementer(IAgentEndpointFactory)
+class _There:
+    """Twisted's HTTP client connects to the pages' socket, whatever the address says."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = str(path)
+
+    def endpointForURI(self, _uri: Any) -> Any:
+        return endpoints.UNIXClientEndpoint(reactor, self._path, timeout=5)
+
+
+class Forward:
+    """Forwards requests to the pages process."""
+
+    def __init__(self, path: Path) -> None:
+        self._agent = Agent.usingEndpointFactory(reactor, _There(path))
+
+    def takes(self, request: Any) -> bool:
+        """Whether the pages process answers this; otherwise this process does."""
+        if request.requestHeaders.hasHeader(b"Upgrade"):
+            return False
+        stops = request.method == b"POST" and STOPS.fullmatch(request.path)
+        return not (stops and request.server.session_cookie in request.received_cookies)
+
+    def __call__(self, request: Any) -> None:
+        """Ask the pages process, and answer what it answers."""
+        asked = defer.ensureDeferred(self._ask(request))
+        gone = request.notifyFinish()
+        gone.addErrback(lambda _: asked.cancel())
+        asked.addErrback(lambda failure: _failed(request, failure))
+
+    async def _ask(self, request: Any) -> None:
+        body = request.content.getvalue()
+        response = await self._answer(request, _headers(request), body)
+        request.setResponseCode(response.code, response.phrase)
+        for name, values in response.headers.getAllRawHeaders():
+            if name.lower() not in NOT_FORWARDED:
+                request.responseHeaders.setRawHeaders(name, values)
+        if isinstance(response.length, int):  # not in chunks
+            request.responseHeaders.setRawHeaders(b"content-length", [b"%d" % response.length])
+        whole: defer.Deferred[None] = defer.Deferred()
+        response.deliverBody(_Passing(request, whole))
+        await whole
+
+    async def _answer(self, request: Any, headers: Headers, body: bytes) -> Any:
+        """The answer's head. A process that is just starting is waited for."""
+        until_s = time.monotonic() + READY_S
+        while True:
+            sent = FileBodyProducer(BytesIO(body)) if body or request.method == b"POST" else None
+            try:
+                return await self._agent.request(request.method, b"http://pages" + request.uri, headers, sent)
+            except ConnectError:
+                if time.monotonic() > until_s:
+                    raise
+            await task.deferLater(reactor, RETRY_S)
+
+
+def _headers(request: Any) -> Headers:
+    headers = Headers()
+    for name, values in request.requestHeaders.getAllRawHeaders():
+        if name.lower() not in NOT_FORWARDED:
+            headers.setRawHeaders(name, values)
+    client, scheme = request.seen_from()
+    if client is not None:
+        headers.setRawHeaders(b"X-Forwarded-For", [client[0].encode()])
+        headers.setRawHeaders(b"X-Forwarded-Port", [b"%d" % client[1]])
+        headers.setRawHeaders(b"X-Forwarded-Proto", [scheme.encode()])
+    return headers
+
+
+def _failed(request: Any, failure: Any) -> None:
+    """It died meanwhile, or does not come up. Whoever left is not answered."""
+    if failure.check(defer.CancelledError) or request.channel is None or request.finished:
+        return
+    log.warning("The pages process did not answer %s: %s", request.path, failure.getErrorMessage())
+    if request.startedWriting:
+        request.channel.transport.abortConnection()
+    else:
+        request.channel.refuse(limits.no_answer())
+
+
+class _Passing(protocol.Protocol):  # type: ignore[misc]
+    """The answer's body, as fast as the client takes it."""
+
+    def __init__(self, request: Any, whole: Any) -> None:
+        self._request = request
+        self._whole = whole
+
+    def connectionMade(self) -> None:
+        self._request.registerProducer(self.transport, True)
+
+    def dataReceived(self, data: bytes) -> None:
+        if not self._request.finished and self._request.channel is not None:
+            self._request.write(data)
+
+    def connectionLost(self, reason: Any = None) -> None:
+        request = self._request
+        if request._disconnected:
+            self._whole.callback(None)
+            return
+        request.unregisterProducer()
+        if reason.check(ResponseDone):
+            request.finish()
+            self._whole.callback(None)
+        else:
+            self._whole.errback(reason)
