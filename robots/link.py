@@ -23,13 +23,14 @@ from msgspec import Struct, structs
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-from robots import wire
+from robots import courier, wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.overload import LATE_S
 from robots.connections import DOWN, open_link, open_sync, why_down
 from robots.connections import LinkRefused as LinkRefused
 from robots.inquiries import Inquiries
 from robots.lane import Lane
+from robots.pending_stops import PendingStops, Waiting, name_of
 from robots.reaching import (
     SILENT,
     STOP_S,
@@ -57,6 +58,7 @@ _ONCE_S = 3.0  # a question over a connection of its own, from the first packet 
 _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
 _LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
 _WATCH_S = 0.1  # how often the loop's own lateness is looked at
+_WAITING_PACE_S = 0.5  # between two looks for pending stops
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
 _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
@@ -110,7 +112,8 @@ class Listener(Protocol):
 class BridgeLink:
     """The link to one robot's bridge. Made by `Links.get` on the running event loop."""
 
-    def __init__(self, robot_id: UUID, address: LinkAddress) -> None:
+    def __init__(self, robot_id: UUID, address: LinkAddress, stops: PendingStops | None = None) -> None:
+        self._stops = stops or PendingStops(None)
         self.robot_id = robot_id
         self.address = address
         self.up = False
@@ -137,6 +140,7 @@ class BridgeLink:
         self.tried = asyncio.Event()  # a first attempt came to an end, good or bad
         self.closed = False
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
+        self._courier = asyncio.get_running_loop().create_task(self._keep_delivering())
         self._lingering = self._linger()
         self._watching = self._watch_soon()
 
@@ -238,11 +242,18 @@ class BridgeLink:
         return await ask_bridge(self.address, stop)
 
     async def clear(self, clear: wire.LinkClear, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
-        """Release the latch. Raises LinkRefused when the bridge does not confirm."""
-        number = self._latch.number()
+        """Release the latch. Raises LinkRefused when the bridge does not confirm.
+
+        Stops that wait are older than this clear, and do not stop the robot again.
+        """
+        number, waiting = self._latch.number(), await self._waiting()
         with self._latch.waiting_for(number) as answer:
-            await self._ask(structs.replace(clear, seq=number))
-            return await _answered(answer, timeout_s)
+            presses = [stop.press for stop in waiting]
+            await self._ask(structs.replace(clear, seq=number, presses=presses))
+            stopped = await _answered(answer, timeout_s)
+        for stop in waiting:
+            await asyncio.to_thread(self._stops.settle, stop, stopped)
+        return stopped
 
     async def order(self, order: wire.Order, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
         """Hand on what the holder asks for. Returns the bridge's answer; raises LinkRefused if there is none."""
@@ -272,8 +283,9 @@ class BridgeLink:
         """End the link for good."""
         self._lingering.cancel()
         self._end()
-        with suppress(asyncio.CancelledError):
-            await self._task
+        for task in (self._task, self._courier):
+            with suppress(asyncio.CancelledError):
+                await task
 
     def _linger(self) -> asyncio.TimerHandle:
         """The end, unless somebody follows soon."""
@@ -298,6 +310,7 @@ class BridgeLink:
         if self._telling is not None:
             self._telling.cancel()
         self._task.cancel()
+        self._courier.cancel()
 
     @property
     def _is_behind(self) -> bool:
@@ -340,6 +353,29 @@ class BridgeLink:
         else:
             self.send(wire.LookAt(self._topics))
 
+    # --- stops that wait -----------------------------------------------------------------------------
+
+    async def _waiting(self) -> list[Waiting]:
+        """Waiting stops of this robot, whichever process left them; the newest last."""
+        return await asyncio.to_thread(self._stops.of, name_of(self.robot_id))
+
+    async def _keep_delivering(self) -> None:
+        """Deliver them over this link too: its bridge hears them in the moment in which it wakes."""
+        while True:
+            await asyncio.sleep(_WAITING_PACE_S)
+            try:
+                for stop in (await self._waiting())[-1:]:
+                    await self._deliver(stop)
+            except Exception:
+                log.exception("a pending stop of %s could not be sent", self.robot_id)
+
+    async def _deliver(self, stop: Waiting) -> None:
+        if self._open is None or self._open.transport.get_write_buffer_size() > 0:
+            return
+        with suppress(LinkRefused):
+            answer = await first_answer([self._stop_here(stop.message())], STOP_S)
+            await asyncio.to_thread(self._stops.settle, stop, answer)
+
     # --- the connection ------------------------------------------------------------------------------
 
     async def _keep_connected(self) -> None:
@@ -362,6 +398,8 @@ class BridgeLink:
     async def _talk(self, socket: ClientConnection) -> None:
         try:
             hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
+            for stop in (await self._waiting())[-1:]:
+                await socket.send(wire.encode(stop.message()), text=True)
             await socket.send(wire.encode(hello), text=True)
             self._open = socket
             while True:
@@ -493,7 +531,7 @@ class Links:
         """The link to this robot, begun on the running loop if there is none."""
         link = self._links.get(robot_id)
         if link is None or link.closed or link.address != address:
-            link = self._links[robot_id] = BridgeLink(robot_id, address)
+            link = self._links[robot_id] = BridgeLink(robot_id, address, courier.pending_stops())
         return link
 
     async def close(self) -> None:

@@ -157,6 +157,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
         allowed=_admitted(robot, known.topics),
         stick=known.stick,
         state_dir=str(settings.FLEET_VAR / "bridges"),
+        run_dir=str(settings.FLEET_RUN_DIR),
         last_fence=robot.fence,
     )
 

@@ -21,7 +21,7 @@ from fleet.accounts.models import User
 from robots.link import BridgeLink, LinkRefused
 from robots.models import Robot
 from robots.reaching import stop_message
-from robots.stops import press_all, record_outcome, record_press
+from robots.stops import Pending, Result, keep_pending, press_all, record_outcome, record_press
 from robots.wire import LinkClear, Refusal, Stopped
 from teleop.database import in_database, in_database_beside
 from teleop.folding import FoldingLog
@@ -33,7 +33,7 @@ from teleop.socket import beside
 GAP_S = 3.0  # between two records of one person's presses of one robot by one door
 
 Key = tuple[UUID, UUID, str, UUID | None]
-Outcomes = dict[Robot, Stopped | Refusal]
+Outcomes = dict[Robot, Result]
 
 
 class Press(NamedTuple):
@@ -43,7 +43,7 @@ class Press(NamedTuple):
     through: str  # which door
     robot_id: UUID
     of: UUID | None  # the press that stopped the robot, of which this is that or a repetition
-    answer: Future[Stopped | Refusal]
+    answer: Future[Result]
 
     @property
     def key(self) -> Key:
@@ -69,7 +69,7 @@ class StopButton:
     """
 
     def __init__(self, user: User, through: str, failed: Callable[[Refusal], Awaitable[None]]) -> None:
-        self._answer: Future[Stopped | Refusal] | None = None  # of the press that is not answered yet
+        self._answer: Future[Result] | None = None  # of the press that is not answered yet
         self._again = False
         self._number = 0  # of the newest stop that the bridge confirmed
         self._of: UUID | None = None  # the newest press that was no repetition
@@ -83,7 +83,7 @@ class StopButton:
             self._of = uuid4()
         if self._answer is None:
             self._answer = self._begin(link)
-        elif flood or not link.send(stop_message(link.robot_id, self._user.display_name)):
+        elif flood or not link.send(stop_message(link.robot_id, self._user.display_name, press=uuid4())):
             self._again = True  # without a link, the way round it is being tried: once more, when it was
         pressed = Press(self._user, self._through, link.robot_id, self._of, self._answer)
         asyncio.get_running_loop().call_soon(log.note, pressed)  # after it was sent
@@ -95,12 +95,12 @@ class StopButton:
         stop = link.state.stop
         return stop.state == "clear" and stop.number >= self._number
 
-    def _begin(self, link: BridgeLink) -> Future[Stopped | Refusal]:
-        answer: Future[Stopped | Refusal] = Future()
+    def _begin(self, link: BridgeLink) -> Future[Result]:
+        answer: Future[Result] = Future()
         beside(self._send(link, answer))
         return answer
 
-    async def _send(self, link: BridgeLink, answer: Future[Stopped | Refusal]) -> None:
+    async def _send(self, link: BridgeLink, answer: Future[Result]) -> None:
         try:
             result = await _send(link, self._user.display_name)
             if isinstance(result, Stopped):
@@ -109,16 +109,21 @@ class StopButton:
         finally:
             again, self._again = self._again, False
             self._answer = self._begin(link) if again else None
-        if isinstance(result, Refusal) and not again:
+        if again:
+            return
+        if isinstance(result, Pending):
+            await self._failed(result.refusal)
+        elif isinstance(result, Refusal):
             text = f"{result.text} Use the red button on the robot."
             await self._failed(structs.replace(result, text=text))
 
 
-async def _send(link: BridgeLink, by: str) -> Stopped | Refusal:
+async def _send(link: BridgeLink, by: str) -> Result:
+    stop = stop_message(link.robot_id, by, press=uuid4())
     try:
-        return await link.stop(stop_message(link.robot_id, by))
+        return await link.stop(stop)
     except LinkRefused as refused:
-        return refused.refusal
+        return await asyncio.to_thread(keep_pending, link.robot_id, link.address, stop, refused)
 
 
 def put_on_record(last: Press, times: int) -> None:
@@ -144,11 +149,16 @@ def _record(last: Press, times: int) -> None:
         times=times,
     )
 
-    def answered(answer: Future[Stopped | Refusal]) -> None:
-        in_database_beside(record_outcome, pressed, actor=last.person, result=answer.result())
+    def answered(answer: Future[Any]) -> None:
+        in_database_beside(told, answer.result())
+
+    def told(result: Result) -> None:
+        record_outcome(pressed, actor=last.person, result=result)
+        if isinstance(result, Pending):
+            result.outcome.add_done_callback(answered)
 
     if last.answer.done():
-        record_outcome(pressed, actor=last.person, result=last.answer.result())
+        told(last.answer.result())
     else:
         last.answer.add_done_callback(answered)
 
@@ -166,7 +176,7 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
         clear_begin, robot_id=link.robot_id, user_id=user.id, tab=tab, now=timezone.now()
     )
     try:
-        result: Stopped | Refusal = await link.clear(LinkClear(by=user.display_name, number=number))
+        result: Result = await link.clear(LinkClear(by=user.display_name, number=number))
     except LinkRefused as refused:
         await in_database(record_outcome, cleared, actor=user, result=refused.refusal)
         raise
@@ -177,14 +187,21 @@ def press_once(robots: Sequence[Robot], *, user: User, through: str) -> Outcomes
     """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
     results = press_all(robots, user.display_name)
     for robot, result in zip(robots, results, strict=True):
-        answer: Future[Stopped | Refusal] = Future()
+        answer: Future[Result] = Future()
         answer.set_result(result)
         log.note(Press(user, through, robot.id, None, answer))
     return dict(zip(robots, results, strict=True))
 
 
 def told(outcomes: Outcomes) -> tuple[dict[str, Any], int]:
-    """As HTTP tells it: by slug, and the status, 502 if a robot was not reached."""
-    unreached = any(isinstance(result, Refusal) for result in outcomes.values())
-    by_slug = {robot.slug: msgspec.to_builtins(result) for robot, result in outcomes.items()}
-    return by_slug, 502 if unreached else 200
+    """As HTTP tells it: by slug, and the status: 200 confirmed, 202 not by every robot yet, 502 refused by one."""
+    by_slug = {robot.slug: _told(result) for robot, result in outcomes.items()}
+    if any(isinstance(result, Refusal) for result in outcomes.values()):
+        return by_slug, 502
+    return by_slug, 202 if any(isinstance(result, Pending) for result in outcomes.values()) else 200
+
+
+def _told(result: Result) -> dict[str, Any]:
+    pending = isinstance(result, Pending)
+    told: dict[str, Any] = msgspec.to_builtins(result.refusal if isinstance(result, Pending) else result)
+    return {**told, "pending": True} if pending else told

@@ -12,6 +12,7 @@ from django.views.decorators.http import require_POST, require_safe
 from fleet.accounts.requests import person_of, wants_json
 from robots.models import Robot
 from robots.selectors import robot_seen_by, robots_visible_to, supervises
+from robots.stops import Pending
 from robots.wire import PROTOCOL, Refusal
 from teleop import stopping
 
@@ -47,9 +48,18 @@ def _stop(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     """Stop at once; JSON, or a page that needs nothing written: a full disk must not say that nothing was done."""
     outcomes = stopping.press_once(robots, user=person_of(request), through="page")
     unreached = [robot.name for robot, result in outcomes.items() if isinstance(result, Refusal)]
-    text = _("Stopped.") if robots else _("There is no robot in service that you may stop.")
+    pending = [robot.name for robot, result in outcomes.items() if isinstance(result, Pending)]
+    texts = []
     if unreached:
-        text = _("Not reached: %s. Use the red button on the robot.") % ", ".join(unreached)
+        texts.append(_("Not reached: %s. Use the red button on the robot.") % ", ".join(unreached))
+    if pending:
+        words = _(
+            "Pending, not confirmed yet: %s. The stop will be delivered as soon as possible. "
+            "Use the red button on the robot."
+        )
+        texts.append(words % ", ".join(pending))
+    done = _("Stopped.") if robots else _("There is no robot in service that you may stop.")
+    text = " ".join(texts) or done
     by_slug, status = stopping.told(outcomes)
     if wants_json(request):
         return JsonResponse({"text": text, "robots": by_slug}, status=status)

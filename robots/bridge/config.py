@@ -142,6 +142,7 @@ class BridgeConfig(Struct, frozen=True):
     state_dir: str  # lock, latch and fencing number
     allowed: tuple[Allowed, ...] = ()
     stick: tuple[StickStep, ...] = ()  # what stick positions pass on their way to the gate, in order
+    run_dir: str | None = None  # where stops wait that nobody has confirmed (robots.pending_stops)
     last_fence: int = 0  # highest number the database knows: with it a lost latch file shows
 
     def digest(self) -> str:

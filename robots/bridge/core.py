@@ -203,7 +203,8 @@ class Core:
         """
         if press in self._presses:
             return
-        self._know(press)
+        if press is not None:
+            self.know([press])
         stop = self.stop_state
         is_first = stop.state == "clear"
         if is_first:
@@ -229,6 +230,10 @@ class Core:
             return  # the state file told of it as well
         self.stop(by, reason, now_s, press)
 
+    def know(self, presses: Sequence[UUID]) -> None:
+        """These presses need not stop the robot any more."""
+        self._presses.extend(presses)
+
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
         """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since.
 
@@ -239,8 +244,7 @@ class Core:
             text = f"The stop was pressed again since{f', by {stop.by}' if stop.by else ''}: look, then clear that one."
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
-        for press in presses:
-            self._know(press)
+        self.know(presses)
         self._stop_pressed_s = None
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
@@ -559,10 +563,6 @@ class Core:
             self._base.cancel_all()
         except Exception:
             log.exception("goals were not cancelled")
-
-    def _know(self, press: UUID | None) -> None:
-        if press is not None:
-            self._presses.append(press)
 
     def _see_standstill(self, still: bool | None, seen_s: float) -> None:
         """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""

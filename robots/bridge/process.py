@@ -10,11 +10,13 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from robots import wire
 from robots.bridge import view
@@ -31,11 +33,12 @@ from robots.bridge.records import Records
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
-from robots.bridge.store import AlreadyRunning, Store
+from robots.bridge.store import AlreadyRunning, Persisted, Store
 from robots.bridge.watchdog.beats import Beats
 from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Beat, Press
 from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
+from robots.pending_stops import PendingStops, Waiting, name_of
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +56,7 @@ class Bridge:
     """Everything of one bridge process."""
 
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: Store) -> None:
-        left = store.load(config.last_fence)
+        left, presses = heeding(_pending_stops(config), store.load(config.last_fence))
         self._base = RosBase(config)
         self._records = Records(sink)
         self._gate = Gate(config.gate)
@@ -73,6 +76,7 @@ class Bridge:
             stops_before,
             on_scan=lambda: self._view(_VIEW_GAP_S),
         )
+        self._core.know(presses)
         self._maps = Maps(config, self._records.keep_map)
         self._leasing = Leasing(self._core, store, left.fence, lambda: self._beat(time.monotonic()))
         door = Reception(self._core, self._leasing, self._inspection)
@@ -246,6 +250,22 @@ def _under_way(state: wire.State) -> tuple[object, ...]:
     speech = state.speech and (state.speech.number, state.speech.status, state.speech.word)
     choices = state.chosen, state.choice_ended
     return motion, state.motion_ended, speech, state.speech_ended, choices, state.publishing
+
+
+def _pending_stops(config: BridgeConfig) -> list[Waiting]:
+    if config.run_dir is None:
+        return []
+    return PendingStops(Path(config.run_dir)).of(name_of(UUID(config.robot_id)))
+
+
+def heeding(pending: Sequence[Waiting], left: Persisted) -> tuple[Persisted, list[UUID]]:
+    """What a bridge begins with: latched if a stop waits for it, before anybody can drive. And those presses.
+
+    Their files stay until the stops are delivered: that they were heeded is confirmed then.
+    """
+    if pending:
+        left = structs.replace(left, latched=True, by=pending[-1].by, reason=pending[-1].reason)
+    return left, [stop.press for stop in pending]
 
 
 def run(config: BridgeConfig, sink: RecordSink) -> int:

@@ -159,18 +159,18 @@ export class FleetPage {
     const slugs = Object.keys(robots).filter((slug) => robots[slug].code && this.#cards.has(slug));
     if (slugs.length === 0) return this.#words.fail(text, of);
     this.#words.forget(of);
-    for (const slug of slugs) this.#notReached(slug);
+    for (const slug of slugs) this.#notConfirmed(slug, robots[slug].code);
   }
 
-  #notReached(slug) {
+  #notConfirmed(slug, code) {
     const { card, own } = this.#cards.get(slug);
     this.#stopSays(own, gettext("Not confirmed"));
-    this.#words.unreached(card.querySelector("h2").textContent, slug);
+    this.#words.unreached(card.querySelector("h2").textContent, slug, code === "pending");
   }
 
   /** Whichever button was pressed: the server says which robot it was. */
-  #refused({ text, figures }) {
-    if (this.#cards.has(figures?.slug)) this.#notReached(figures.slug);
+  #refused({ code, text, figures }) {
+    if (this.#cards.has(figures?.slug)) this.#notConfirmed(figures.slug, code);
     else this.#words.fail(text);
   }
 
@@ -208,6 +208,7 @@ export class FleetPage {
     if (!held) return;
     const { card, own } = held;
     const shown = cardOf(robot);
+    if (shown.stopped) this.#words.delivered(slug);
     mark(card, "level", shown.level);
     mark(card, "stopped", shown.stopped);
     mark(own.status, "level", shown.level);

@@ -4,9 +4,10 @@
  */
 
 const ANSWER_MS = 400;
-const PATIENCE_MS = 4000; // the server itself gives a robot up after 3 s
+const PATIENCE_MS = 4000; // the server itself calls a stop pending after 2 s
 export const SAID_MS = 5000; // how long news of a stop is told: longer than it waits for an answer
 const SAME_PRESS_MS = 1000;
+const PENDING = 202; // no robot refused, but not every one has confirmed
 
 export class StopButton {
   #form;
@@ -46,7 +47,7 @@ export class StopButton {
     this.#pressedMs = sinceMs;
     clearTimeout(this.#timer);
     if (this.#send()) {
-      this.#say(gettext("Stop sent"));
+      this.#say(gettext("Stop sent, waiting for the robot"));
       this.#timer = setTimeout(() => this.#answered(sinceMs) || this.#post(), ANSWER_MS);
     } else {
       this.#post();
@@ -79,8 +80,8 @@ export class StopButton {
         headers: { Accept: "application/json" },
         keepalive: true,
       });
-      const { text, robots } = await answer.json(); // the server names the robots that it did not reach
-      if (answer.ok) this.#say(text);
+      const { text, robots } = await answer.json(); // the server names the robots that did not confirm
+      if (answer.ok && answer.status !== PENDING) this.#say(text);
       else failed(text ?? noWay(), robots);
     } catch {
       failed(noWay());

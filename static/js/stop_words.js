@@ -25,10 +25,19 @@ export class StopWords {
     this.#showFailures();
   }
 
-  /** @param {string} name of a robot that no stop reached @param {string} of its slug */
-  unreached(name, of) {
-    this.#failures.set(of, { name });
+  /**
+   * @param {string} name of a robot that did not confirm the stop
+   * @param {string} of its slug
+   * @param {boolean} pending the server goes on delivering it
+   */
+  unreached(name, of, pending = false) {
+    this.#failures.set(of, { name, pending });
     this.#showFailures();
+  }
+
+  /** This robot reports that it is stopped: the stop does not wait any more. */
+  delivered(of) {
+    if (this.#failures.get(of)?.pending) this.forget(of);
   }
 
   /** This robot's stop was pressed again, or arrived after all. */
@@ -42,9 +51,19 @@ export class StopWords {
 
   #showFailures() {
     const failures = [...this.#failures.values()];
-    const names = failures.flatMap(({ name }) => name ?? []).join(", ");
+    const named = (waits) => failures.filter(({ name, pending }) => name && pending === waits);
+    const names = (waits) => [
+      named(waits)
+        .map(({ name }) => name)
+        .join(", "),
+    ];
     const unreached = gettext("Not reached: %s. Use the red button on the robot.");
-    const texts = failures.map(({ text }) => text ?? interpolate(unreached, [names]));
+    const waiting = gettext(
+      "Pending, not confirmed yet: %s. The stop will be delivered as soon as possible. Use the red button on the robot.",
+    );
+    const texts = failures.map(
+      ({ text, pending }) => text ?? interpolate(pending ? waiting : unreached, names(pending)),
+    );
     this.#show([...new Set(texts)].join(" "), "alert");
   }
 

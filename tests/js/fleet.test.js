@@ -159,7 +159,7 @@ describe("the fleet page", () => {
   ])("takes no old word of a robot for an answer (%s)", async (form, address, told) => {
     hears({ "tiago-1": stopped }); // the last that is heard: somebody clears the stop meanwhile
     press(form);
-    expect(part(told).textContent).toBe("Stop sent");
+    expect(part(told).textContent).toBe("Stop sent, waiting for the robot");
     await vi.advanceTimersByTimeAsync(400);
     expect(fetch.mock.calls.map(([url]) => new URL(url).pathname)).toEqual([address]);
     expect(part(told).textContent).toBe("Stopped.");
@@ -203,7 +203,9 @@ describe("the fleet page", () => {
       vi.advanceTimersByTime(100);
       if (live) hears({ "tiago-1": stopped });
       await vi.advanceTimersByTimeAsync(4500);
-      expect(part("stop-all-state").textContent).toBe(live ? "Stop sent" : "Stopped.");
+      expect(part("stop-all-state").textContent).toBe(
+        live ? "Stop sent, waiting for the robot" : "Stopped.",
+      );
       await vi.advanceTimersByTimeAsync(1000);
       expect(part("stop-all-state").textContent).toBe("");
     },
@@ -241,7 +243,7 @@ describe("the fleet page", () => {
       "Not reached: TIAGo 2. Use the red button on the robot.",
     );
     press("stop-all");
-    expect(part("stop-all-state").textContent).toBe("Stop sent");
+    expect(part("stop-all-state").textContent).toBe("Stop sent, waiting for the robot");
   });
 
   it("names a robot once, by whichever ways it was not reached", async () => {

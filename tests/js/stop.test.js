@@ -154,6 +154,21 @@ describe("the stop button", () => {
     expect(ways.fail).toHaveBeenCalledWith("Not reached: TIAGo 1.", robots);
   });
 
+  it("does not take a stop for confirmed that is pending", async () => {
+    const robots = { "tiago-1": { code: "pending", pending: true } };
+    ways.send.mockReturnValue(false);
+    const body = { text: "Pending, not confirmed yet: TIAGo 1.", robots };
+    const pending = { ok: true, status: 202, json: async () => body };
+    vi.stubGlobal(
+      "fetch",
+      vi.fn(async () => pending),
+    );
+    press();
+    await settle();
+    expect(ways.say).toHaveBeenCalledTimes(1); // that it is being sent
+    expect(ways.fail).toHaveBeenCalledWith(body.text, robots);
+  });
+
   it("points to the red button when nothing gets through", async () => {
     ways.send.mockReturnValue(false);
     vi.stubGlobal("fetch", vi.fn().mockRejectedValue(new TypeError("offline")));

@@ -52,6 +52,17 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("Not sent. No answer.");
   });
 
+  it("tell of a stop that is pending until its robot reports it", () => {
+    words.unreached("TIAGo 1", "tiago-1", true);
+    words.unreached("TIAGo 2", "tiago-2");
+    expect(element.textContent).toMatch(
+      /^Pending, not confirmed yet: TIAGo 1\..* Not reached: TIAGo 2\./,
+    );
+    words.delivered("tiago-1");
+    words.delivered("tiago-2");
+    expect(element.textContent).toBe("Not reached: TIAGo 2. Use the red button on the robot.");
+  });
+
   it("forget the failure of what is pressed again, and all of them with Stop all", () => {
     for (const slug of ["a", "b", "c"]) words.fail(`Not reached: ${slug}.`, slug);
     words.forget("a");

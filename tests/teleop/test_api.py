@@ -62,8 +62,9 @@ async def test_stop_all_by_rest(browsers, robot, bridge):
 
 async def test_a_robot_that_was_not_reached_is_named(browsers, robot):
     answer = await post(browsers["observer"], "/api/stop/")
-    assert answer.status_code == 502
-    assert answer.json()["robots"][robot.slug]["code"] == "bridge_down"
+    assert answer.status_code == 202
+    told = answer.json()["robots"][robot.slug]
+    assert (told["pending"], told["code"], told["figures"]) == (True, "pending", {"because": "bridge_down"})
 
 
 async def test_what_is_not_there_is_explained(browsers, robot):

@@ -138,7 +138,7 @@ async def test_stop_all_tells_of_each_robot_that_was_not_stopped(
     await bridge.hears(wire.LinkStop)
     refused = [(await page.hears("refused", of="stop"))["refusal"] for _ in range(2)]
     assert {refusal["figures"]["slug"] for refusal in refused} == {other_robot.slug, third.slug}
-    assert {refusal["code"] for refusal in refused} == {"bridge_down"}
+    assert {refusal["code"] for refusal in refused} == {"pending"}
 
 
 async def test_stop_all_of_no_robot_says_so(open_fleet, robot):

@@ -23,6 +23,7 @@ from django.db import DatabaseError, connection
 
 from fleet.audit import AuditUnavailable
 from robots.bridge.watchdog.config import watchdog_config
+from robots.courier import courier
 from robots.described import Problems
 from robots.ending import leave_within
 from robots.environment import NoWrapper, ros_environment
@@ -71,6 +72,7 @@ class Command(BaseCommand):
         stopping = Stopping()
         try:
             with only_instance(settings.FLEET_RUN_DIR / LOCK):
+                courier().start(stays=True)
                 supervise(Fleet(only), stopping)
         except AlreadySupervised as other:
             raise CommandError(f"A supervisor is running already (process {other}).") from other

@@ -22,7 +22,7 @@ from fleet.audit.command_line import here
 from robots.bridge.config import LinkAddress
 from robots.models import Robot
 from robots.selectors import link_address
-from robots.stops import press, press_all, record_outcome, record_press
+from robots.stops import Pending, Result, press_all, press_at, record_outcome, record_press
 from robots.wire import Refusal, Stopped
 
 REGISTRY_S = 3.0  # a database that says nothing for so long is taken for away
@@ -47,40 +47,52 @@ class Command(BaseCommand):
             raise CommandError("Name robots, or say --all.")
         by, reason = f"{_who()} (command line)", _clean(options["reason"])
         sockets = [] if slugs else sorted(str(path) for path in settings.FLEET_RUN_DIR.glob("*.sock"))
-        with ThreadPoolExecutor(max(len(sockets), 1)) as threads:
-            here = {
-                path: threads.submit(press, None, LinkAddress(unix_path=path), by, reason) for path in sockets
-            }
+        addresses = [(None, LinkAddress(unix_path=path)) for path in sockets]
+        with ThreadPoolExecutor(1) as thread:
+            pressed = thread.submit(press_at, addresses, by, reason)
             try:
                 robots = _registered(slugs).result(REGISTRY_S)
             except (DatabaseError, NoAnswer) as error:
                 why = str(error) or f"nothing was heard within {REGISTRY_S:g} s"
-                self._tell_without_registry(slugs, {path: here[path].result() for path in sockets}, why)
+                here = dict(zip(sockets, pressed.result(), strict=True))
+                self._tell_without_registry(slugs, here, why)
                 return
             path_of = {robot: link_address(robot).unix_path or "" for robot in robots}
-            rest = [robot for robot in robots if path_of[robot] not in here]
+            rest = [robot for robot in robots if path_of[robot] not in sockets]
             results = dict(zip(rest, press_all(rest, by, reason), strict=True))
-            results |= {robot: here[path].result() for robot, path in path_of.items() if path in here}
+            here = dict(zip(sockets, pressed.result(), strict=True))
+        results |= {robot: here.pop(path) for robot, path in path_of.items() if path in here}
         # One out of service need not be reached, but a bridge of it that still runs was stopped.
         meant = [robot for robot in robots if slugs or robot.enabled or isinstance(results[robot], Stopped)]
+        left = [*here.values(), *(results[robot] for robot in results.keys() - set(meant))]
+        for result in left:
+            if isinstance(result, Pending):
+                result.withdraw()
         self._tell({robot: results[robot] for robot in meant}, reason)
         unknown = sorted(set(slugs) - {robot.slug for robot in robots})
         if unknown:
             raise CommandError(f"There is no robot {', '.join(unknown)}.")
 
-    def _tell(self, results: dict[Robot, Stopped | Refusal], reason: str) -> None:
+    def _tell(self, results: dict[Robot, Result], reason: str) -> None:
         """Say how it went, then record it, for that may wait; whom it did not reach comes last."""
         for robot, result in results.items():
             self.stdout.write(f"{robot.slug}: {_told(result)}")
         for robot, result in results.items():
             self._record(robot, reason, result)
-        unreached = [robot.slug for robot, result in results.items() if isinstance(result, Refusal)]
-        if unreached:
-            raise CommandError(f"Not reached: {', '.join(unreached)}. Use the red button on the robot.")
+        refused = [robot.slug for robot, result in results.items() if isinstance(result, Refusal)]
+        pending = [robot.slug for robot, result in results.items() if isinstance(result, Pending)]
+        words = []
+        if refused:
+            words.append(f"Not reached: {', '.join(refused)}.")
+        if pending:
+            words.append(
+                f"Pending, not confirmed yet: {', '.join(pending)}. The supervisor, the web processes and a bridge "
+                "that starts deliver the stop as soon as they can."
+            )
+        if words:
+            raise CommandError(f"{' '.join(words)} Use the red button on the robot.")
 
-    def _tell_without_registry(
-        self, slugs: list[str], results: dict[str, Stopped | Refusal], why: str
-    ) -> None:
+    def _tell_without_registry(self, slugs: list[str], results: dict[str, Result], why: str) -> None:
         """Only the registry knows names, and robots elsewhere."""
         if slugs:
             raise CommandError(
@@ -91,11 +103,11 @@ class Command(BaseCommand):
         stopped = sum(isinstance(result, Stopped) for result in results.values())
         raise CommandError(
             f"The database does not answer ({why}). Every bridge on this computer was told: {stopped} robots are "
-            f"stopping, {len(results) - stopped} did not answer. Nothing was recorded, and bridges on other computers "
-            "were not reached. Use the red button on the other robots."
+            f"stopping, {len(results) - stopped} did not answer; their stop is pending. Nothing was recorded, and "
+            "bridges on other computers were not reached. Use the red button on the other robots."
         )
 
-    def _record(self, robot: Robot, reason: str, result: Stopped | Refusal) -> None:
+    def _record(self, robot: Robot, reason: str, result: Result) -> None:
         pressed = record_press(robot.id, actor=here(), through="command line", reason=reason)
         record_outcome(pressed, actor=here(), result=result)
         if pressed is None:
@@ -131,5 +143,11 @@ def _clean(text: str) -> str:
     return text.encode(errors="replace").decode()[:200]
 
 
-def _told(result: Stopped | Refusal) -> str:
-    return result.text if isinstance(result, Refusal) else "stopping"
+def _told(result: Result) -> str:
+    match result:
+        case Pending():
+            return result.refusal.text
+        case Refusal():
+            return result.text
+        case _:
+            return "stopping"

@@ -1,0 +1,164 @@
+"""Stops that nobody has confirmed yet: a file for each in the run directory, until bridge or watchdog answers.
+
+Every process of the console on this computer reads and delivers them, so that no stop ends with the process that heard
+it, nor with the patience of the person who pressed. Knows neither Django nor ROS: a bridge looks here before anybody
+can drive its robot.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from uuid import UUID
+
+import msgspec
+from msgspec import Struct
+
+from robots.wire import LinkStop, Refusal, Stopped
+
+log = logging.getLogger(__name__)
+
+FOLDER = "stops"  # in the run directory
+MOST_OF_ONE = 10  # of one robot: as many as a clear may name
+
+Told = Callable[[Stopped | Refusal], None]
+
+
+class Waiting(Struct, frozen=True):
+    """A press that waits for its answer."""
+
+    name: str  # of the robot's files in the run directory (`name_of`)
+    press: UUID
+    robot: UUID | None  # None: of whichever bridge listens at the socket of that name
+    by: str
+    reason: str = ""
+    at: float = 0.0  # time of day, seconds
+    host: str | None = None  # where its bridge listens, if on another computer
+    port: int | None = None
+
+    def message(self) -> LinkStop:
+        """What is sent."""
+        return LinkStop(self.by, self.reason, robot=self.robot, press=self.press)
+
+
+def name_of(robot: UUID) -> str:
+    """What files of this robot in the run directory are called, without suffix."""
+    return robot.hex[:12]
+
+
+class PendingStops:
+    """The stops that wait. Of one robot the newest press counts. From any thread.
+
+    `run_dir` None: in memory only. So are those that cannot be written: this process alone delivers them.
+    """
+
+    def __init__(self, run_dir: Path | None) -> None:
+        self._folder = run_dir / FOLDER if run_dir else None
+        self._lock = threading.Lock()
+        self._unwritten: dict[str, Waiting] = {}
+        self._told: defaultdict[str, list[Told]] = defaultdict(list)  # by robot: whom to tell what came of it
+
+    def keep(self, stop: Waiting, told: Told | None = None) -> bool:
+        """Keep `stop` until it is settled, instead of older ones of this robot; `told` hears what came of it.
+
+        Returns False if this process only knows of it, because it cannot be written.
+        """
+        if told is not None:
+            with self._lock:
+                self._told[stop.name].append(told)
+        older = [found for found in self.of(stop.name) if found.press != stop.press]
+        written = self._write(stop)
+        with self._lock:
+            self._unwritten.pop(stop.name, None)
+            if not written:
+                self._unwritten[stop.name] = stop
+        for found in older:
+            self._remove(found)
+        return written
+
+    def all(self) -> list[Waiting]:
+        """All that wait, the newest of each robot last."""
+        with self._lock:
+            found = list(self._unwritten.values())
+        for path in self._paths(""):
+            if (stop := _read(path)) is not None:
+                found.append(stop)
+        return sorted(found, key=lambda stop: stop.at)
+
+    def of(self, name: str) -> list[Waiting]:
+        """Those of one robot, the newest last; as a rule there is none or one."""
+        with self._lock:
+            found = [self._unwritten[name]] if name in self._unwritten else []
+        found += [stop for path in self._paths(name) if (stop := _read(path)) is not None]
+        return sorted(found, key=lambda stop: stop.at)[-MOST_OF_ONE:]
+
+    def settle(self, stop: Waiting, answer: Stopped | Refusal) -> None:
+        """`stop` was confirmed or refused: it waits no more, nor does an older one of this robot."""
+        for found in self.of(stop.name):
+            if found.at <= stop.at:
+                self._remove(found)
+        with self._lock:
+            if (unwritten := self._unwritten.get(stop.name)) and unwritten.at <= stop.at:
+                del self._unwritten[stop.name]
+            told = self._told.pop(stop.name, [])
+        for tell in told:
+            tell(answer)
+
+    def _paths(self, name: str) -> list[Path]:
+        if self._folder is None:
+            return []
+        try:
+            names = os.listdir(self._folder)
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            log.error("pending stops cannot be read: %s", error)
+            return []
+        return [self._folder / found for found in names if found.startswith(name) and found.endswith(".json")]
+
+    def _path(self, stop: Waiting) -> Path | None:
+        return self._folder and self._folder / f"{stop.name}-{stop.press.hex}.json"
+
+    def _write(self, stop: Waiting) -> bool:
+        path = self._path(stop)
+        if path is None:
+            return False
+        fresh = path.with_suffix(".new")
+        try:
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+                file.write(msgspec.json.encode(stop))
+                file.flush()
+                os.fsync(file.fileno())
+            fresh.replace(path)
+        except OSError as error:
+            log.error("a stop of %s by %s waits in this process alone: %s", stop.name, stop.by, error)
+            return False
+        return True
+
+    def _remove(self, stop: Waiting) -> None:
+        path = self._path(stop)
+        try:
+            if path is not None:
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            log.error("%s cannot be removed: %s", path, error)
+
+
+def _read(path: Path) -> Waiting | None:
+    """What waits there. A file that makes no sense is a stop all the same: its name says of which robot."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Waiting)
+    except FileNotFoundError:
+        return None
+    except (OSError, msgspec.DecodeError) as error:
+        log.error("%s cannot be read: %s", path, error)
+    try:
+        name, press = path.stem.split("-")
+        return Waiting(name, UUID(press), None, "somebody", "the file of this stop is damaged")
+    except ValueError:
+        return None

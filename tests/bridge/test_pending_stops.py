@@ -1,0 +1,241 @@
+"""A stop that nobody confirmed waits for bridge or watchdog, whichever process heard it."""
+
+from __future__ import annotations
+
+import asyncio
+import stat
+import threading
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+from uuid import UUID, uuid4
+
+import pytest
+import pytest_asyncio
+from django.conf import settings
+
+from robots import courier, wire
+from robots.bridge.config import LinkAddress
+from robots.bridge.link import Link, LinkServer
+from robots.bridge.process import heeding
+from robots.bridge.store import Persisted
+from robots.link import BridgeLink
+from robots.pending_stops import FOLDER, PendingStops, Waiting, name_of
+from robots.stops import Pending, press
+from tests.bridge.support import CONFIG, Bench
+
+ROBOT = UUID(CONFIG.robot_id)
+PATIENCE_S = 10.0
+
+
+@pytest.fixture(autouse=True)
+def run_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A computer of its own."""
+    monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
+    yield tmp_path
+    for stop in courier.pending_stops().all():  # so that the courier of this test ends
+        courier.pending_stops().settle(stop, wire.Refusal("over", "The test is over.", "wire"))
+
+
+@pytest.fixture
+def address(run_dir: Path) -> LinkAddress:
+    return LinkAddress(unix_path=str(run_dir / f"{name_of(ROBOT)}.sock"))
+
+
+class Bridge:
+    """A bridge that keeps what it hears, in order."""
+
+    def __init__(self, address: LinkAddress) -> None:
+        self.bench = Bench().online()
+        self.heard: list[wire.LinkRequest] = []
+        self.frozen = False
+        self.server = LinkServer(address, self.opened, self.received, lambda _link: None)
+
+    def opened(self, link: Link) -> None:
+        link.report(self.bench.core.hello())
+
+    async def received(self, link: Link, raw: bytes) -> None:
+        if self.frozen:
+            return
+        message = wire.link_request(raw)
+        self.heard.append(message)
+        match message:
+            case wire.LinkHello():
+                link.report(wire.Status(self.bench.core.state(self.bench.now_s, [])))
+            case wire.LinkStop(by=by, reason=reason, press=pressed):
+                self.bench.core.stop(by, reason, self.bench.now_s, pressed)
+                link.report(wire.Stopped(self.bench.core.stop_state, message.seq, pressed))
+            case wire.LinkClear(number=number, presses=presses):
+                assert self.bench.core.clear(number, self.bench.now_s, presses) is None
+                link.report(wire.Stopped(self.bench.core.stop_state, message.seq))
+
+    @property
+    def stop(self) -> wire.StopState:
+        return self.bench.core.stop_state
+
+
+@pytest_asyncio.fixture
+async def bridge(address: LinkAddress) -> AsyncIterator[Bridge]:
+    """One that is not started yet."""
+    bridge = Bridge(address)
+    yield bridge
+    await bridge.server.close()
+    bridge.bench.close()
+
+
+def waiting(run_dir: Path) -> list[Path]:
+    return sorted((run_dir / FOLDER).glob("*.json"))
+
+
+async def until(condition: Callable[[], object], what: str) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end_s, what
+        await asyncio.sleep(0.02)
+
+
+async def press_beside(address: LinkAddress) -> Pending:
+    """A press that is not answered, by another process: without its courier, who is another test."""
+    pending = await asyncio.to_thread(press, ROBOT, address, "Ann", "smoke")
+    assert isinstance(pending, Pending)
+    return pending
+
+
+async def test_a_stop_without_a_bridge_is_pending_and_stops_the_next_one(
+    address: LinkAddress, bridge: Bridge, run_dir: Path
+) -> None:
+    pending = await press_beside(address)
+    assert pending.refusal.code == "pending"
+    assert pending.refusal.figures == {"because": "bridge_down"}
+    (path,) = waiting(run_dir)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    await bridge.server.start()
+    stopped = await asyncio.wait_for(asyncio.wrap_future(pending.outcome), PATIENCE_S)
+    assert isinstance(stopped, wire.Stopped)
+    assert (bridge.stop.by, bridge.stop.reason) == ("Ann", "smoke")
+    assert waiting(run_dir) == []
+
+
+def test_a_bridge_begins_latched_while_a_stop_waits_for_it() -> None:
+    stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
+    left = Persisted(False, "", "", 7)
+    assert heeding([], left) == (left, [])
+    assert heeding([stop], left) == (Persisted(True, "Ann", "smoke", 7), [stop.press])
+
+
+async def test_a_link_says_a_waiting_stop_first(address: LinkAddress, bridge: Bridge, run_dir: Path) -> None:
+    stops = PendingStops(run_dir)
+    stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
+    assert stops.keep(stop)
+    await bridge.server.start()
+    link = BridgeLink(ROBOT, address, stops)
+    try:
+        await until(lambda: not waiting(run_dir), "the stop is delivered")
+        assert bridge.heard[0] == stop.message()
+        assert bridge.stop.by == "Ann"
+    finally:
+        await link.close()
+
+
+async def test_a_link_that_is_open_delivers_what_another_process_left(
+    address: LinkAddress, bridge: Bridge, run_dir: Path
+) -> None:
+    await bridge.server.start()
+    link = BridgeLink(ROBOT, address, PendingStops(run_dir))
+    try:
+        await until(lambda: link.up, "the link is up")
+        PendingStops(run_dir).keep(Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke"))
+        await until(lambda: not waiting(run_dir), "the stop is delivered")
+        assert bridge.stop.by == "Ann"
+    finally:
+        await link.close()
+
+
+async def test_a_frozen_bridge_stops_when_it_wakes_and_a_press_that_came_by_all_ways_stops_once(
+    address: LinkAddress, bridge: Bridge, run_dir: Path
+) -> None:
+    await bridge.server.start()
+    link = BridgeLink(ROBOT, address, courier.pending_stops())
+    try:
+        await until(lambda: link.up, "the link is up")
+        bridge.frozen = True
+        before = bridge.stop.number
+        pending = await press_beside(address)
+        assert pending.refusal.figures == {"because": "bridge_silent"}
+        bridge.frozen = False
+        await asyncio.wait_for(asyncio.wrap_future(pending.outcome), PATIENCE_S)
+        assert (bridge.stop.state, bridge.stop.number) == ("stopping", before + 1)
+    finally:
+        await link.close()
+
+
+async def test_a_stop_that_waits_does_not_stop_again_after_a_later_clear(
+    address: LinkAddress, bridge: Bridge, run_dir: Path
+) -> None:
+    await bridge.server.start()
+    stops = PendingStops(run_dir)
+    link = BridgeLink(ROBOT, address, stops)
+    try:
+        await until(lambda: link.up, "the link is up")
+        await link.stop(wire.LinkStop("Ben"))
+        stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
+        stops.keep(stop)  # by a process whose delivery is under way meanwhile
+        assert (await link.clear(wire.LinkClear("Ben", bridge.stop.number))).stop.state == "clear"
+        assert waiting(run_dir) == []
+        assert isinstance(await link.stop(stop.message()), wire.Stopped)
+        assert bridge.stop.state == "clear"
+    finally:
+        await link.close()
+
+
+def test_of_one_robot_the_newest_press_counts(run_dir: Path) -> None:
+    stops, robot, other = PendingStops(run_dir), uuid4(), uuid4()
+    first, second = (
+        Waiting(name_of(robot), uuid4(), robot, by, at=at) for by, at in (("Ann", 1.0), ("Ben", 2.0))
+    )
+    elsewhere = Waiting(name_of(other), uuid4(), other, "Eve", at=1.5, host="bridge.example", port=4)
+    for stop in (first, elsewhere, second):
+        stops.keep(stop)
+    assert stops.all() == [elsewhere, second]
+    assert PendingStops(run_dir).of(second.name) == [second]
+    stops.settle(second, wire.Stopped(wire.StopState("stopping")))
+    assert stops.all() == [elsewhere]
+
+
+def test_what_cannot_be_written_waits_in_this_process(
+    run_dir: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (run_dir / FOLDER).touch()  # no folder: as with a full disk, nothing can be written
+    stops, told = PendingStops(run_dir), threading.Event()
+    stop = Waiting("0123456789ab", uuid4(), None, "Ann")
+    assert not stops.keep(stop, lambda _answer: told.set())
+    assert "waits in this process alone" in caplog.text
+    assert stops.of(stop.name) == [stop]
+    stops.settle(stop, wire.Stopped(wire.StopState("stopping")))
+    assert stops.all() == [] and told.is_set()
+
+
+def test_a_damaged_file_is_a_stop_all_the_same(run_dir: Path) -> None:
+    stops, stop = PendingStops(run_dir), Waiting("0123456789ab", uuid4(), None, "Ann")
+    stops.keep(stop)
+    (path,) = waiting(run_dir)
+    path.write_bytes(b"\0" * 100)
+    (found,) = stops.all()
+    assert (found.name, found.press) == (stop.name, stop.press)
+    (run_dir / FOLDER / "what.json").touch()
+    assert len(stops.all()) == 1
+
+
+async def test_a_stop_that_the_bridge_refuses_waits_no_more(
+    address: LinkAddress, bridge: Bridge, run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def refuse(link: Link, _raw: bytes) -> None:
+        link.report(wire.Refused("link_stop", wire.Refusal("other_robot", "Another one’s.", "robot")))
+
+    pending = await press_beside(address)
+    monkeypatch.setattr(bridge.server, "_on_message", refuse)
+    await bridge.server.start()
+    refused = await asyncio.wait_for(asyncio.wrap_future(pending.outcome), PATIENCE_S)
+    assert isinstance(refused, wire.Refusal) and refused.code == "other_robot"
+    assert waiting(run_dir) == []
