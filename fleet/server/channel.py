@@ -53,15 +53,19 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._counted_bytes = 0
 
     def process(self) -> Any:
-        """The whole request is there."""
+        """The whole request is there. Stops and WebSockets need no place: they are refused for no crowd of pages."""
+        upgrade = self.requestHeaders.getRawHeaders(b"Upgrade", [b""])[0]
+        if upgrade.lower() == b"websocket":  # as Daphne decides
+            self.forget_body()
+            return super().process()
+        forward = self.server.forward
+        if forward is not None and not forward.takes(self):
+            return super().process()
         address = self.address()
         if not self.server.requests.take(address):
-            self.forget_body()
             return self.channel.refuse(limits.busy())
         self._place = address
-        if self.server.forward is not None and self.server.forward.takes(self):
-            return self.server.forward(self)
-        return super().process()
+        return forward(self) if forward is not None else super().process()
 
     def address(self) -> str:
         """Whose request this is, for counting."""

@@ -120,8 +120,6 @@ class Forward:
 
     def takes(self, request: Any) -> bool:
         """Whether the pages process answers this; otherwise this process does."""
-        if request.requestHeaders.hasHeader(b"Upgrade"):
-            return False
         stops = request.method == b"POST" and STOPS.fullmatch(request.path)
         return not (stops and request.server.session_cookie in request.received_cookies)
 

@@ -28,3 +28,11 @@ def test_a_handshake_with_much_behind_it_is_cut_off(web):
                 stranger.sendall(bytes(limits.HANDSHAKE_BYTES))
                 sent += limits.HANDSHAKE_BYTES
     assert sent < 20 * 1024 * 1024
+
+
+def test_handshakes_keep_no_place_of_a_request(web):
+    origin = f"http://127.0.0.1:{web.port}"
+    for _ in range(limits.REQUESTS_OF_ADDRESS + 10):
+        with connect(f"ws://127.0.0.1:{web.port}/ws/fleet/", origin=origin, compression=None):
+            pass
+    assert b" 200 OK" in web.say(b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
