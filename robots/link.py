@@ -119,6 +119,7 @@ class BridgeLink:
         self.up = False
         self.refusal: Refusal | None = DOWN
         self.state: State | None = None
+        self.seen_at: float | None = None  # when the robot itself was last heard, in seconds since 1970
         self.offers: wire.Offers | None = None
         self.highest_fence = 0
         self._open: ClientConnection | None = None
@@ -494,6 +495,8 @@ class BridgeLink:
 
     def _tell_state(self, state: State) -> None:
         self.state = state
+        if state.unseen_s is not None:
+            self.seen_at = time.time() - state.unseen_s
         for listener in list(self._listeners):
             listener.on_status(state)
 
@@ -531,8 +534,15 @@ class Links:
         """The link to this robot, begun on the running loop if there is none."""
         link = self._links.get(robot_id)
         if link is None or link.closed or link.address != address:
+            seen_at = link.seen_at if link else None
             link = self._links[robot_id] = BridgeLink(robot_id, address, courier.pending_stops())
+            link.seen_at = seen_at
         return link
+
+    def seen_at(self, robot_id: UUID) -> float | None:
+        """When this robot was last seen over its link, in seconds since 1970; None: not since this process began."""
+        link = self._links.get(robot_id)
+        return None if link is None else link.seen_at
 
     async def close(self) -> None:
         """End all links."""

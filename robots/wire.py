@@ -284,7 +284,14 @@ class StopAll(Struct, frozen=True, tag_field="t", tag="stop_all"):
     """Emergency stop of every robot that this person may see."""
 
 
-FleetMessage = StopRobot | StopAll | Ack | Ping
+class ClearRobot(Struct, frozen=True, tag_field="t", tag="clear"):
+    """Clear the latch of one robot, from the fleet page. Supervisors and staff. `number` as in `Clear`."""
+
+    slug: Annotated[str, Meta(min_length=1, max_length=50)]
+    number: Seq
+
+
+FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
 
 
 # --- web -> browser --------------------------------------------------------------------------
@@ -406,6 +413,7 @@ class BridgeGone(Struct, frozen=True, tag_field="t", tag="bridge_gone"):
     """No link to the robot's bridge, and why; a `View` ends it."""
 
     refusal: Refusal
+    seen_at: float | None = None  # seconds since 1970: when the robot was last seen by this web process
 
 
 class FleetCard(Struct, frozen=True):
@@ -413,6 +421,8 @@ class FleetCard(Struct, frozen=True):
 
     state: State | None
     refusal: Refusal | None = None
+    seen_at: float | None = None  # as in `BridgeGone`
+    may_clear: bool = False  # this person may clear its stop from here
 
 
 class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
@@ -612,6 +622,7 @@ class State(Struct, frozen=True):
     choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
     publishing: list[Publishing] = []
     overload: Overload | None = None
+    unseen_s: float | None = None  # since odometry last came; None: it never did
 
 
 class MotionOffer(Struct, frozen=True):

@@ -6,7 +6,9 @@ What is refused is explained like everywhere else.
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
 from typing import Any, cast
 
 import msgspec
@@ -18,7 +20,7 @@ from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from robots.link import LinkRefused, state_once
+from robots.link import LinkRefused, links, state_once
 from robots.models import Robot, Role
 from robots.selectors import (
     link_address,
@@ -29,7 +31,7 @@ from robots.selectors import (
     role_on,
     roles_of,
 )
-from robots.wire import Refusal, Rule
+from robots.wire import Refusal, Rule, State
 from teleop import refusals, rules, stopping
 from teleop.history import speech_history
 from teleop.policy import out_of_service
@@ -130,12 +132,14 @@ class RobotDetail(FleetApi):
         holding = holding_of(robot.id)
         held = holding is not None and rules.lapse(holding, timezone.now()) is None
         state, refusal = _state(robot)
+        seen_at = _seen_at(robot, state)
         return Response(
             {
                 **entry(robot, role_on(self.person(), robot)),
                 "facts": msgspec.to_builtins(robot_facts(robot)),
                 "holder": holding.name if holding and held else None,
                 "state": msgspec.to_builtins(state),
+                "seen_at": seen_at.isoformat(timespec="seconds") if seen_at else None,
                 "refusal": msgspec.to_builtins(refusal),
             }
         )
@@ -202,7 +206,15 @@ def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
     }
 
 
-def _state(robot: Robot) -> tuple[object, Refusal | None]:
+def _seen_at(robot: Robot, state: State | None) -> datetime | None:
+    """When the robot itself was last heard, as far as its bridge or this web process knows."""
+    if state is not None:
+        return None if state.unseen_s is None else timezone.now() - timedelta(seconds=state.unseen_s)
+    seen_at = links.seen_at(robot.id)
+    return None if seen_at is None else timezone.now() - timedelta(seconds=time.time() - seen_at)
+
+
+def _state(robot: Robot) -> tuple[State | None, Refusal | None]:
     try:
         return state_once(robot.id, link_address(robot)), None
     except LinkRefused as refused:

@@ -17,14 +17,17 @@ from fleet.accounts.selectors import signed_in
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.link import BridgeLink, links
-from robots.selectors import link_address, robots_visible_to
-from robots.wire import Ended, FleetCard, Offers, Refusal, Refused, State, fleet_message
+from robots.models import Role
+from robots.selectors import link_address, robots_visible_to, roles_of
+from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.database import in_database
+from teleop.orders import BUSY
 from teleop.policy import out_of_service
 from teleop.refusals import Denied
 from teleop.selectors import SIGNED_OUT, SignIn
+from teleop.services import let_down
 from teleop.socket import CloseCode, MessageSocket, beside
-from teleop.stopping import StopButton
+from teleop.stopping import StopButton, clear
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +47,7 @@ class Visible(Struct, frozen=True):
     enabled: bool
     refusal: Refusal | None  # why nobody drives it
     link: LinkAddress
+    may_clear: bool
 
 
 class FleetConsumer(MessageSocket):
@@ -59,6 +63,7 @@ class FleetConsumer(MessageSocket):
         self._news = asyncio.Event()
         self._noted: list[object] = []
         self._buttons: dict[str, StopButton] = {}
+        self._clearing: set[str] = set()  # robots whose clear is under way
         self._loops: list[asyncio.Task[None]] = []
 
     # --- opening and closing -----------------------------------------------------------------------
@@ -92,6 +97,9 @@ class FleetConsumer(MessageSocket):
             case wire.StopRobot():
                 if await self.within_budget("stop"):
                     await self.refuse("stop", _UNKNOWN)
+            case wire.ClearRobot(slug=slug, number=number):
+                if await self.within_budget("clear"):
+                    await self._clear_soon(slug, number)
             case wire.Ack():
                 if await self.within_budget("ack"):
                     self._drawn = True
@@ -113,6 +121,30 @@ class FleetConsumer(MessageSocket):
         """Say of which robot, always: whoever pressed Stop all must know where to go."""
         told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
         await self.answer(Refused("stop", told))
+
+    async def _clear_soon(self, slug: str, number: int) -> None:
+        """Each robot for itself, beside the others: checked, recorded, sent with the stop's number."""
+        if slug not in self._robots:
+            await self._not_cleared(slug, _UNKNOWN)
+        elif slug in self._clearing:
+            await self._not_cleared(slug, BUSY)
+        else:
+            self._clearing.add(slug)
+            beside(self._clear(slug, self._links[slug], number))
+
+    async def _clear(self, slug: str, link: BridgeLink, number: int) -> None:
+        try:
+            await clear(link, number, user=self.user, tab=None)
+        except NotDone as refused:
+            await self._not_cleared(slug, refused.refusal)
+        except DatabaseError as error:
+            await self._not_cleared(slug, let_down(error))
+        finally:
+            self._clearing.discard(slug)
+
+    async def _not_cleared(self, slug: str, refusal: Refusal) -> None:
+        told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
+        await self.answer(Refused("clear", told))
 
     def denied(self, of: str, refusal: Refusal) -> Denied:
         """By this person; which robot it was about, the record of a stop tells."""
@@ -136,10 +168,9 @@ class FleetConsumer(MessageSocket):
             await asyncio.sleep(BUSY_S)
 
     def _card(self, slug: str) -> FleetCard:
-        link = self._links[slug]
-        if link.up:
-            return FleetCard(link.state)
-        return FleetCard(None, self._robots[slug].refusal or link.refusal)
+        link, robot = self._links[slug], self._robots[slug]
+        refusal = None if link.up else robot.refusal or link.refusal
+        return FleetCard(link.state if link.up else None, refusal, link.seen_at, robot.may_clear)
 
     def _note(self) -> None:
         if self._drawn and self._of_note() != self._noted:
@@ -216,7 +247,16 @@ def _visible_to(person: SignIn) -> Iterable[Visible] | None:
     user = signed_in([person]).get(person)
     if user is None:
         return None
+    robots = list(robots_visible_to(user))
+    roles = roles_of(user, robots)
     return [
-        Visible(robot.id, robot.slug, robot.enabled, out_of_service(robot), link_address(robot))
-        for robot in robots_visible_to(user)
+        Visible(
+            robot.id,
+            robot.slug,
+            robot.enabled,
+            out_of_service(robot),
+            link_address(robot),
+            may_clear=roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR,
+        )
+        for robot in robots
     ]

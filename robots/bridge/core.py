@@ -390,7 +390,7 @@ class Core:
             foreign=self._ros.foreign,
             verdict=self._verdict,
             refused=self.refused,
-            odometry=told.odometry and told.odometry[1:],
+            odometry=told.odometry,
             battery_percent=told.battery_percent,
             charging=told.charging,
             skew_s=told.skew_s,

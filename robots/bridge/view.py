@@ -31,7 +31,7 @@ class Standing(NamedTuple):
     foreign: list[str]  # other nodes that publish to the drive topic
     verdict: Verdict
     refused: Counter[str]
-    odometry: tuple[Pose, Velocity] | None
+    odometry: tuple[float, Pose, Velocity] | None  # when it came, and what it said
     battery_percent: float | None
     charging: bool | None
     skew_s: float | None  # of the robot's clock against ours
@@ -49,7 +49,8 @@ def state(
         stop=standing.stop,
         # Limits are the driver's; some sensors are listened to only for one.
         verdict=_verdict(standing.verdict, gate.limits(now_s) if grant else ()),
-        odometry=_odometry(*standing.odometry) if standing.odometry else None,
+        odometry=_odometry(*standing.odometry[1:]) if standing.odometry else None,
+        unseen_s=round(now_s - standing.odometry[0], 1) if standing.odometry else None,
         sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
         battery_percent=standing.battery_percent,
         charging=standing.charging,

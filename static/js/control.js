@@ -18,7 +18,7 @@ import { Pulse } from "./pulse.js";
 import { question } from "./question.js";
 import { DriveSender } from "./sender.js";
 import { LiveSocket, socketUrl } from "./socket.js";
-import { isHeld, isSilent, isStale } from "./standing.js";
+import { isHeld, isSilent, isStale, seenAt } from "./standing.js";
 import { isNeutral, Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
@@ -73,6 +73,7 @@ class ControlPage {
   #facts = null;
   #state = null;
   #gone = null;
+  #seen = null; // when the robot was last heard, in seconds since 1970
   #viewMs = -Infinity;
   #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
   #freeMs = 0; // when the stick was last not asked to return to the middle
@@ -280,6 +281,7 @@ class ControlPage {
         return this.#onRefused(message);
       case "bridge_gone":
         this.#gone = message.refusal;
+        this.#seen = message.seen_at ?? this.#seen;
         this.#desk.away();
         return this.#look();
     }
@@ -354,6 +356,7 @@ class ControlPage {
     const before = this.#state;
     this.#gone = null;
     this.#state = view.state;
+    this.#seen = seenAt(view.state) ?? this.#seen;
     this.#viewMs = performance.now();
     const echo = this.#echoes.heard(view.state.seq, this.#viewMs);
     if (echo !== null) this.#echoTrips.add(echo);
@@ -399,6 +402,7 @@ class ControlPage {
       outdated: this.#outdated,
       connected: this.#socket.open,
       gone: this.#gone,
+      seen: this.#seen,
       state: this.#state,
       sinceViewMs: now - this.#viewMs,
       asksNeutral: now - this.#freeMs > NEUTRAL_SAID_AFTER_MS,

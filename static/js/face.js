@@ -95,7 +95,7 @@ export class Face {
     mark(this.#root, "stop", state.stop.state);
     if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot itself has the word
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
-    say(this.#parts["stop-state"], said || (cut ? "" : stopText(state.stop)));
+    say(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
     this.#showBattery(state);
     this.#showGate(state.verdict, cut);
     this.#details.state = state;

@@ -1,5 +1,6 @@
 /** The fleet page: a card per robot, live. */
 
+import { ClearAll } from "./clear_all.js";
 import { mark, parts, say, sayOrHide, show } from "./dom.js";
 import { matches, searches } from "./list.js";
 import { recallInTab, rememberInTab } from "./prefs.js";
@@ -8,8 +9,11 @@ import { LiveSocket, socketUrl } from "./socket.js";
 import {
   batteryText,
   connectionFact,
+  isSeen,
   phaseTitle,
+  seenAt,
   standstillText,
+  unknownText,
   verdictText,
 } from "./standing.js";
 import { StopButton } from "./stop.js";
@@ -20,41 +24,46 @@ const SIGNED_OUT = 4401;
 const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last brought the page anew
 
 /** What a card says of one robot: its state, or the refusal that says why it is not known. Pure. */
-export function cardOf({ state, refusal }) {
-  if (!state)
+export function cardOf({ state, refusal, seen_at: seenByConsole = null }) {
+  if (!state) {
+    const unknown = unknownText(seenByConsole);
     return {
       level: "fail",
       status: gettext("No link"),
       why: refusal?.text ?? "",
       driver: "–",
       battery: "–",
-      gate: "–",
-      stop: "–",
+      gate: unknown,
+      stop: unknown,
       stopped: false,
       stopWhy: "",
     };
+  }
   const online = state.phase === "online";
   const { stop } = state;
+  const latched = stop.state !== "clear";
+  const unknown = isSeen(state) ? "" : unknownText(seenAt(state));
+  const standstill = unknown
+    ? interpolate(gettext("Whether it stands: %s"), [unknown])
+    : standstillText(stop);
   return {
     level: online ? "ok" : "warn",
     status: phaseTitle(state.phase),
     why: online ? "" : state.text,
     driver: state.holder ?? gettext("Nobody"),
-    battery: batteryText(state),
-    gate: verdictText(state.verdict) || gettext("Free"),
-    stop: stopWord(stop.state),
-    stopped: stop.state !== "clear",
-    stopWhy:
-      stop.state === "clear"
-        ? ""
-        : [stop.by && interpolate(gettext("by %s"), [stop.by]), standstillText(stop)]
-            .filter(Boolean)
-            .join(". "),
+    battery: unknown ? "–" : batteryText(state),
+    gate: unknown || verdictText(state.verdict) || gettext("Free"),
+    stop: stopWord(stop.state, unknown),
+    stopped: latched,
+    stopWhy: latched
+      ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
+      : "",
   };
 }
 
-function stopWord(state) {
-  if (state === "clear") return gettext("Clear");
+function stopWord(state, unknown) {
+  if (state === "clear") return unknown || gettext("Clear");
+  if (unknown) return gettext("Pressed");
   return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
 }
 
@@ -68,6 +77,7 @@ export class FleetPage {
   #robots = {};
   #timer;
   #stops = [];
+  #clear = null;
 
   constructor(root) {
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
@@ -76,6 +86,12 @@ export class FleetPage {
     this.#connection = page.connection;
     this.#words = new StopWords(page["stop-all-state"]);
     for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
+    if (page["clear-dialog"])
+      this.#clear = new ClearAll(
+        page,
+        (message) => this.#send(message),
+        (slug) => this.#cards.get(slug)?.card.querySelector("h2").textContent ?? slug,
+      );
     if (page.search) this.#search(page.search, page["search-none"]);
     this.#stops.push(
       new StopButton(page["stop-all"], {
@@ -99,6 +115,7 @@ export class FleetPage {
     clearInterval(this.#timer);
     for (const stop of this.#stops) stop.close();
     this.#words.close();
+    this.#clear?.close();
     this.#pulse.close();
     this.#socket.close();
   }
@@ -182,11 +199,13 @@ export class FleetPage {
 
   #heard(message) {
     this.#pulse.heard(message);
-    if (message.t === "refused") this.#refused(message.refusal);
+    if (message.t === "refused" && message.of === "clear") this.#clear?.refused(message.refusal);
+    else if (message.t === "refused") this.#refused(message.refusal);
     if (message.t !== "fleet") return;
     this.#heardMs = performance.now();
     this.#followRegistry(Object.keys(message.robots));
     this.#robots = message.robots;
+    if (this.#clear) this.#clear.robots = message.robots;
     for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
     this.#look();
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));

@@ -1,5 +1,7 @@
 /** What stands between a person and a moving robot, worst first: one banner, in words. Pure. */
 
+import { whenText } from "./times.js";
+
 const STALE_MS = 1000;
 const SILENT_MS = 3000;
 
@@ -29,6 +31,24 @@ export function connectionFact({ connected, gone = null, heard, stale }) {
     : { level: "ok", text: gettext("Connected") };
 }
 
+const SEEN_S = 2; // a robot that said nothing for longer is out of reach
+
+/** Whether the robot itself was heard just now: else what it does is not known. */
+export function isSeen({ phase, unseen_s: unseenS }) {
+  return phase === "online" || (unseenS ?? Infinity) < SEEN_S;
+}
+
+/** What to say of a robot that is out of reach. @param {?number} seenAt seconds since 1970 */
+export function unknownText(seenAt) {
+  if (!seenAt) return gettext("unknown");
+  return interpolate(gettext("unknown, last seen %s"), [whenText(seenAt * 1000)]);
+}
+
+/** When a robot was last heard, by its own state. @returns {?number} seconds since 1970 */
+export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
+  return unseenS === null || unseenS === undefined ? null : nowMs / 1000 - unseenS;
+}
+
 /** What the bridge reports of the standstill, in words. */
 export function standstillText(stop) {
   if (stop.state === "stopping")
@@ -41,22 +61,28 @@ export function standstillText(stop) {
 }
 
 /** The same in two words, for the stop button itself; empty while the latch is clear. */
-export function stopText(stop) {
+export function stopText(state) {
+  const { stop } = state;
   if (stop.state === "clear") return "";
+  if (!isSeen(state)) return gettext("Pressed");
   if (stop.state === "stopping") return gettext("Stopping");
   if (stop.was_standing) return gettext("Stopped, was standing");
   if (!standstillText(stop)) return gettext("Stopped");
   return interpolate(gettext("Standstill after %s\u00a0ms"), [Math.round(stop.standstill_ms)]);
 }
 
-function stopBanner(stop) {
+function stopBanner(state) {
+  const { stop } = state;
+  const standstill = isSeen(state)
+    ? standstillText(stop)
+    : interpolate(gettext("Whether the robot stands: %s."), [unknownText(seenAt(state))]);
   const isStopping = stop.state === "stopping";
   const anonymous = isStopping ? gettext("Stopping, pressed") : gettext("Stopped");
   const signed = isStopping ? gettext("Stopping, pressed by %s") : gettext("Stopped by %s");
   return {
     level: "stop",
     title: stop.by ? interpolate(signed, [stop.by]) : anonymous,
-    text: [stop.reason, standstillText(stop)].filter(Boolean).join(" "),
+    text: [stop.reason, standstill].filter(Boolean).join(" "),
     clear: true,
   };
 }
@@ -66,13 +92,14 @@ function stopBanner(stop) {
  * @param {boolean} now.outdated the page is of another version than the console, and speaks with it no more
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
+ * @param {?number} now.seen when the robot was last heard, in seconds since 1970
  * @param {object | null} now.state the robot's newest `State`
  * @param {number} now.sinceViewMs age of that state
  * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
  *   nothing else keeps the robot from driving
  * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, info
  */
-export function banner({ outdated, connected, gone, state, sinceViewMs, asksNeutral }) {
+export function banner({ outdated, connected, gone, seen, state, sinceViewMs, asksNeutral }) {
   if (outdated) {
     return {
       level: "fault",
@@ -93,7 +120,7 @@ export function banner({ outdated, connected, gone, state, sinceViewMs, asksNeut
     return {
       level: "fault",
       title: gettext("No link to the robot"),
-      text: `${gone.text} ${waits()}`,
+      text: sentences(gone.text, lastSeen(seen), waits()),
     };
   }
   if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
@@ -105,9 +132,9 @@ export function banner({ outdated, connected, gone, state, sinceViewMs, asksNeut
       text: `${gettext("The picture is old, and the robot may not hear you.")} ${waits()}`,
     };
   }
-  if (state.stop.state !== "clear") return stopBanner(state.stop);
+  if (state.stop.state !== "clear") return stopBanner(state);
   if (state.phase !== "online") {
-    const text = `${state.text} ${waits()}`.trim();
+    const text = sentences(state.text, isSeen(state) ? "" : lastSeen(seenAt(state)), waits());
     return { level: "warning", title: phaseTitle(state.phase), text };
   }
   if (asksNeutral && !state.motion) {
@@ -135,6 +162,14 @@ export function overloadText({ overload = null }) {
       ? gettext("The robot’s bridge was %s s late.")
       : gettext("The console was %s s late.");
   return interpolate(text, [overload.late_s.toFixed(1)]);
+}
+
+function sentences(...texts) {
+  return texts.filter(Boolean).join(" ");
+}
+
+function lastSeen(at) {
+  return at ? interpolate(gettext("How the robot is: %s."), [unknownText(at)]) : "";
 }
 
 export function batteryText({ battery_percent: percent, charging }) {

@@ -27,13 +27,33 @@ describe("a card", () => {
   it("says why a robot is not there", () => {
     const refusal = { text: "Its bridge does not answer." };
     const away = cardOf({ state: null, refusal });
-    expect(away).toMatchObject({ level: "fail", why: refusal.text, battery: "–", stop: "–" });
+    expect(away).toMatchObject({
+      level: "fail",
+      why: refusal.text,
+      battery: "–",
+      stop: "unknown",
+      gate: "unknown",
+    });
     expect(Object.keys(away).sort()).toEqual(Object.keys(cardOf({ state, refusal: null })).sort());
     const waiting = { ...state, phase: "waiting", text: "No master." };
     expect(cardOf({ state: waiting, refusal: null })).toMatchObject({
       level: "warn",
       why: "No master.",
     });
+  });
+
+  it("says of a robot out of reach that nothing is known, and when it was last seen", () => {
+    const out = { ...state, phase: "waiting", unseen_s: 90 };
+    const seen = cardOf({ state: out, refusal: null });
+    expect(seen.gate).toMatch(/^unknown, last seen .*\d/);
+    expect(seen.stop).toBe(seen.gate);
+    expect(seen.battery).toBe("–");
+    const pressed = { ...out, stop: { ...state.stop, state: "stopped", by: "Bo" } };
+    const latched = cardOf({ state: pressed, refusal: null });
+    expect(latched).toMatchObject({ stop: "Pressed", stopped: true });
+    expect(latched.stopWhy).toMatch(/^by Bo. Whether it stands: unknown, last seen/);
+    const never = cardOf({ state: null, refusal: null, seen_at: 1.7e9 });
+    expect(never.gate).toContain("2023");
   });
 
   it("says who stopped it and what the robot made of it", () => {
@@ -281,7 +301,7 @@ describe("the fleet page", () => {
     refuses({ figures: { slug: "tiago-2" } });
     hears({ "tiago-1": clear, "tiago-2": clear, "tiago-3": clear });
     hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
-    expect(ofCards("stop-state")).toEqual(["Clear", "–", "Clear"]);
+    expect(ofCards("stop-state")).toEqual(["Clear", "unknown", "Clear"]);
   });
 
   it("says what the server says when a stop was refused that is of none of its robots", () => {

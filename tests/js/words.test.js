@@ -38,7 +38,7 @@ describe("the banner", () => {
   it("gives no time to standstill of a robot that was standing", () => {
     const stop = { ...CLEAR, state: "stopped", by: "Bo", was_standing: true };
     expect(banner({ ...WELL, state: { ...ONLINE, stop } }).text).toBe("The robot was standing.");
-    expect(stopText(stop)).toBe("Stopped, was standing");
+    expect(stopText({ ...ONLINE, stop })).toBe("Stopped, was standing");
   });
 
   it("names the worst thing only", () => {

@@ -2,11 +2,13 @@
 
 import asyncio
 import threading
+import time
 
 import msgspec
 import pytest
 import pytest_asyncio
 
+from fleet.audit.models import Record
 from robots import wire
 from robots.models import Robot, RobotRole
 from teleop import fleet_consumer
@@ -177,3 +179,43 @@ async def test_signing_out_elsewhere_closes_the_page(open_fleet, browsers, end_s
     page = await open_fleet("observer")
     await in_database(end_session, browsers["observer"])
     assert await page.is_closed() == CloseCode.SIGNED_OUT
+
+
+# --- clearing -------------------------------------------------------------------------------------------
+
+
+async def stopped(bridge, slug, page, number=3):
+    await shows(page, lambda robots: robots[slug]["state"])
+    bridge.newest_stop = number
+    bridge.tells_stop("stopped")
+    return await shows(page, lambda robots: robots[slug]["state"]["stop"]["number"] == number)
+
+
+async def test_a_supervisor_clears_each_robot_by_its_stops_number(open_fleet, bridge, robot):
+    page = await open_fleet("supervisor")
+    assert (await stopped(bridge, robot.slug, page))[robot.slug]["may_clear"] is True
+    await page.say("clear", slug=robot.slug, number=3)
+    assert (await bridge.hears(wire.LinkClear)).number == 3
+    cleared = await in_database(lambda: Record.objects.get(kind="stop.clear", of=None))
+    assert cleared.robot_id == robot.pk
+
+
+async def test_whoever_may_not_clear_is_told_so_and_nothing_is_sent(open_fleet, bridge, robot):
+    page = await open_fleet("operator")
+    assert (await stopped(bridge, robot.slug, page))[robot.slug]["may_clear"] is False
+    await page.say("clear", slug=robot.slug, number=3)
+    assert (await page.refused("may_not_clear"))["refusal"]["figures"]["slug"] == robot.slug
+    await page.say("clear", slug="tiago-2", number=3)
+    assert (await page.refused("no_such_robot"))["refusal"]["figures"]["slug"] == "tiago-2"
+    assert not await in_database(Record.objects.filter(kind="stop.clear").exists)
+
+
+async def test_a_robot_that_is_out_of_reach_is_known_by_when_it_was_last_seen(open_fleet, bridge, robot):
+    page = await open_fleet("observer")
+    await shows(page, lambda robots: robots[robot.slug]["state"])
+    bridge.say(wire.Status(msgspec.structs.replace(IDLE, phase="waiting", unseen_s=90.0)))
+    robots = await shows(page, lambda robots: robots[robot.slug]["seen_at"])
+    assert robots[robot.slug]["seen_at"] == pytest.approx(time.time() - 90, abs=10)
+    await bridge.close()
+    robots = await shows(page, lambda robots: robots[robot.slug]["state"] is None)
+    assert robots[robot.slug]["seen_at"] == pytest.approx(time.time() - 90, abs=10)
