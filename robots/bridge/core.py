@@ -361,9 +361,9 @@ class Core:
         self._reported.charging = charging
 
     def _prepare(self, arrival_s: float) -> None:
-        """Carry what is known to the newest pose now, so that no command waits for it."""
+        """Let the gate reckon now what a command would wait for, while somebody may drive."""
         if self.grants.current:
-            self._gate.obstacles(arrival_s)
+            self._gate.prepare(arrival_s)
 
     # --- what is told of it ------------------------------------------------------------------------
 

@@ -91,6 +91,8 @@ class OpenGate:
 
     def observe_range(self, *_observation: object) -> None: ...
 
+    def prepare(self, _now_s: float) -> None: ...
+
     def limits(self, _now_s: float) -> tuple[Hold, ...]:
         return ()
 

@@ -617,9 +617,9 @@ def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench
     assert bench.core.state(bench.now_s, []).verdict.limits == []
 
 
-def test_what_arrives_is_carried_to_the_newest_pose_before_a_command_asks_while_somebody_has_control(bench):
+def test_the_gate_prepares_for_commands_at_each_arrival_while_somebody_has_control(bench):
     prepared = []
-    bench.gate.obstacles = prepared.append
+    bench.gate.prepare = prepared.append
     bench.gate.observe_scan = lambda _scan: None
     scan = LaserScan("laser", 50.0, 101.0, [1.0], 0.0, 0.1, 0.1, 9.0)
     for granted in (False, True):
@@ -628,4 +628,4 @@ def test_what_arrives_is_carried_to_the_newest_pose_before_a_command_asks_while_
         bench.core.odometry(50.0 + granted, 100.5, Pose(0.0, 0.0, 0.0), STILL, 50.0)
         bench.core.laser(scan)
         bench.core.range("sonar", 50.0, 101.5, 1.0)
-    assert prepared == [100.5, 101.0, 101.5], "by nobody's stick is nothing made ready"
+    assert prepared == [100.5, 101.0, 101.5], "while nobody has control nothing is prepared"

@@ -185,6 +185,11 @@ class Gate:
         """All points, base frame of the newest odometry. Computed again only when something came or went."""
         return self._cache.obstacles(now_s)
 
+    def prepare(self, now_s: float) -> None:
+        """Reckon now what a command would have to wait for: points at the newest pose, and what of them moves."""
+        self.obstacles(now_s)
+        self._moves()
+
     def limits(self, now_s: float) -> tuple[Hold, ...]:
         """The limits that hold whatever is asked, for who shows or records them: no command waits for it."""
         return self._holds.standing(self._holds.everywhere(self.latency.in_force_s(now_s), now_s), now_s)
@@ -274,7 +279,7 @@ class Gate:
         self, candidate: Velocity, queue: list[Sent], corridors: Corridors, profile: GateProfile
     ) -> bool:
         """Whether it is certain that a roll-out takes nothing away: nothing moves, and all is far off."""
-        if any(movers.any for movers in self._movers.values()):
+        if self._moves():
             return False
         return plays_clear(candidate, queue, self._velocity, corridors, self.footprint, profile, PERIOD_S)
 
@@ -324,6 +329,10 @@ class Gate:
         rule = OBSTACLE if drift is None or not drift[rolled.row].any() else MOVER
         cause = Cause(rule, (float(at[0]), float(at[1])), gap_m, int(obstacles.source[rolled.row]))
         return Restraint(candidate.scaled(rolled.share), cause)
+
+    def _moves(self) -> bool:
+        """Whether anything that a laser sees moves by itself."""
+        return any(movers.any for movers in self._movers.values())
 
     def _scan_age_s(self) -> float:
         """How much older the oldest of the newest scans is than the newest odometry, with which a roll-out begins."""

@@ -64,13 +64,22 @@ class Movers:
 
     def __init__(self) -> None:
         self._looks: deque[_Look] = deque()
-        self._movers: list[_Mover] = []
+        self._found: list[_Mover] | None = []  # None: the newest scan has not been asked
         self._frame = 0
 
     @property
     def any(self) -> bool:
         """Whether anything moves."""
         return bool(self._movers)
+
+    @property
+    def _movers(self) -> list[_Mover]:
+        """Looked for once a scan, and only if somebody asks: while nobody drives, nobody does."""
+        if self._found is None:
+            then, now = self._looks[0], self._looks[-1]
+            known = LOOK_BACK_S / 2.0 <= now.stamp_s - then.stamp_s <= OLDEST_LOOK_S
+            self._found = list(_movers(then, now)) if known else []
+        return self._found
 
     def observe(self, points: Points, sweep: Sweep, sensor: Pose, stamp_s: float, frame: int = 0) -> None:
         """Take a scan; `points` in the order of its beams, from a sensor that was at `sensor`.
@@ -82,13 +91,10 @@ class Movers:
             self._frame = frame
         x, y = points.T
         near = np.flatnonzero(np.hypot(x - sensor.x, y - sensor.y) < NEAR_M)
-        now = _Look(stamp_s, sensor, sweep, points.T[:, near].T)
-        self._looks.append(now)
+        self._looks.append(_Look(stamp_s, sensor, sweep, points.T[:, near].T))
         while len(self._looks) > 1 and stamp_s - self._looks[1].stamp_s >= LOOK_BACK_S - 1e-3:
             self._looks.popleft()
-        then = self._looks[0]
-        known = LOOK_BACK_S / 2.0 <= stamp_s - then.stamp_s <= OLDEST_LOOK_S
-        self._movers = list(_movers(then, now)) if known else []
+        self._found = None
 
     def drift(self, points: Points) -> Points:
         """The velocity (m/s) of each point."""
