@@ -5,6 +5,7 @@ import os
 import signal
 
 from benchmarks.parts.proc import children
+from fleet.server import limits
 from tests.script.support import command_line, until
 
 
@@ -33,16 +34,35 @@ def test_pages_come_back_when_their_process_dies(web):
     assert web.child.running
 
 
-def test_a_stop_is_answered_while_pages_are_not(web):
+def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web):
     """403: a form without its token. Django said so, in the process that owns the port."""
     cookie = ask(web, "GET", "/cookies/")[1].decode().split("fleet_session_")[1][:8]
     frozen = pages_process(web)
     os.kill(frozen, signal.SIGSTOP)
+    crowd = []
     try:
+        for _ in range(limits.REQUESTS_OF_ADDRESS):
+            crowd.append(web.connect())
+            crowd[-1].sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        until(lambda: ask_no_longer(web) == 503, "all places are taken", 30)
         status, _body, _headers = ask(web, "POST", "/stop-all/", Cookie=f"fleet_session_{cookie}=x")
     finally:
         os.kill(frozen, signal.SIGCONT)
+        for one in crowd:
+            one.close()
     assert status == 403
+    until(lambda: ask(web, "GET", "/healthz")[0] == 200, "the places are given back", 30)
+
+
+def ask_no_longer(web):
+    """The status of an answer that comes at once, None if it has to be waited for."""
+    with web.connect() as stranger:
+        stranger.settimeout(0.2)
+        stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        try:
+            return int(stranger.recv(65536).split()[1])
+        except TimeoutError:
+            return None
 
 
 def test_a_large_answer_arrives_whole(web):
