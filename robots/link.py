@@ -188,7 +188,7 @@ class BridgeLink:
     async def forward(self, raw: str) -> bool:
         """Send a browser's drive message as it is. False if it was dropped: no link, or the last is not out yet."""
         if self._lane is not None:
-            return self._lane.send(raw.encode())
+            return self.forward_now(raw)
         socket = self._socket
         if socket is None or self._is_behind:
             return False
@@ -197,6 +197,15 @@ class BridgeLink:
         except ConnectionClosed:
             return False
         return True
+
+    @property
+    def has_lane(self) -> bool:
+        """Whether `forward_now` can send."""
+        return self._lane is not None
+
+    def forward_now(self, raw: str) -> bool:
+        """As `forward`, by the lane."""
+        return self._lane is not None and self._lane.send(raw.encode())
 
     def send(self, message: Struct) -> bool:
         """Send without an answer (Revoke, Hold). False if the link is down: then the bridge has stopped the robot."""

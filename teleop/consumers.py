@@ -16,7 +16,17 @@ from msgspec import structs
 from robots import wire
 from robots.link import LinkRefused
 from robots.models import Role
-from robots.wire import Accepted, Ended, NotDone, Offers, Refusal, Refused, browser_message, kind_of
+from robots.wire import (
+    Accepted,
+    Ended,
+    NotDone,
+    Offers,
+    Refusal,
+    Refused,
+    WireError,
+    browser_message,
+    kind_of,
+)
 from teleop import notices, rooms, services, stopping
 from teleop.database import in_database
 from teleop.grip import Grip
@@ -32,6 +42,7 @@ from teleop.views_out import Viewer
 
 log = logging.getLogger(__name__)
 
+_DRIVE = '{"t":"drive",'  # as pages begin it; one that is written otherwise takes the longer way
 AGAIN_S = 1.0  # until what could not be stored is tried again
 
 
@@ -111,6 +122,21 @@ class RobotConsumer(RobotSocket):
             await self._refresh(message)
         elif not self.errands.add(lambda: self._do(message)):
             await self.refuse(kind_of(message), BUSY)
+
+    def heard_now(self, raw: str) -> bool:
+        """The stick of who has control goes on to a bridge on this computer before anything else is done."""
+        grip = self.grip
+        if grip is None or not raw.startswith(_DRIVE) or not self.room.link.has_lane:
+            return False
+        try:
+            drive = browser_message(raw)
+        except WireError:
+            return False
+        if not isinstance(drive, wire.Drive) or drive.fence != grip.fence or not self.spend():
+            return False
+        if not self.room.link.forward_now(raw):
+            self.refused["link_busy"] += 1  # a newer one follows in a moment
+        return True
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         grip = self.grip

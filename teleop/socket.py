@@ -39,6 +39,9 @@ REPLIES_PER_S = 10.0  # refusals that are answered; the others are only counted
 REPLIES_BURST = 20.0
 
 
+_HEAR_NOW = "fleet.hear_now"  # the server's (`fleet.server.websocket`)
+
+
 class CloseCode:
     """Why the server closes a WebSocket, for the page to act on."""
 
@@ -57,6 +60,7 @@ class MessageSocket(AsyncConsumer):
         self._budget = Budget(FLOOD_PER_S, FLOOD_BURST)
         self._replies = Budget(REPLIES_PER_S, REPLIES_BURST)
         self._closing = False
+        self._idle = False
         self.heard_s = time.monotonic()  # when the page last said anything
 
     async def opened(self) -> None:
@@ -77,13 +81,31 @@ class MessageSocket(AsyncConsumer):
         await send({"type": "websocket.accept"})
         try:
             await self.opened()
-            while (event := await receive())["type"] != "websocket.disconnect":
+            if offer := scope.get("extensions", {}).get(_HEAR_NOW):
+                offer(self._hear_now)
+            while (event := await self._next(receive))["type"] != "websocket.disconnect":
                 if not self._closing:
                     await self._received(event)
         finally:
             await self.closed()
             if self.refused:
                 log.info("%s: refused on this connection: %s", scope["path"], dict(self.refused))
+
+    async def _next(self, receive: Any) -> Any:
+        self._idle = True
+        event = await receive()
+        self._idle = False
+        return event
+
+    def _hear_now(self, raw: str) -> bool:
+        if not self._idle or self._closing or not self.heard_now(raw):
+            return False
+        self.heard_s = time.monotonic()
+        return True
+
+    def heard_now(self, raw: str) -> bool:
+        """A text message came in while nothing waits. False: it was not looked at, and comes to `heard` in its turn."""
+        return False
 
     async def _received(self, event: dict[str, Any]) -> None:
         self.heard_s = time.monotonic()

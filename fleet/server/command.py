@@ -44,6 +44,12 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
             reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
         super().run()
 
+    def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:
+        """Begin the application for a request or a WebSocket."""
+        if scope["type"] == "websocket":
+            scope["extensions"] = {websocket.HEAR_NOW: protocol.hear_now}
+        return super().create_application(protocol, scope)
+
     def entered(self, connection: channel.Channel) -> bool:
         """Whether there is a place for a new connection; the oldest that only waits leaves for it."""
         address = getattr(connection.transport.getPeer(), "host", None)

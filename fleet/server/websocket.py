@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 from daphne import ws_protocol
 
 from fleet.server import limits
+from fleet.server.whole import whole_text
+
+HEAR_NOW = (
+    "fleet.hear_now"  # among a scope's extensions: a consumer hands it what hears a text at once, if it can
+)
 
 
 class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  # Daphne has no types
     """One WebSocket. Frames and messages are bounded by the server's options."""
 
     _place: str | None = None
+    _hear_now: Callable[[str], bool] | None = None
+
+    def hear_now(self, hear: Callable[[str], bool]) -> None:
+        """Texts go to `hear` without a turn of the loop; one for which it returns False waits in the queue."""
+        self._hear_now = hear
 
     def onConnect(self, request: Any) -> Any:
         """The handshake was read."""
@@ -29,7 +41,23 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
         if self.state == self.STATE_CONNECTING and len(self.data) + len(data) > limits.HANDSHAKE_BYTES * 2:
             self.dropConnection(abort=True)
             return
+        if self.state == self.STATE_OPEN and self._is_between_messages():
+            text = whole_text(data)
+            if text is not None:
+                self._on_text(text)
+                return
         super().dataReceived(data)
+
+    def _is_between_messages(self) -> bool:
+        """The parser has nothing in hand, and waits for no pong: any frame answers for that."""
+        return not (self.data or self.current_frame or self.inside_message or self.autoPingTimeoutCall)
+
+    def _on_text(self, text: str) -> None:
+        """A whole text. It overtakes nothing that waits."""
+        if self._hear_now and self.application_queue.empty() and self._hear_now(text):
+            self.last_ping = time.time()
+        else:
+            self.onMessage(text.encode(), False)
 
     def onMessage(self, payload: bytes, isBinary: bool) -> None:
         """A whole message."""
