@@ -1,16 +1,19 @@
 """Signing in and out, what goes on record of it, and how guessing is slowed down."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from unittest import mock
 
 import pytest
 from django.contrib.sessions.models import Session
 from django.core.management import call_command
+from django.db import connection
 from django.test import Client
 from django.utils import timezone
 
 from fleet.accounts import throttle
-from fleet.accounts.models import SignIn, User
+from fleet.accounts.models import SignIn, SignInAttempt, User
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
@@ -209,3 +212,37 @@ def test_passwords_are_kept_by_bcrypt(settings, monkeypatch):
 def test_people_are_shown_by_full_name_or_else_by_user_name():
     assert User(username="olga", full_name="Olga Operator").display_name == "Olga Operator"
     assert User(username="olga").display_name == "olga"
+
+
+@pytest.mark.django_db(transaction=True)
+def test_attempts_at_the_same_moment_are_counted_together(operator):
+    """As of several web processes, each with a connection of its own; none is decided before all have asked."""
+    asked = threading.Barrier(throttle.FAILURES + 5)
+
+    def guess(_number):
+        try:
+            with throttle.attempt(username="operator", address="10.0.0.7"):
+                asked.wait(30)
+                return True
+        except throttle.TooMany:
+            asked.wait(30)
+            return False
+        finally:
+            connection.close()
+
+    with ThreadPoolExecutor(asked.parties) as everybody:
+        let_in = list(everybody.map(guess, range(asked.parties)))
+    assert let_in.count(True) == throttle.FAILURES
+    with throttle.attempt(username="operator", address="10.0.0.7"):
+        pass  # all were right, and gave their places back
+
+
+def test_an_attempt_of_a_process_that_died_is_forgotten(operator):
+    for _ in range(throttle.FAILURES):
+        throttle._begin(throttle._digest("operator"), throttle._digest("10.0.0.7"))
+    with pytest.raises(throttle.TooMany), throttle.attempt(username="operator", address="10.0.0.7"):
+        pass
+    SignInAttempt.objects.update(at=timezone.now() - throttle.LOOKED_AT - timedelta(seconds=1))
+    with throttle.attempt(username="operator", address="10.0.0.7"):
+        pass
+    assert not SignInAttempt.objects.exists()
