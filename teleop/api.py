@@ -1,4 +1,4 @@
-"""REST for pages and lab tooling: the robots, how they are, what they say and said, and the stop.
+"""REST for pages and lab tooling: the robots, how they are, what they say and said.
 
 What is refused is explained like everywhere else.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any, cast
 
@@ -32,7 +32,7 @@ from robots.selectors import (
     roles_of,
 )
 from robots.wire import Refusal, Rule, State
-from teleop import refusals, rules, stopping
+from teleop import refusals, rules
 from teleop.history import speech_history
 from teleop.policy import out_of_service
 from teleop.refusals import Denied
@@ -106,12 +106,6 @@ class FleetApi(APIView):
             raise BadQuery(f"{name} must be a whole number from 1 to {most}.")
         return int(given)
 
-    def stop(self, robots: Sequence[Robot]) -> Response:
-        """Stop at once; 502 if one of them was not reached."""
-        outcomes = stopping.press_once(robots, user=self.person(), through="rest")
-        by_slug, status = stopping.told(outcomes)
-        return Response({"robots": by_slug}, status=status)
-
 
 class RobotList(FleetApi):
     """GET: the robots that this person may see."""
@@ -167,22 +161,6 @@ class RobotSpeech(FleetApi):
         limit = self.number("limit", 50, LONGEST_PAGE)
         history = speech_history(robot, self.person(), before=before, limit=limit)
         return Response(msgspec.to_builtins(history))
-
-
-class RobotStop(FleetApi):
-    """POST: emergency stop of one robot."""
-
-    def post(self, request: Request, slug: str) -> Response:
-        """Latched; cleared on the robot's page."""
-        return self.stop([self.visible(slug)])
-
-
-class Stop(FleetApi):
-    """POST: emergency stop of every robot that this person may see."""
-
-    def post(self, request: Request) -> Response:
-        """Latched; cleared on each robot's page."""
-        return self.stop(list(robots_visible_to(self.person()).filter(enabled=True)))
 
 
 class NoSuchAddress(FleetApi):

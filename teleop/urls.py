@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from django.urls import path
 
-from teleop import report_views, views
+from teleop import report_views, stop_views, views
 
 urlpatterns = [
     path("", views.fleet, name="fleet"),
     path("robots/<slug:slug>/", views.control, name="control"),
-    path("robots/<slug:slug>/stop/", views.stop, name="stop"),
+    path("robots/<slug:slug>/stop/", stop_views.page_stop, name="stop"),
+    path("robots/<slug:slug>/stop", stop_views.page_stop),
     path("robots/<slug:slug>/report/", report_views.robot, name="robot-report"),
     path("sessions/<uuid:session_id>/", report_views.control_session, name="control-session"),
     path(
@@ -19,5 +20,6 @@ urlpatterns = [
     ),
     path("your-data/", report_views.your_data, name="your-data"),
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
-    path("stop-all/", views.stop_all, name="stop-all"),
+    path("stop-all/", stop_views.page_stop_all, name="stop-all"),
+    path("stop-all", stop_views.page_stop_all),
 ]
