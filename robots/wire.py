@@ -12,11 +12,12 @@ is the only *binary* frame, so that the web process knows it without decoding it
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import islice
 from typing import Annotated, Any, Generic, Literal, TypeVar
 from uuid import UUID
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 
 PROTOCOL = 5
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
@@ -1109,3 +1110,51 @@ def kind_of(message: Struct) -> str:
 def encode(message: Struct) -> bytes:
     """The message as JSON."""
     return _encoder.encode(message)
+
+
+LARGEST_REPORT_BYTES = (
+    1024 * 1024
+)  # of what a bridge says of its robot; the link itself takes eight times as much
+_CUTS = (
+    (2000, 1000),
+    (500, 200),
+    (100, 50),
+    (30, 10),
+)  # longest text, most entries of a list: the first that fits
+
+
+def encode_report(message: Struct) -> bytes:
+    """What a bridge says, never larger than `LARGEST_REPORT_BYTES`: whatever a robot tells of itself cuts no link.
+
+    Texts and lists of a larger one are cut, and say how much is missing; answers and messages of topics that were
+    encoded elsewhere stay whole.
+    """
+    encoded = _encoder.encode(message)
+    for longest, most in _CUTS:
+        if len(encoded) <= LARGEST_REPORT_BYTES:
+            break
+        encoded = _encoder.encode(_cut(message, longest, most))
+    return encoded
+
+
+def _cut(value: Any, longest: int, most: int) -> Any:
+    """`value` with texts and lists cut, at every level; tuples have a length that is part of their type."""
+    match value:
+        case str() if len(value) > longest:
+            return f"{value[: longest - 20]}… ({len(value)} long)"
+        case Struct():
+            fields = value.__struct_fields__
+            return structs.replace(
+                value, **{name: _cut(getattr(value, name), longest, most) for name in fields}
+            )
+        case tuple():
+            return tuple(_cut(part, longest, most) for part in value)
+        case list():
+            kept = [_cut(part, longest, most) for part in value[:most]]
+            if len(value) > most and isinstance(value[0], str):
+                kept[-1] = f"and {len(value) - most + 1} more"
+            return kept
+        case dict():
+            pairs = islice(value.items(), most)
+            return {_cut(key, longest, most): _cut(part, longest, most) for key, part in pairs}
+    return value

@@ -27,7 +27,7 @@ from websockets.http11 import Request, Response
 
 from robots.bridge.config import LinkAddress
 from robots.lane import Lane, LaneServer
-from robots.wire import LaneToken, encode
+from robots.wire import LaneToken, encode_report
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class Link:
             log.warning("link %s reads nothing: cut off", self.name)
             self.cut()
             return
-        self._reports.append(encode(message))
+        self._reports.append(encode_report(message))
         self._news.set()
 
     def show(self, view: bytes) -> None:

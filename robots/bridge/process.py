@@ -185,7 +185,7 @@ class Bridge:
             return
         self._viewed_s = now_s
         scan = view.scan(self._gate, self._sonars, now_s)
-        shown = wire.encode(wire.View(self._state(now_s), scan))
+        shown = wire.encode_report(wire.View(self._state(now_s), scan))
         for link in looked_at:
             link.show(shown)
 
