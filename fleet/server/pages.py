@@ -139,9 +139,9 @@ class Forward:
                 request.responseHeaders.setRawHeaders(name, values)
         if isinstance(response.length, int):  # not in chunks
             request.responseHeaders.setRawHeaders(b"content-length", [b"%d" % response.length])
-        whole: defer.Deferred[None] = defer.Deferred()
-        response.deliverBody(_Passing(request, whole))
-        await whole
+        passing = _Passing(request)
+        response.deliverBody(passing)
+        await passing.whole
 
     async def _answer(self, request: Any, headers: Headers, body: bytes) -> Any:
         """The answer's head. A process that is just starting is waited for."""
@@ -183,9 +183,10 @@ def _failed(request: Any, failure: Any) -> None:
 class _Passing(protocol.Protocol):  # type: ignore[misc]
     """The answer's body, as fast as the client takes it."""
 
-    def __init__(self, request: Any, whole: Any) -> None:
+    def __init__(self, request: Any) -> None:
         self._request = request
-        self._whole = whole
+        # A client that left is passed nothing more: cancelled, it ends the answer at its source.
+        self.whole: Any = defer.Deferred(lambda _: self.transport.stopProducing())
 
     def connectionMade(self) -> None:
         self._request.registerProducer(self.transport, True)
@@ -197,11 +198,11 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
     def connectionLost(self, reason: Any = None) -> None:
         request = self._request
         if request._disconnected:
-            self._whole.callback(None)
+            self.whole.callback(None)
             return
         request.unregisterProducer()
         if reason.check(ResponseDone):
             request.finish()
-            self._whole.callback(None)
+            self.whole.callback(None)
         else:
-            self._whole.errback(reason)
+            self.whole.errback(reason)

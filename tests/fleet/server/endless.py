@@ -1,0 +1,64 @@
+"""Pages that answer without end, and a client that reads nothing and leaves: prints what happened."""
+
+import json
+import socket
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import daphne.server  # noqa: F401 - first: it chooses Twisted's reactor
+from django.conf import settings
+from twisted.internet import protocol, reactor
+
+from fleet.server import pages
+from fleet.server.command import Server
+
+CHUNK = bytes(65536)
+opened = threading.Event()
+closed = threading.Event()
+sent_bytes = 0
+
+
+class Endless(protocol.Protocol):
+    def dataReceived(self, _data):
+        self.transport.write(b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n")
+        self.transport.registerProducer(self, False)
+        opened.set()
+
+    def resumeProducing(self):
+        global sent_bytes
+        sent_bytes += len(CHUNK)
+        self.transport.write(b"10000\r\n" + CHUNK + b"\r\n")
+
+    def stopProducing(self):
+        pass
+
+    def connectionLost(self, _reason):
+        closed.set()
+
+
+def ask_and_leave(server):
+    while not server.listening_addresses:
+        time.sleep(0.02)
+    with socket.create_connection(server.listening_addresses[0]) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        opened.wait(30)
+        before = -1
+        while before != sent_bytes:  # until nobody takes more
+            before = sent_bytes
+            time.sleep(0.5)
+    print(json.dumps({"sent": sent_bytes, "closed": closed.wait(30), "taken": server.requests.taken}))
+    reactor.callFromThread(reactor.stop)
+
+
+with tempfile.TemporaryDirectory() as directory:
+    path = Path(directory) / "pages.sock"
+    settings.configure(SESSION_COOKIE_NAME="session")
+    factory = protocol.ServerFactory()
+    factory.protocol = Endless
+    reactor.listenUNIX(str(path), factory)
+    server = Server(None, endpoints=["tcp:port=0:interface=127.0.0.1"], verbosity=0, signal_handlers=False)
+    server.forward = pages.Forward(path)
+    threading.Thread(target=ask_and_leave, args=[server], daemon=True).start()
+    server.run()

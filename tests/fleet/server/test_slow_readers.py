@@ -1,0 +1,18 @@
+"""An answer is passed on as fast as its reader takes it, and ends when the reader leaves."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_an_answer_without_end_ends_with_its_reader_and_is_kept_nowhere():
+    command = [sys.executable, "-m", "tests.fleet.server.endless"]
+    told = json.loads(
+        subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, timeout=120).stdout
+    )
+    assert told["closed"]
+    assert told["taken"] == 0
+    assert told["sent"] < 20_000_000  # what fits into the kernel's buffers
