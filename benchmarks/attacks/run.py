@@ -158,7 +158,8 @@ class Bench:
         """What was left to do of an attack is done: it must not count as usual."""
         end_s = time.monotonic() + CALM_S
         while time.monotonic() < end_s:
-            pids = [self._stack.web.pid, *bridges(self._stack)]
+            web = self._stack.web.pid
+            pids = [web, *proc.children(web), *bridges(self._stack)]
             before_s = sum(map(_cpu_s, pids))
             await asyncio.sleep(LOOK_S)
             if sum(map(_cpu_s, pids)) - before_s < BUSY * LOOK_S:
