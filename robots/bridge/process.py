@@ -30,7 +30,7 @@ from robots.bridge.link import LinkServer
 from robots.bridge.maps import Maps
 from robots.bridge.reception import Reception
 from robots.bridge.records import Records
-from robots.bridge.ros.bounds.memory import limit_memory
+from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.sink import RecordSink
 from robots.bridge.store import AlreadyRunning, Persisted, Store
@@ -100,6 +100,7 @@ class Bridge:
         try:
             await self._tick_until_ended()
         finally:
+            lift_limit()
             self._ended.set()
             leave_within(END_S)
             self._links.shut()  # nobody drives a robot that is being let go of
@@ -230,8 +231,7 @@ class Bridge:
     def _failed(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """A callback broke: it is logged, and the others go on. Without memory none does."""
         if isinstance(context.get("exception"), MemoryError):
-            log.error("no memory is left: the bridge ends")
-            self._ended.set()
+            end_without_memory()
         else:
             loop.default_exception_handler(context)
 

@@ -304,6 +304,32 @@ def _data_address(master_uri: str, topic: str) -> tuple[str, int]:
     return str(told[1]), int(told[2])
 
 
+class Listener:
+    """Hears the twists of the bridge until it closes the connection. A context manager."""
+
+    def __init__(self, master_uri: str, topic: str = "/key_vel") -> None:
+        self.last = b""  # as it came
+        self.ended = threading.Event()
+        self._connection = socket.create_connection(_data_address(master_uri, topic), 5.0)
+        self._connection.settimeout(None)
+        wanted = {"topic": topic, "type": "*", "md5sum": "*", "callerid": "/listener", "tcp_nodelay": "1"}
+        self._connection.sendall(header(wanted))
+
+    def __enter__(self) -> Listener:
+        threading.Thread(target=self._hear, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
+
+    def _hear(self) -> None:
+        with suppress(OSError):
+            _exactly(self._connection, struct.unpack("<I", _exactly(self._connection, 4))[0])
+            while True:
+                self.last = _exactly(self._connection, struct.unpack("<I", _exactly(self._connection, 4))[0])
+        self.ended.set()
+
+
 @contextmanager
 def declared_header(master_uri: str, topic: str = "/key_vel", connections: int = 4) -> Iterator[None]:
     """Listeners declare a connection header of 4 GB, and send of it as much as the bridge reads, up to 4 GB each."""

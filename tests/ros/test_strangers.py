@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from robots.bridge.config import DepthSource, Topic
 from robots.bridge.gate.values import DepthView
 from tests.ros import strangers
 from tests.ros.bridge_support import BridgeProcess, Hand, drivable, tiago_config
+from tests.ros.support import PATIENCE_S
 
 LARGEST_STATE = 16 * 1024  # bytes on the link
 GROWN = 60 * 1024 * 1024  # bytes of memory, through any attack
@@ -113,3 +115,18 @@ def test_a_publisher_that_was_cut_off_is_heard_again_once_it_is_as_it_should_be(
             lambda state: "/mended sends messages of 4.29 GB" in state.text, "why it is not heard"
         )
         hand.state_until(lambda state: state.battery_percent == 42.0, "its level")
+
+
+def test_a_bridge_without_memory_ends_and_leaves_the_robot_at_zero(attacked):
+    """Last: it ends. Its ceiling is brought down to what it has, then a laser sends the largest scans there may be."""
+    bridge, hand = attacked.bridge, attacked.hand
+    hand.take_control(fence=20)
+    with strangers.Listener(attacked.master.uri) as heard:
+        hand.drive_until(0.3, lambda state: state.odometry.vx > 0.05, "a robot that drives")
+        _, hard = resource.prlimit(bridge.process.pid, resource.RLIMIT_DATA)
+        resource.prlimit(bridge.process.pid, resource.RLIMIT_DATA, (1024 * 1024, hard))
+        with strangers.huge_scans(attacked.master.uri, beams=20_000, rate_hz=5.0):
+            assert bridge.process.wait(PATIENCE_S) is not None
+        assert heard.ended.wait(PATIENCE_S)
+    assert heard.last == bytes(48)
+    assert "no memory is left" in bridge.log.read_text()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-import signal
 import socket
 import threading
 import time
@@ -36,6 +35,7 @@ from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import speaker
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
 from robots.bridge.ros.convert import laser_scan, planar
 from robots.bridge.ros.depth import DepthTopics
@@ -243,7 +243,7 @@ class RosBase:
     def begin(self) -> None:
         """Join the master and all topics."""
         topics = self._config.topics
-        install(lambda: os.kill(os.getpid(), signal.SIGTERM))
+        install(end_without_memory)
         refuse_shutdown(self._watcher.name_is_taken)
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True

@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any
 
 import rosgraph.network
@@ -19,6 +20,7 @@ from rospy.impl.registration import get_topic_manager
 
 from robots.bridge.flood import Budget
 from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut
 from robots.bridge.ros.tcpros import LARGEST_HEADER, Conversation
 
@@ -171,7 +173,12 @@ _handshakes = Callers(MOST_HANDSHAKES)
 _taking = threading.Lock()  # rospy takes one listener after the other
 
 
-def take_connection(server: Any, connection: socket.socket, address: tuple[str, int]) -> None:
+def take_connection(
+    server: Any,
+    connection: socket.socket,
+    address: tuple[str, int],
+    exhausted: Callable[[], None] = end_without_memory,
+) -> None:
     """In place of TCPROSServer._tcp_server_callback: somebody connected. Returns at once."""
     if not _handshakes.may(address[0], time.monotonic()):
         connection.close()
@@ -179,8 +186,9 @@ def take_connection(server: Any, connection: socket.socket, address: tuple[str, 
     _handshakes.enter(connection)
     try:
         threading.Thread(target=_shake_hands, args=(server, connection, address), daemon=True).start()
-    except RuntimeError:  # no room for a thread: nobody is taken, and rospy's own thread goes on
+    except RuntimeError:  # no room for a thread
         connection.close()
+        exhausted()
 
 
 def _shake_hands(server: Any, connection: socket.socket, address: tuple[str, int]) -> None:

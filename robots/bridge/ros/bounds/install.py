@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from functools import partialmethod
 from typing import Any
 
 import rosgraph.network
@@ -25,7 +26,7 @@ def install(exhausted: Callable[[], None]) -> None:
     tcpros_pubsub.TCPROSTransport = listening.Transport
     tcpros_pubsub.robust_connect_subscriber = listening.receive
     tcpros_base.read_ros_handshake_header = doors.read_header
-    tcpros_base.TCPROSServer._tcp_server_callback = doors.take_connection
+    tcpros_base.TCPROSServer._tcp_server_callback = partialmethod(doors.take_connection, exhausted=exhausted)
     masterslave.RegManager = listening.Manager
     masterslave.ROSHandler.publisherUpdate = _publisher_update
     rosgraph.xmlrpc.ThreadingXMLRPCServer = doors.Server

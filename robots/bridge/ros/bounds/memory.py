@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import resource
+import signal
 import threading
+from collections.abc import Callable
+
+log = logging.getLogger(__name__)
 
 STACK_BYTES = 1024 * 1024  # of each thread; all of it counts, used or not
 
@@ -15,3 +21,21 @@ def limit_memory(most_bytes: int) -> None:
     if hard != resource.RLIM_INFINITY:
         most_bytes = min(most_bytes, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, hard))
+
+
+def lift_limit() -> None:
+    """The process ends: what it still has to do needs room, and threads."""
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
+
+
+def told_to_end() -> None:
+    """As by the supervisor: the loop hears it, and leaves the robot at zero."""
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def end_without_memory(end: Callable[[], None] = told_to_end) -> None:
+    """There is none left. May be called on any thread, and more than once."""
+    lift_limit()
+    log.error("no memory is left: the process ends")
+    end()

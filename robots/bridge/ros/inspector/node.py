@@ -12,6 +12,7 @@ import rospy
 
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.bounds.install import install
+from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
 from robots.bridge.ros.inspector.publishing import Talks
@@ -37,7 +38,7 @@ class Node:
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).parent.with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
         watch = DeathWatch(config.master_uri)
-        install(lambda: os._exit(1))
+        install(lambda: end_without_memory(lambda: os._exit(1)))
         # A name of its own: other consoles have inspectors, too.
         rospy.init_node(
             INSPECTOR.strip("/"),
