@@ -15,6 +15,7 @@ import threading
 import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import MethodType, SimpleNamespace
 
 import pytest
 
@@ -27,6 +28,7 @@ from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.publishing import _AtOnce
 from tests.ros import strangers
 from tests.ros.meddling import answer_of
 from tests.ros.support import REPOSITORY
@@ -354,3 +356,36 @@ def test_a_process_that_would_keep_more_than_its_ceiling_gets_no_more_memory():
     )
     assert ended.returncode == 1
     assert 5 < int(ended.stderr.removeprefix("full at ")) < 25
+
+
+# --- listeners ---------------------------------------------------------------------------------------
+
+
+def test_listeners_that_do_not_read_are_waited_for_no_longer_the_more_they_are():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        ends = [socket.create_connection(server.getsockname()) for _ in range(5)]
+        topic = SimpleNamespace(connections=[SimpleNamespace(socket=end) for end in ends])
+        publish = MethodType(lambda *_: None, topic)
+        immediate = _AtOnce(0.02)
+        immediate.peer_subscribe("/key_vel", publish, publish)
+        patience_s = sum(
+            seconds + microseconds / 1e6
+            for end in ends
+            for seconds, microseconds in [
+                struct.unpack("@ll", end.getsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, 16))
+            ]
+        )
+        for end in ends:
+            end.close()
+    assert 0.0 < patience_s < 0.03  # the kernel counts in some milliseconds
+
+
+def test_of_listeners_there_are_not_too_many(monkeypatch):
+    crowd = SimpleNamespace(connections=[object()] * doors.MOST_LISTENERS)
+    monkeypatch.setattr(
+        doors, "get_topic_manager", lambda: SimpleNamespace(get_publisher_impl=lambda _: crowd)
+    )
+    assert doors._why_full({"topic": "/key_vel"}) == f"more than {doors.MOST_LISTENERS} listen already"
+    crowd.connections.pop()
+    assert doors._why_full({"topic": "/key_vel"}) == ""
+    assert doors._why_full({"service": "/set_logger_level"}) == "only topics are here"
