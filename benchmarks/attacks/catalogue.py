@@ -25,7 +25,7 @@ class Attack(NamedTuple):
         return 2 if self.side == "web" else 1
 
 
-_ENDED = Limits(zero_s=ENDED_ZERO_S, gap_s=ENDED_ZERO_S)
+_ENDED = Limits(zero_s=ENDED_ZERO_S)
 _BESIDE = Limits(times=TIMES)
 
 ATTACKS = (

@@ -244,7 +244,7 @@ class RosBase:
         """Join the master and all topics."""
         topics = self._config.topics
         install(end_without_memory)
-        refuse_shutdown(self._watcher.name_is_taken)
+        refuse_shutdown(self._watcher.name_is_lost)
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )

@@ -14,11 +14,11 @@ _Answer = tuple[int, str, int]
 _REFUSED: _Answer = (0, "refused: this node ends by its supervisor", 0)
 
 
-def refuse_shutdown(name_is_taken: Callable[[], bool] = lambda: False) -> None:
+def refuse_shutdown(name_is_lost: Callable[[], bool] = lambda: False) -> None:
     """Do nothing at a `shutdown` call, from now on in this process. Call it before `rospy.init_node`.
 
-    A master calls `shutdown` when another node takes this node's name. `name_is_taken` asks the master whether it did:
-    if so, rospy shuts down as usual.
+    A master calls `shutdown` when another node takes this node's name; it has struck this node's topics off its books
+    then. `name_is_lost` asks the master whether that happened: if so, rospy shuts down as usual.
     """
     shutdown = ROSHandler.shutdown
     asking = threading.Lock()  # a flood of calls asks the master one question at a time
@@ -33,7 +33,7 @@ def refuse_shutdown(name_is_taken: Callable[[], bool] = lambda: False) -> None:
         try:
             while unasked.is_set():
                 unasked.clear()
-                if name_is_taken():
+                if name_is_lost():
                     answer: _Answer = shutdown(handler, caller, message)
                     return answer
         finally:

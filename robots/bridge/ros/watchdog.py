@@ -13,6 +13,7 @@ import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
 
+from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.master import DeathWatch, Master, MasterError
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.registration import register_again
@@ -99,6 +100,7 @@ class RosStops:
         if self._joined:
             return
         try:
+            install(lambda: os._exit(1))
             refuse_shutdown()
             rospy.init_node(
                 self._config.node.strip("/"),

@@ -121,13 +121,15 @@ class MasterWatcher:
             if watch.wait(SURVEY_S):
                 raise MasterError(f"The ROS master at {self._master.uri} is gone.")
 
-    def name_is_taken(self) -> bool:
-        """Whether the master knows another node by the bridge's name. On any thread; False if it does not answer."""
+    def name_is_lost(self) -> bool:
+        """Whether the master no longer knows this node by the bridge's name: another took it, and may have left again.
+
+        On any thread. False if the master does not answer.
+        """
         try:
-            uri = self._master.node_uri(BRIDGE)
+            return bool(self._master.node_uri(BRIDGE) != rospy.get_node_uri())
         except MasterError:
             return False
-        return uri is not None and uri != rospy.get_node_uri()
 
     def _require_name(self) -> None:
         if self._begun and rospy.is_shutdown():

@@ -13,6 +13,7 @@ import msgspec
 
 from robots import wire
 from robots.bridge.goals import CANCEL_AGAIN_S
+from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.watchdog import RosStops
 from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.kept import Kept
@@ -27,6 +28,7 @@ PERIOD_S = 0.05  # of zeros
 IDLE_S = 1.0  # without a bridge and without a stop nothing is due
 LAST_S = 2.0  # from the end of the life line: the bridge's own end is awaited so long
 END_S = 3.0
+MOST_BYTES = 512 * 1024 * 1024  # it needs a fifth of that
 
 _OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire")
 _decoder: msgspec.json.Decoder[LinkStop | Beat] = msgspec.json.Decoder(LinkStop | Beat)
@@ -156,6 +158,7 @@ def run(config: WatchdogConfig) -> int:
     """Be the watchdog of one robot; returns the exit code."""
     logging.basicConfig(format=f"watchdog of {config.slug}: %(message)s")
     logging.getLogger("robots").setLevel(logging.INFO)
+    limit_memory(MOST_BYTES)
     sys.setswitchinterval(0.001)  # zeros wait less for rospy's threads
     kept = Kept(config.state_dir, config.robot_id)
     first = time.time_ns() // 1_000_000
