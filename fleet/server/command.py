@@ -13,6 +13,7 @@ from twisted.internet import reactor
 
 from fleet.server import channel, limits, pages, websocket
 from fleet.server.connections import Connections, Places
+from robots.scheduling import prefer_this_thread
 
 # `Server.run` makes its factories by these names, and offers no other way to make others.
 daphne_server.HTTPFactory = channel.Factory
@@ -42,6 +43,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         if self.keeper is not None:
             self.forward = pages.Forward(self.keeper.path)
             reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
+            reactor.callWhenRunning(prefer_this_thread)
         super().run()
 
     def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import logging
 import os
 import signal
@@ -39,6 +38,7 @@ from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Beat, Press
 from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
 from robots.pending_stops import PendingStops, Waiting, name_of
+from robots.scheduling import Garbage, prefer_this_thread
 
 log = logging.getLogger(__name__)
 
@@ -95,10 +95,10 @@ class Bridge:
         self._beat(time.monotonic())  # what only the watchdog heard is latched before the robot is joined
         self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._node_lost)
-        gc.collect()
-        gc.freeze()  # what is loaded stays: keeps the collector's pauses short
+        garbage = Garbage()
+        prefer_this_thread()
         try:
-            await self._tick_until_ended()
+            await self._tick_until_ended(garbage)
         finally:
             lift_limit()
             self._ended.set()
@@ -117,7 +117,7 @@ class Bridge:
 
     # --- the clock ---------------------------------------------------------------------------------
 
-    async def _tick_until_ended(self) -> None:
+    async def _tick_until_ended(self, garbage: Garbage) -> None:
         count = 0
         due_s = time.monotonic()
         while not self._ended.is_set():
@@ -129,6 +129,7 @@ class Bridge:
             self._base.look(grant is not None)
             self._maps.look(grant.fence if grant else None, now_s)
             self._show(now_s, count)
+            garbage.collect(now_s, waits=grant is not None)
             count += 1
             due_s = max(due_s, now_s - TICK_S) + TICK_S  # after a stall: on from here, no catching up
             with contextlib.suppress(asyncio.TimeoutError):

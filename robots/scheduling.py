@@ -1,0 +1,67 @@
+"""Priority and garbage of a process whose event loop carries commands: bridge, and web process.
+
+Both are asked for where the service unit allows it (docs/deployment.md), and never by being root. Threads and children
+that the loop's thread starts have ordinary priority.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import resource
+import signal
+
+log = logging.getLogger(__name__)
+
+REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below what the kernel and drivers use
+RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
+RUNAWAY_ENDS_S = 2.0  # and one that does not even notice is ended: the robot stops then
+_OLD_S = 30.0
+
+
+def prefer_this_thread() -> str:
+    """Ask for real-time priority, or else for a better nice value, where the limits allow it. Returns what it got.
+
+    Call it from the main thread.
+    """
+    allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    lowest_nice = 20 - resource.getrlimit(resource.RLIMIT_NICE)[0]
+    got = "ordinary priority"
+    try:
+        if allowed > 0:
+            priority = min(REAL_TIME, allowed)
+            signal.signal(signal.SIGXCPU, _calm)
+            resource.setrlimit(resource.RLIMIT_RTTIME, (round(RUNAWAY_S * 1e6), round(RUNAWAY_ENDS_S * 1e6)))
+            os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+            got = f"real-time priority {priority}"
+        elif lowest_nice < 0:
+            os.setpriority(os.PRIO_PROCESS, 0, lowest_nice)
+            got = f"nice {lowest_nice}"
+    except (OSError, ValueError) as error:
+        got += f" ({error})"
+    log.info("the event loop has %s", got)
+    return got
+
+
+def _calm(*_: object) -> None:
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    log.error("the event loop computed for %g s without a pause: it has ordinary priority now", RUNAWAY_S)
+
+
+class Garbage:
+    """Collected when the loop says that it is a good moment, and never in between, in whatever thread."""
+
+    def __init__(self) -> None:
+        gc.collect()
+        gc.freeze()  # what is loaded stays
+        gc.disable()
+        self._old_due_s = 0.0
+
+    def collect(self, now_s: float, *, waits: bool) -> None:
+        """What is young; what is old as well from time to time, and rarely while somebody `waits` for the loop."""
+        if now_s >= self._old_due_s + (10 * _OLD_S if waits else 0.0):
+            gc.collect()
+            self._old_due_s = now_s + _OLD_S
+        else:
+            gc.collect(0)

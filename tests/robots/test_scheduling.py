@@ -1,0 +1,54 @@
+"""Real-time priority where the limits allow it: for the loop's thread alone, and not for one that runs away."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+SCRIPT = """
+import json, os, resource, subprocess, sys, threading, time
+from robots import scheduling
+
+allowed = int(sys.argv[1])
+limits = resource.getrlimit
+resource.getrlimit = lambda which: (allowed, allowed) if which == resource.RLIMIT_RTPRIO else limits(which)
+
+def policy():
+    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+
+got = scheduling.prefer_this_thread()
+of = {"got": got, "loop": policy()}
+thread = threading.Thread(target=lambda: of.update(thread=policy()))
+thread.start()
+thread.join()
+ask = "import os; print(os.sched_getscheduler(0))"
+of["child"] = int(subprocess.run([sys.executable, "-c", ask], capture_output=True, check=True).stdout)
+end = time.monotonic() + 10
+while policy() != os.SCHED_OTHER and time.monotonic() < end:
+    sum(range(10000))  # runs away
+of["at_last"] = policy()
+print(json.dumps(of))
+"""
+OTHER, FIFO = 0, 1
+
+
+def asked(allowed: int) -> dict[str, object]:
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(allowed)], capture_output=True, check=True, text=True, timeout=60
+    )
+    return json.loads(done.stdout)
+
+
+def test_where_the_unit_allows_it_the_loop_has_real_time_priority_until_it_runs_away():
+    found = asked(10)
+    refused = str(found["got"]).startswith("ordinary priority (")  # who runs this test has no such right
+    assert refused or found["got"] == "real-time priority 5"
+    assert found["loop"] == (OTHER if refused else FIFO)
+    assert (found["thread"], found["child"], found["at_last"]) == (OTHER, OTHER, OTHER)
+
+
+def test_where_it_does_not_nothing_changes():
+    found = asked(0)
+    assert found["got"] == "ordinary priority"
+    assert (found["loop"], found["thread"], found["child"], found["at_last"]) == (OTHER,) * 4
