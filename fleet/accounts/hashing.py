@@ -17,7 +17,7 @@ from django.contrib.auth.hashers import BCryptSHA256PasswordHasher
 R = TypeVar("R")
 
 MOST_WAITING = 20  # about five seconds of work; a class signs in within half a minute
-NICENESS = 10
+NICENESS = 19  # below the pages, too
 RETRY_AFTER_S = 5
 
 

@@ -29,7 +29,7 @@ from robots.ending import leave_within
 
 log = logging.getLogger(__name__)
 
-NICENESS = 5
+NICENESS = 15
 END_S = 5.0
 AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
