@@ -35,7 +35,7 @@ def test_pages_come_back_when_their_process_dies(web):
 
 
 def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web):
-    """403: a form without its token. Django said so, in the process that owns the port."""
+    """401: the cookie names no session. Django said so, in the process that owns the port."""
     cookie = ask(web, "GET", "/cookies/")[1].decode().split("fleet_session_")[1][:8]
     frozen = pages_process(web)
     os.kill(frozen, signal.SIGSTOP)
@@ -50,7 +50,7 @@ def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web):
         os.kill(frozen, signal.SIGCONT)
         for one in crowd:
             one.close()
-    assert status == 403
+    assert status == 401
     until(lambda: ask(web, "GET", "/healthz")[0] == 200, "the places are given back", 30)
 
 
