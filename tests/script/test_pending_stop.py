@@ -1,0 +1,102 @@
+"""Stops over HTTP at a real server: in any form, and while bridge and watchdog are frozen."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
+from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+
+ROBOT = PRACTICE_ROBOTS[0].slug
+PATIENCE_S = 30.0
+STANDS_MPS = 0.01
+
+
+@pytest.fixture
+def stack(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stack]:
+    monkeypatch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
+    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+        yield stack
+
+
+def motion_processes(stack: Stack) -> list[int]:
+    """The robot's bridge and its watchdog."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (process / "cmdline").read_bytes()
+            environment = (process / "environ").read_bytes()
+        except OSError:  # it is gone, or another account's
+            continue
+        if stack.environment["FLEET_VAR"].encode() in environment and (
+            b"run_bridge" in command or b"watchdog" in command
+        ):
+            found.append(int(process.name))
+    return found
+
+
+def post(
+    stack: Stack, cookie: str, path: str, body: bytes = b"", **headers: str
+) -> tuple[int, dict[str, object]]:
+    token = next(part.partition("=")[2] for part in cookie.split("; ") if part.startswith("fleet_csrf"))
+    connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=PATIENCE_S)
+    try:
+        connection.request("POST", path, body, {"Cookie": cookie, "X-CSRFToken": token, **headers})
+        answer = connection.getresponse()
+        return answer.status, json.loads(answer.read())
+    finally:
+        connection.close()
+
+
+async def test_a_stop_of_a_frozen_robot_is_pending_and_holds_when_it_wakes(stack: Stack) -> None:
+    driving, watching = sign_in(stack, "operator"), sign_in(stack, "observer")
+    async with Driver(stack, ROBOT, driving) as driver:
+        await driver.take()
+        await driver.hold_stick(0.0, 0.5, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.1)
+        frozen = motion_processes(stack)
+        assert len(frozen) >= 2
+        holding = asyncio.create_task(hold(driver))
+        for process in frozen:
+            os.kill(process, signal.SIGSTOP)
+        try:
+            status, told = await asyncio.to_thread(post, stack, watching, f"/api/robots/{ROBOT}/stop/")
+        finally:
+            for process in frozen:
+                os.kill(process, signal.SIGCONT)
+        assert status == 202
+        assert told["robots"][ROBOT]["pending"]  # type: ignore[index]
+        try:
+            await driver.until(lambda: driver.state and driver.state.stop.state == "stopped", PATIENCE_S)
+            assert driver.odometry and abs(driver.odometry.w) < STANDS_MPS
+            spool = Path(stack.environment["FLEET_VAR"]) / "run" / "stops"
+            end_s = time.monotonic() + PATIENCE_S
+            while list(spool.glob("*.json")):
+                assert time.monotonic() < end_s, "the stop still waits"
+                await asyncio.sleep(0.1)
+        finally:
+            holding.cancel()
+
+
+async def hold(driver: Driver) -> None:
+    """As a page whose finger stays on the stick."""
+    while True:
+        await driver.drive(0.0, 0.5)
+        await asyncio.sleep(DRIVE_PERIOD_S)
+
+
+def test_no_form_of_a_stop_is_refused_by_the_real_server(stack: Stack) -> None:
+    cookie = sign_in(stack, "observer")
+    kinds = {"Accept": "application/xml"}, {"Content-Type": "text/plain; charset=none"}, {"Accept": ";;/"}
+    for path in ("/api/stop", "/api/stop/?format=xml", f"/api/robots/{ROBOT}/stop"):
+        for headers in kinds:
+            status, told = post(stack, cookie, path, b"{", **headers)
+            assert (status, list(told["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]
