@@ -38,8 +38,6 @@ ATTACKS = (
     Attack("declared-scan", "ros", "a laser whose message declares 4 GB"),
     Attack("declared-header", "ros", "connections to the bridge that declare a header of 4 GB"),
     Attack("declared-call", "ros", "calls to the bridge that declare 4 GB"),
-    Attack("silent-listeners", "ros", "40 connections to the bridge that say nothing"),
-    Attack("false-publishers", "ros", "a call that tells the bridge of 2000 publishers, again and again"),
     Attack("frames", "ros", "/tf with 10,000 new frames a second"),
     Attack("small-messages", "ros", "odometry and sonar at 2 kHz each"),
     Attack("many-topics", "ros", "1500 nodes and topics with long names"),

@@ -80,6 +80,6 @@ async def _nothing() -> None: ...
 INCIDENTS = {
     "frozen": Incident(freeze, (0.1, 1.0, 2.0)),
     "killed": Incident(kill, (0.05, 0.3, 0.8), fresh_supervisor=True),
-    "shutdown-call": Incident(shut_down, (0.05, 0.3, 0.8), fresh_supervisor=True),
+    "shutdown-call": Incident(shut_down, (0.05, 0.3, 0.8)),
     "same-name": Incident(take_name, (0.05, 0.3, 0.8)),
 }

@@ -174,8 +174,6 @@ ROLES: dict[str, Attack] = {
     "declared-scan": strangers.declared_scan,
     "declared-header": again(strangers.declared_header),
     "declared-call": again(strangers.declared_call),
-    "silent-listeners": again(strangers.silent_listeners),
-    "false-publishers": again(strangers.false_publishers),
     "frames": strangers.frames,
     "small-messages": small_messages,
     "many-topics": many_topics,

@@ -22,8 +22,8 @@ from robots import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack
 
-RUN_UP_S = 0.3  # the base turns at its speed by then
-DRIVEN_S = 0.9  # with the run-up
+RUN_UP_S = 0.25  # the base turns at its speed by then
+DRIVEN_S = 0.75  # with the run-up
 LATCHED_S = 0.35  # that a stop is held
 LONG_S, LONG_EVERY = 2.0, 5  # each fifth is held so long that one sees whether the base stays
 BRAKED_S = 1.2  # after the first zero
@@ -98,7 +98,9 @@ class Scene:
 
     async def _sit_down(self) -> Driver:
         if self._driver is None or self._driver.closed:
+            had_control = self._had_control
             await self.leave()
+            self._had_control = had_control
             self._driver = self._doors.driver = await Driver(self.stack, ROBOT, self._cookie).__aenter__()
             self._numbers = numbers_for(self._driver)
         driver = self._driver
@@ -116,7 +118,8 @@ class Scene:
         return driver
 
     async def leave(self) -> None:
-        """Close the page."""
+        """Close the page. Control that ends with it is not lost."""
+        self._had_control = False
         driver, self._driver, self._doors.driver = self._driver, None, None
         if driver is not None:
             with suppress(*FAULTS, asyncio.CancelledError):
