@@ -343,6 +343,17 @@ def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: S
 
     staff.until(stopped, "every robot to be stopped")
     expect(staff.page.locator(".robot[data-stopped]")).to_have_count(len(stack.robots))
-    for slug in stack.robots:
-        staff.watch(slug)
-        staff.clear()
+    expect(staff.page.locator("[data-part=stop-why]").first).to_contain_text("was standing")
+
+    # By keyboard: the list of who stopped what, and all of it cleared.
+    staff.part("clear-all").focus()
+    staff.page.keyboard.press("Enter")
+    rows = staff.page.get_by_role("dialog", name="Clear the stops?").get_by_role("listitem")
+    expect(rows).to_have_count(len(stack.robots))
+    expect(rows.first).to_contain_text("Stopped by Staff.")
+    staff.page.get_by_role("button", name="Clear all", exact=True).focus()
+    staff.page.keyboard.press("Enter")
+    expect(rows.get_by_text("Cleared.")).to_have_count(len(stack.robots))
+    staff.page.keyboard.press("Escape")
+    expect(staff.page.locator(".robot[data-stopped]")).to_have_count(0)
+    expect(staff.part("clear-all")).to_be_hidden()
