@@ -14,13 +14,24 @@ from tests.script.support import outside
 ROOT = Path(__file__).parents[2]
 TESTS = [
     "tests/accounts/test_erase_person.py",
+    "tests/fleet/server/test_sign_in.py",
     "tests/robots/test_faults.py",
     "tests/teleop/test_lease.py",
     "tests/teleop/test_reports.py",
     *(
         f"tests/audit/test_{name}.py"
         for name in (
-            *("append_only", "chain", "exports", "kinds", "lists", "migration", "past", "record"),
+            *(
+                "append_only",
+                "chain",
+                "exports",
+                "index_check",
+                "kinds",
+                "lists",
+                "migration",
+                "past",
+                "record",
+            ),
             *("retention", "search", "triggers", "verify"),
         )
     ),
