@@ -98,6 +98,7 @@ async def run_on(
         role: await asyncio.to_thread(sign_in, stack, role) for role in ("supervisor", "operator", "observer")
     }
     navigation = _start(stack, "ros", "navigate", 3600.0)
+    stack.children.append(navigation)  # it ends with the stack
     taken: dict[str, Taken] = {}
     usual = Taken()
     async with scene_on(stack, cookies["supervisor"], cookies["operator"], seed) as scene:
@@ -113,7 +114,7 @@ async def run_on(
                     break
             progress(f"{attack.name}: {_in_words(whole)}")
         usual.add(await bench.usual(usual_presses))
-    await asyncio.to_thread(end_all, [navigation])
+    await asyncio.to_thread(stack.release, navigation)
     return taken, usual
 
 
