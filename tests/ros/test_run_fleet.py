@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -38,6 +39,22 @@ class Supervisor:
         until(lambda: listens(robot) and self._pid(robot) not in (None, not_pid), f"bridge of {robot.slug}")
         return psutil.Process(self._pid(robot))
 
+    def watchdog_of(self, robot: Robot, not_pid: int | None = None) -> psutil.Process:
+        """The robot's watchdog once it listens."""
+
+        path = (link_address(robot).unix_path or "").replace(".sock", ".stop")
+
+        def listening() -> psutil.Process | None:
+            for child in psutil.Process(self.process.pid).children():
+                with contextlib.suppress(psutil.Error):  # it has ended, and is not waited for yet
+                    told = child.cmdline()
+                    if "robots.bridge.watchdog" in told and path in told[-1] and child.pid != not_pid:
+                        return child if connects(path, socket.SOCK_SEQPACKET) else None
+            return None
+
+        found: psutil.Process = until(listening, f"watchdog of {robot.slug}")
+        return found
+
     def _pid(self, robot: Robot) -> int | None:
         assert self.process.poll() is None, "the supervisor ended"
         return BridgeStatus.objects.filter(robot=robot).values_list("pid", flat=True).first()
@@ -46,7 +63,11 @@ class Supervisor:
 def listens(robot: Robot) -> bool:
     path = link_address(robot).unix_path
     assert path is not None
-    with socket.socket(socket.AF_UNIX) as probe:
+    return connects(path)
+
+
+def connects(path: str, kind: int = socket.SOCK_STREAM) -> bool:
+    with socket.socket(socket.AF_UNIX, kind) as probe:
         return probe.connect_ex(path) == 0
 
 
@@ -86,6 +107,18 @@ def test_a_bridge_that_is_killed_comes_back(supervisor: Supervisor, there: Robot
     first = supervisor.bridge_of(there)
     first.kill()
     supervisor.bridge_of(there, not_pid=first.pid)
+
+
+def test_a_watchdog_stands_beside_each_bridge_and_comes_back_when_it_is_killed(
+    supervisor: Supervisor, there: Robot, away: Robot
+) -> None:
+    supervisor.bridge_of(there)
+    first = {robot: supervisor.watchdog_of(robot) for robot in (there, away)}
+    first[there].kill()
+    again = supervisor.watchdog_of(there, not_pid=first[there].pid)
+    assert supervisor.watchdog_of(away) == first[away]
+    end(supervisor.process)
+    assert not again.is_running()
 
 
 def test_every_bridge_ends_with_its_supervisor_however_that_ends(
