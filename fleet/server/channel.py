@@ -10,7 +10,7 @@ from daphne import http_protocol
 from daphne.utils import parse_x_forwarded_for
 from twisted.web import http
 
-from fleet.server import limits
+from fleet.server import limits, stops
 from fleet.server.limits import Refusal, Refused
 
 TOLD_WITHIN_S = 1.0  # so long a refused client may take to read why
@@ -111,7 +111,8 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     totalHeadersSize = 2 * limits.HEAD_BYTES  # ours is below
     MAX_LENGTH = limits.HEAD_BYTES
     requestFactory = Request
-    _refused = False
+    _leaving = False  # nothing more is read
+    _body_unread = False
     _between = False  # two requests
 
     @property
@@ -131,7 +132,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def dataReceived(self, data: bytes) -> None:
         """More of a request."""
-        if self._refused:
+        if self._leaving:
             return
         if self._between:
             self._between = False
@@ -161,9 +162,17 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         return bool(super().headerReceived(line))
 
     def allHeadersReceived(self) -> None:
-        """The head is complete; a body may follow."""
+        """The head is complete; a body may follow. That of a stop is not waited for where the head says all."""
+        request = self.requests[-1]
+        if self.length != 0 and stops.needs_no_body(self._command, self._path, request.requestHeaders):
+            request.requestHeaders.removeHeader(b"Expect")
+            self.length = 0
+            self._body_unread = True
         super().allHeadersReceived()
         self.setTimeout(limits.BODY_S)
+        if self._body_unread:
+            self.persistent = False
+            request.responseHeaders.setRawHeaders(b"Connection", [b"close"])
 
     def allContentReceived(self) -> None:
         """The request is complete."""
@@ -190,14 +199,25 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def refuse(self, refusal: Refusal) -> None:
         """Say why, read nothing more, and close the connection soon after."""
-        if self._refused:
+        if self._leaving:
             return
-        self._refused = True
-        self.setTimeout(None)
         for request in self.requests:
             request.over()
         self.transport.unregisterProducer()
         self.transport.write(refusal.response())
+        self._leave()
+
+    def loseConnection(self) -> None:
+        """Close the connection once everything is said."""
+        if self._body_unread:
+            self.transport.unregisterProducer()
+            self._leave()
+        else:
+            super().loseConnection()
+
+    def _leave(self) -> None:
+        self._leaving = True
+        self.setTimeout(None)
         self.transport.pauseProducing()
         if hasattr(self.transport, "loseWriteConnection"):
             self.transport.loseWriteConnection()

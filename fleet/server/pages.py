@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -24,7 +23,7 @@ from twisted.web.http_headers import Headers
 from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
-from fleet.server import limits
+from fleet.server import limits, stops
 from robots.ending import leave_within
 
 log = logging.getLogger(__name__)
@@ -35,8 +34,6 @@ AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
 
-# These addresses stop robots: they are answered by the process that has the links, whatever the pages do.
-STOPS = re.compile(rb"/(api/)?(robots/[^/]+/stop|stop|stop-all)/?")
 # Between two hops only, or said anew here.
 NOT_FORWARDED = {
     *(b"connection", b"keep-alive", b"proxy-connection", b"transfer-encoding", b"te", b"trailer", b"upgrade"),
@@ -120,8 +117,8 @@ class Forward:
 
     def takes(self, request: Any) -> bool:
         """Whether the pages process answers this; otherwise this process does."""
-        stops = request.method == b"POST" and STOPS.fullmatch(request.path)
-        return not (stops and request.server.session_cookie in request.received_cookies)
+        stop = stops.is_stop(request.method, request.path)
+        return not (stop and request.server.session_cookie in request.received_cookies)
 
     def __call__(self, request: Any) -> None:
         """Ask the pages process, and answer what it answers."""

@@ -1,0 +1,19 @@
+"""Which requests stop robots. They are answered by the process that has the links, whatever the pages do. Pure."""
+
+from __future__ import annotations
+
+import re
+
+from twisted.web.http_headers import Headers
+
+_ADDRESSES = re.compile(rb"/(api/)?(robots/[^/]+/stop|stop|stop-all)/?")
+
+
+def is_stop(method: bytes, path: bytes) -> bool:
+    """Whether this is the address of a stop, without its query."""
+    return method == b"POST" and _ADDRESSES.fullmatch(path) is not None
+
+
+def needs_no_body(method: bytes, uri: bytes, headers: Headers) -> bool:
+    """Whether the head of a stop says all: the body is read only for a form's token (`teleop.stop_views`)."""
+    return is_stop(method, uri.partition(b"?")[0]) and headers.hasHeader(b"X-CSRFToken")
