@@ -49,7 +49,6 @@ class Keeper:
         self.path = run_directory / f"web-{os.getpid()}.sock"
         self._application = application
         self._ending = threading.Event()
-        self._process: subprocess.Popen[bytes] | None = None
         self._life_line, self._ours = os.pipe2(os.O_CLOEXEC)
         run_directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         _tidy(run_directory)
@@ -64,11 +63,15 @@ class Keeper:
     def _keep(self) -> None:
         while not self._ending.is_set():
             self.path.unlink(missing_ok=True)
-            self._process = subprocess.Popen(self._command(), pass_fds=[self._life_line])  # noqa: S603
-            status = self._process.wait()
-            if not self._ending.is_set():
-                log.error("The pages process ended with status %d. It is started again.", status)
-                self._ending.wait(AGAIN_S)
+            try:
+                process = subprocess.Popen(self._command(), pass_fds=[self._life_line])  # noqa: S603
+            except OSError as error:  # no memory, or too many processes: that may pass
+                log.error("The pages process cannot be started: %s. It is tried again.", error)
+            else:
+                status = process.wait()
+                if not self._ending.is_set():
+                    log.error("The pages process ended with status %d. It is started again.", status)
+            self._ending.wait(AGAIN_S)
 
     def _command(self) -> list[str]:
         where = str(self.path).replace("\\", r"\\").replace(":", r"\:")
