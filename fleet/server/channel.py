@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from contextlib import suppress
 from io import BytesIO
 from typing import Any
@@ -10,7 +11,7 @@ from daphne import http_protocol
 from daphne.utils import parse_x_forwarded_for
 from twisted.web import http
 
-from fleet.server import limits, stops
+from fleet.server import limits, sessions, stops
 from fleet.server.limits import Refusal, Refused
 
 TOLD_WITHIN_S = 1.0  # so long a refused client may take to read why
@@ -53,18 +54,32 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         self._counted_bytes = 0
 
     def process(self) -> Any:
-        """The whole request is there. Stops and WebSockets need no place: they are refused for no crowd of pages."""
+        """The whole request is there. Stops and WebSockets need no place: they are refused for no crowd of pages.
+
+        A stop is answered here only for a cookie that names a session, which cannot be had without an account.
+        """
         upgrade = self.requestHeaders.getRawHeaders(b"Upgrade", [b""])[0]
         if upgrade.lower() == b"websocket":  # as Daphne decides
             self.forget_body()
             return super().process()
-        forward = self.server.forward
-        if forward is not None and not forward.takes(self):
-            return super().process()
+        key = self.received_cookies.get(self.server.session_cookie)
+        if key and self.server.forward is not None and stops.is_stop(self.method, self.path):
+            return sessions.look_up(key.decode("latin-1")).add_done_callback(self._stop_of)
+        return self._in_turn()
+
+    def _stop_of(self, signed_in: asyncio.Future[bool]) -> None:
+        if self.channel is not None and not self._disconnected:
+            if signed_in.result():
+                super().process()
+            else:
+                self._in_turn()
+
+    def _in_turn(self) -> Any:
         address = self.address()
         if not self.server.requests.take(address):
             return self.channel.refuse(limits.busy())
         self._place = address
+        forward = self.server.forward
         return forward(self) if forward is not None else super().process()
 
     def address(self) -> str:
@@ -111,9 +126,11 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     totalHeadersSize = 2 * limits.HEAD_BYTES  # ours is below
     MAX_LENGTH = limits.HEAD_BYTES
     requestFactory = Request
+    length: int | None
     _leaving = False  # nothing more is read
     _body_unread = False
     _between = False  # two requests
+    _unheard = b""  # waits for its turn
 
     @property
     def server(self) -> Any:
@@ -131,7 +148,20 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         """Bytes that trickle in do not buy time: a request has to be there in time."""
 
     def dataReceived(self, data: bytes) -> None:
-        """More of a request."""
+        """More of a request. It waits for its turn unless it is much."""
+        if self._unheard or len(data) > limits.HEAD_BYTES:
+            data, self._unheard = self._unheard + data, b""
+            self._hear(data)
+        else:
+            self._unheard = data
+            self.server.turns.take(self._take_turn)
+
+    def _take_turn(self) -> None:
+        data, self._unheard = self._unheard, b""
+        if data:
+            self._hear(data)
+
+    def _hear(self, data: bytes) -> None:
         if self._leaving:
             return
         if self._between:
@@ -226,6 +256,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def connectionLost(self, reason: Any) -> None:
         """The connection is gone."""
+        self._unheard = b""
         self.server.left(self.transport)
         super().connectionLost(reason)
 

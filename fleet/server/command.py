@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import resource
 from argparse import Namespace
@@ -13,6 +14,7 @@ from twisted.internet import reactor
 
 from fleet.server import channel, limits, pages, websocket
 from fleet.server.connections import Connections, Places
+from fleet.server.turns import Turns
 from robots.scheduling import prefer_this_thread
 
 # `Server.run` makes its factories by these names, and offers no other way to make others.
@@ -34,6 +36,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
         self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
         self.forward: pages.Forward | None = None  # None: this process answers all
+        self.turns = Turns(lambda work: reactor._asyncioEventloop.call_soon(work))
         self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
 
     def run(self) -> None:
@@ -44,6 +47,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
             self.forward = pages.Forward(self.keeper.path)
             reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
             reactor.callWhenRunning(prefer_this_thread)
+            reactor.callWhenRunning(_keep_what_is_loaded)
         super().run()
 
     def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:
@@ -73,6 +77,12 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     def left(self, transport: Any) -> None:
         """It is closed."""
         self.open.left(transport)
+
+
+def _keep_what_is_loaded() -> None:
+    """A look for garbage among all of Django takes tens of milliseconds, in which no stick is heard."""
+    gc.collect()
+    gc.freeze()
 
 
 class CommandLine(CommandLineInterface):  # type: ignore[misc]

@@ -23,7 +23,7 @@ from twisted.web.http_headers import Headers
 from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
-from fleet.server import limits, stops
+from fleet.server import limits
 from robots.ending import leave_within
 
 log = logging.getLogger(__name__)
@@ -117,11 +117,6 @@ class Forward:
 
     def __init__(self, path: Path) -> None:
         self._agent = Agent.usingEndpointFactory(reactor, _There(path))
-
-    def takes(self, request: Any) -> bool:
-        """Whether the pages process answers this; otherwise this process does."""
-        stop = stops.is_stop(request.method, request.path)
-        return not (stop and request.server.session_cookie in request.received_cookies)
 
     def __call__(self, request: Any) -> None:
         """Ask the pages process, and answer what it answers."""

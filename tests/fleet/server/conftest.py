@@ -1,7 +1,10 @@
 """A real web process of its own, and strangers with plain sockets."""
 
+import http.client
 import os
+import re
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
@@ -38,6 +41,24 @@ class Web:
         """Of the process that owns the port."""
         pages = int(Path(f"/proc/{self.child.pid}/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGESIZE")
+
+
+@pytest.fixture(scope="session")
+def session_cookie(web):
+    """Its name: consoles on one host have different ones. Everybody may know it."""
+    connection = http.client.HTTPConnection("127.0.0.1", web.port)
+    connection.request("GET", "/cookies/")
+    return re.search(r"fleet_session_\w+", connection.getresponse().read().decode())[0]
+
+
+@pytest.fixture(scope="session")
+def session_key(web):
+    """Of a session that there is, of nobody."""
+    key = "s" * 32
+    with sqlite3.connect(Path(web.environ["FLEET_VAR"]) / "fleet.sqlite3") as database:
+        database.execute("INSERT INTO django_session VALUES (?, '', '2100-01-01')", [key])
+    database.close()
+    return key
 
 
 def heard(stranger):

@@ -4,8 +4,11 @@ import http.client
 import os
 import signal
 
+import pytest
+
 from benchmarks.parts.proc import children
 from fleet.server import limits
+from tests.fleet.server.conftest import heard
 from tests.script.support import command_line, until
 
 
@@ -34,9 +37,8 @@ def test_pages_come_back_when_their_process_dies(web):
     assert web.child.running
 
 
-def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web):
-    """401: the cookie names no session. Django said so, in the process that owns the port."""
-    cookie = ask(web, "GET", "/cookies/")[1].decode().split("fleet_session_")[1][:8]
+def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web, session_cookie, session_key):
+    """401: it is nobody's session. Django said so, in the process that owns the port."""
     frozen = pages_process(web)
     os.kill(frozen, signal.SIGSTOP)
     crowd = []
@@ -45,13 +47,30 @@ def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web):
             crowd.append(web.connect())
             crowd[-1].sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         until(lambda: ask_no_longer(web) == 503, "all places are taken", 30)
-        status, _body, _headers = ask(web, "POST", "/stop-all/", Cookie=f"fleet_session_{cookie}=x")
+        status, _body, _headers = ask(web, "POST", "/stop-all/", Cookie=f"{session_cookie}={session_key}")
     finally:
         os.kill(frozen, signal.SIGCONT)
         for one in crowd:
             one.close()
     assert status == 401
     until(lambda: ask(web, "GET", "/healthz")[0] == 200, "the places are given back", 30)
+
+
+def test_a_stranger_who_claims_a_session_waits_for_the_pages(web, session_cookie):
+    """Else anybody could keep the process that drives busy: the cookie's name is known to all."""
+    claim = f"POST /api/stop/ HTTP/1.0\r\nHost: 127.0.0.1\r\nCookie: {session_cookie}={'x' * 32}\r\n\r\n"
+    frozen = pages_process(web)
+    with web.connect() as stranger:
+        os.kill(frozen, signal.SIGSTOP)
+        try:
+            stranger.settimeout(1.0)
+            stranger.sendall(claim.encode())
+            with pytest.raises(TimeoutError):
+                stranger.recv(65536)
+        finally:
+            os.kill(frozen, signal.SIGCONT)
+        stranger.settimeout(30.0)
+        assert b" 401 " in heard(stranger)
 
 
 def ask_no_longer(web):

@@ -1,0 +1,27 @@
+"""Whether a session cookie names a session: strangers may claim one, and do not get what it buys."""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+
+from django.db import DatabaseError, close_old_connections
+
+_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions")
+
+
+def look_up(key: str) -> asyncio.Future[bool]:
+    """Whether there is such a session. A database that does not answer is Django's to put into words: yes."""
+    return asyncio.get_running_loop().run_in_executor(_thread, _exists, key)
+
+
+def _exists(key: str) -> bool:
+    from django.contrib.sessions.backends.db import SessionStore  # the application is loaded by now
+
+    close_old_connections()
+    try:
+        return SessionStore().exists(key)
+    except DatabaseError:
+        return True
+    finally:
+        close_old_connections()

@@ -1,0 +1,29 @@
+"""What strangers send, heard piece by piece: one in each turn of the loop, so that a stick waits for one at most."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+
+class Turns:
+    """Work in the order in which it came. `soon` calls something in the next turn of the loop."""
+
+    def __init__(self, soon: Callable[[Callable[[], None]], Any]) -> None:
+        self._soon = soon
+        self._waiting: deque[Callable[[], None]] = deque()
+
+    def take(self, work: Callable[[], None]) -> None:
+        """Do this in a turn of its own."""
+        self._waiting.append(work)
+        if len(self._waiting) == 1:
+            self._soon(self._next)
+
+    def _next(self) -> None:
+        try:
+            self._waiting[0]()
+        finally:
+            self._waiting.popleft()
+            if self._waiting:
+                self._soon(self._next)
