@@ -18,6 +18,7 @@ from typing import Any
 
 from twisted.internet import defer, endpoints, protocol, reactor, task
 from twisted.internet.error import ConnectError
+from twisted.web import http
 from twisted.web.client import Agent, FileBodyProducer, ResponseDone
 from twisted.web.http_headers import Headers
 from twisted.web.iweb import IAgentEndpointFactory
@@ -132,8 +133,8 @@ class Forward:
         for name, values in response.headers.getAllRawHeaders():
             if name.lower() not in NOT_FORWARDED:
                 request.responseHeaders.setRawHeaders(name, values)
-        if isinstance(response.length, int):  # not in chunks
-            request.responseHeaders.setRawHeaders(b"content-length", [b"%d" % response.length])
+        if length := _length(request, response):
+            request.responseHeaders.setRawHeaders(b"content-length", [length])
         passing = _Passing(request)
         response.deliverBody(passing)
         await passing.whole
@@ -164,9 +165,22 @@ def _headers(request: Any) -> Headers:
     return headers
 
 
+def _length(request: Any, response: Any) -> bytes | None:
+    """Of the body; None: in chunks, or there is none. Of HEAD's, that which GET would have: Twisted says 0."""
+    if request.method == b"HEAD":
+        told: list[bytes] = response.headers.getRawHeaders(b"content-length", [])
+        return told[0] if told else None
+    if response.code in http.NO_BODY_CODES or not isinstance(response.length, int):
+        return None
+    return b"%d" % response.length
+
+
 def _failed(request: Any, failure: Any) -> None:
     """It died meanwhile, or does not come up. Whoever left is not answered."""
     if failure.check(defer.CancelledError) or request.channel is None or request.finished:
+        return
+    if failure.check(ValueError):  # method or address are none
+        request.channel.refuse(limits.malformed())
         return
     log.warning("The pages process did not answer %s: %s", request.path, failure.getErrorMessage())
     if request.startedWriting:

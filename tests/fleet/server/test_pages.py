@@ -90,6 +90,19 @@ def test_a_large_answer_arrives_whole(web):
     assert len(body) == int(headers["Content-Length"]) > 100_000
 
 
+def test_head_tells_the_length_that_get_has(web):
+    path = "/static/vendor/uplot/uPlot.iife.js"
+    status, body, headers = ask(web, "HEAD", path)
+    assert (status, body) == (200, b"")
+    assert headers["Content-Length"] == ask(web, "GET", path)[2]["Content-Length"]
+
+
+@pytest.mark.parametrize("line", [b"GET /\xe4", b"G\xc4T /"])
+def test_a_method_or_an_address_that_is_none_is_malformed(web, line):
+    answer = web.say(line + b" HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
+    assert (answer.split()[1], b'"malformed"' in answer) == (b"400", True)
+
+
 def test_no_header_of_a_stranger_says_where_a_request_came_from(web):
     """With the root path of a stranger, redirects would lead where he likes."""
     forged = {"Daphne-Root-Path": "/evil", "X-Forwarded-For": "10.0.0.7", "X-Forwarded-Proto": "https"}
