@@ -6,6 +6,7 @@ from math import ceil
 from uuid import UUID
 
 from django.contrib import messages
+from django.contrib.auth import update_session_auth_hash
 from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
 from django.contrib.auth.views import LoginView, PasswordChangeView
 from django.core.exceptions import NON_FIELD_ERRORS
@@ -51,14 +52,19 @@ class PasswordView(PasswordChangeView):
     success_url = reverse_lazy("sessions")
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
-        """Change it; what cannot be recorded is not done."""
+        """Change it; what cannot be recorded is not done.
+
+        It is hashed first: that waits its turn, and within a transaction SQLite would keep everybody else from writing.
+        """
         form.user.changed_by = person_of(self.request)
+        form.user.set_password(form.cleaned_data["new_password1"])
         with transaction.atomic():
-            response = super().form_valid(form)
+            form.user.save()
+            update_session_auth_hash(self.request, form.user)
             services.own_password_changed(self.request, person_of(self.request))
         told = _("Your password is changed. Every other browser has to sign in again.")
         messages.success(self.request, told)
-        return response
+        return redirect(self.get_success_url())
 
 
 @never_cache

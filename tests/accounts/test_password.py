@@ -3,6 +3,8 @@
 from unittest import mock
 
 import pytest
+from django.contrib.auth.hashers import make_password
+from django.db import connection
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in as still_signed_in
@@ -29,6 +31,20 @@ def test_everybody_can_change_their_own_and_it_goes_on_record(stranger, signed_i
     entry = Record.objects.get(kind="account.change")
     assert (entry.actor_id, entry.parameters["changes"]) == (str(stranger.pk), [{"field": "password"}])
     assert NEW not in str(entry.details)
+
+
+@pytest.mark.django_db(transaction=True)
+def test_nobody_else_waits_to_write_while_it_is_hashed(stranger, signed_in):
+    within = []
+
+    def hashed(password):
+        within.append(connection.in_atomic_block)
+        return make_password(password)
+
+    with mock.patch("django.contrib.auth.base_user.make_password", hashed):
+        signed_in(stranger).post(PAGE, FORM)
+    assert within == [False]
+    assert _has(stranger, NEW)
 
 
 @pytest.mark.django_db
