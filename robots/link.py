@@ -548,11 +548,6 @@ class Links:
             link.seen_at = seen_at
         return link
 
-    def seen_at(self, robot_id: UUID) -> float | None:
-        """When this robot was last seen over its link, in seconds since 1970; None: not since this process began."""
-        link = self._links.get(robot_id)
-        return None if link is None else link.seen_at
-
     async def close(self) -> None:
         """End all links."""
         links, self._links = list(self._links.values()), {}

@@ -6,7 +6,6 @@ What is refused is explained like everywhere else.
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any, cast
@@ -20,7 +19,7 @@ from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from robots.link import LinkRefused, links, state_once
+from robots.link import LinkRefused, state_once
 from robots.models import Robot, Role
 from robots.selectors import (
     link_address,
@@ -126,7 +125,7 @@ class RobotDetail(FleetApi):
         holding = holding_of(robot.id)
         held = holding is not None and rules.lapse(holding, timezone.now()) is None
         state, refusal = _state(robot)
-        seen_at = _seen_at(robot, state)
+        seen_at = _seen_at(state)
         return Response(
             {
                 **entry(robot, role_on(self.person(), robot)),
@@ -184,12 +183,11 @@ def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
     }
 
 
-def _seen_at(robot: Robot, state: State | None) -> datetime | None:
-    """When the robot itself was last heard, as far as its bridge or this web process knows."""
-    if state is not None:
-        return None if state.unseen_s is None else timezone.now() - timedelta(seconds=state.unseen_s)
-    seen_at = links.seen_at(robot.id)
-    return None if seen_at is None else timezone.now() - timedelta(seconds=time.time() - seen_at)
+def _seen_at(state: State | None) -> datetime | None:
+    """When the robot itself was last heard, as far as its bridge knows: REST has no link that would know more."""
+    if state is None or state.unseen_s is None:
+        return None
+    return timezone.now() - timedelta(seconds=state.unseen_s)
 
 
 def _state(robot: Robot) -> tuple[State | None, Refusal | None]:
