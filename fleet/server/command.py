@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import resource
+import time
 from argparse import Namespace
 from typing import Any
 
 from daphne import server as daphne_server  # first: it chooses Twisted's reactor
 from daphne.cli import CommandLineInterface
-from twisted.internet import reactor
+from twisted.internet import reactor, task
 
 from fleet.server import channel, limits, pages, websocket
 from fleet.server.connections import Connections, Places
 from fleet.server.turns import Turns
-from robots.scheduling import prefer_this_thread
+from robots.scheduling import Garbage, prefer_this_thread
+
+GARBAGE_S = 0.1  # between two collections: what is young by then is few
 
 # `Server.run` makes its factories by these names, and offers no other way to make others.
 daphne_server.HTTPFactory = channel.Factory
@@ -46,9 +48,17 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         if self.keeper is not None:
             self.forward = pages.Forward(self.keeper.path)
             reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
-            reactor.callWhenRunning(prefer_this_thread)
-            reactor.callWhenRunning(_keep_what_is_loaded)
+            reactor.callWhenRunning(self._prefer_commands)
         super().run()
+
+    def _prefer_commands(self) -> None:
+        """Priority for the loop; and garbage is collected by it, between commands, never among all of Django."""
+        prefer_this_thread()
+        garbage = Garbage()
+        self._collecting = task.LoopingCall(
+            lambda: garbage.collect(time.monotonic(), waits=self.websockets.taken > 0)
+        )
+        self._collecting.start(GARBAGE_S)
 
     def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:
         """Begin the application for a request or a WebSocket."""
@@ -77,12 +87,6 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     def left(self, transport: Any) -> None:
         """It is closed."""
         self.open.left(transport)
-
-
-def _keep_what_is_loaded() -> None:
-    """A look for garbage among all of Django takes tens of milliseconds, in which no stick is heard."""
-    gc.collect()
-    gc.freeze()
 
 
 class CommandLine(CommandLineInterface):  # type: ignore[misc]

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 from robots.bridge.ros import master, node
+from robots.bridge.ros.bounds.board import Board
 from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.master import TIMEOUT_S, Master, MasterError, SystemState
@@ -184,6 +185,7 @@ def test_a_name_for_which_no_name_server_answers_holds_up_no_survey_of_the_robot
 
     monkeypatch.setattr(socket, "getaddrinfo", hangs)
     monkeypatch.setattr(Master, "node_uri", lambda *_: "http://tiago-9c:1/")
+    monkeypatch.setattr(node, "BOARD", Board())  # another test of this process may have filled the other
     base = RosBase(CONFIG)
     system = SystemState({CONFIG.topics.odometry.name: ["/base"]}, {}, {}, {})
     assert base._survey(system).problems == []
