@@ -90,6 +90,23 @@ def test_a_bridge_that_does_not_reach_the_robot_does_not_cancel_for_the_watchdog
     assert rules.cancel(10.1)
 
 
+def test_a_stop_whose_number_is_below_what_the_bridge_heard_is_not_taken_for_heard() -> None:
+    """The clock was set back between two watchdogs."""
+    rules = Rules(first=50)
+    press = rules.press("Ann", "smoke")
+    rules.bridge_came(2.0)
+    assert rules.beat(Beat(heard=100), 2.0) == press
+    assert rules.latched
+
+
+def test_a_latch_that_the_state_file_tells_of_holds_until_a_bridge_says_otherwise() -> None:
+    rules = Rules(first=100, before=Beat(latched=True, by="Ann", reason="smoke"))
+    assert rules.zeros(500.0) and rules.cancel(500.0)
+    rules.bridge_came(600.0)
+    assert rules.beat(Beat(), 600.0) is None, "it was cleared meanwhile, and must not come back"
+    assert not rules.latched
+
+
 def test_a_watchdog_that_begins_goes_on_with_the_stop_that_was_kept() -> None:
     rules = Rules(first=100, kept=Press(250, "Ann"))
     assert rules.zeros(0.0)

@@ -67,7 +67,10 @@ class RosStops:
             message.header.stamp = rospy.Time.from_sec(time.time())
         reached = 0
         for publisher in list(self._drives.values()):
-            publish(publisher, message)
+            try:
+                publish(publisher, message)
+            except rospy.ROSException as error:  # its topic is just being left
+                log.warning("a zero was not published: %s", error)
             reached += len(heard_by(publisher))
         return reached
 

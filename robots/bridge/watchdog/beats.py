@@ -27,7 +27,7 @@ class Beats:
         self._on_press = on_press
         self._socket: socket.socket | None = None
         self._told = 0  # number of the newest press that was handed on
-        self._heard = 0  # and of the newest that is written to the state file
+        self._heard = 0  # and of the one that was written to the state file last
         self._missed = False  # that no watchdog is there was said
 
     @property
@@ -50,7 +50,7 @@ class Beats:
 
     def heard(self, number: int) -> None:
         """The stop of this number is latched here and written."""
-        self._heard = max(self._heard, number)
+        self._heard = number
 
     def close(self) -> None:
         """The bridge ends."""
@@ -92,7 +92,9 @@ class Beats:
         except msgspec.DecodeError:
             log.exception("the watchdog was not understood")
             return
-        if press.number > self._told:
+        if (
+            press.number != self._told
+        ):  # no order: the clock may have been set back since the last watchdog began
             self._told = press.number
             self._on_press(press)
 

@@ -11,7 +11,7 @@ from uuid import UUID
 import msgspec
 
 from robots.bridge.store import Store
-from robots.bridge.watchdog.rules import Press
+from robots.bridge.watchdog.rules import Beat, Press
 
 log = logging.getLogger(__name__)
 
@@ -26,14 +26,16 @@ class Kept:
         self._written: Press | None = None
         self._news = threading.Event()
 
-    def load(self, first: int) -> Press | None:
-        """The stop that the last watchdog left, or the one that the bridge has latched; None if neither did."""
+    def load(self) -> Press | None:
+        """The stop that the last watchdog left to a bridge, if any."""
         with contextlib.suppress(OSError, msgspec.DecodeError):
             self._newest = self._written = msgspec.json.decode(self._path.read_bytes(), type=Press)
-        left = self._bridge.load(0)
-        if self._written is None and left.latched:
-            return Press(first, left.by, left.reason)
         return self._written
+
+    def before(self) -> Beat:
+        """What the bridge did by its state file. It need not be told of a stop that it has written there."""
+        left = self._bridge.load(0)
+        return Beat(latched=left.latched, by=left.by, reason=left.reason)
 
     def start(self) -> None:
         """Begin to write."""

@@ -34,6 +34,7 @@ class Lane:
             self._listener.bind(path)
         finally:
             os.umask(umask)
+        self._file = _file_at(path)
         self._listener.listen(BACKLOG)
         self._listener.setblocking(False)
         self._connections: dict[socket.socket, None] = {}  # in order of their coming
@@ -70,12 +71,15 @@ class Lane:
             connection.close()
 
     def close(self) -> None:
-        """Close everything, and remove the socket file."""
+        """Close everything, and remove the socket file, unless it is another watchdog's by now."""
         for connection in list(self._connections):
             self.drop(connection)
         self._selector.close()
+        if (
+            _file_at(self._path) == self._file
+        ):  # before the listener closes: until then no other file has this number
+            Path(self._path).unlink(missing_ok=True)
         self._listener.close()
-        Path(self._path).unlink(missing_ok=True)
 
     def _accept(self) -> None:
         try:
@@ -109,3 +113,12 @@ class Lane:
             if not os.read(self._life_line, 1024):
                 self.ended = True
                 self._selector.unregister(self._life_line)
+
+
+def _file_at(path: str) -> tuple[int, int] | None:
+    """Which file is there; None: there is none."""
+    try:
+        found = Path(path).stat()
+    except FileNotFoundError:
+        return None
+    return found.st_dev, found.st_ino

@@ -97,8 +97,9 @@ class Watchdog:
         self._unanswered = [entry for entry in self._unanswered if entry[0] is not connection]
         if connection is self._bridge:
             self._bridge = None
-            self._rules.bridge_gone(now_s)
-            self._kept.keep(self._rules.own)
+            self._rules.bridge_gone(
+                now_s
+            )  # what it had latched is in its state file: it is not kept here as well
             log.warning("the bridge is gone%s", ": the robot stays stopped" if self._rules.latched else "")
 
     def _stop(self, connection: socket.socket, stop: LinkStop, now_s: float) -> None:
@@ -121,7 +122,8 @@ class Watchdog:
         news = self._rules.beat(beat, now_s)
         if news is not None:
             self._lane.send(connection, wire.encode(news))
-        self._kept.keep(self._rules.own)
+        if self._rules.own is None:
+            self._kept.keep(None)
         if beat.drive:
             self._robot.drive_to(beat.drive)
 
@@ -161,8 +163,7 @@ def run(config: WatchdogConfig) -> int:
     limit_memory(MOST_BYTES)
     sys.setswitchinterval(0.001)  # zeros wait less for rospy's threads
     kept = Kept(config.state_dir, config.robot_id)
-    first = time.time_ns() // 1_000_000
-    rules = Rules(first, kept.load(first))
+    rules = Rules(time.time_ns() // 1_000_000, kept.load(), kept.before())
     kept.start()
     lane = Lane(config.lane, sys.stdin.fileno())
     for number in (signal.SIGTERM, signal.SIGINT):

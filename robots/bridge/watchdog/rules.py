@@ -22,12 +22,12 @@ class Beat(Struct, frozen=True, tag_field="t", tag="beat"):
     latched: bool = False  # its stop, `by` whom and for what `reason`
     by: str = ""
     reason: str = ""
-    heard: int = 0  # number of the newest `Press` that is latched there and written to its state file
+    heard: int = 0  # number of the `Press` that was latched there and written to its state file last
     drive: str = ""  # the topic in use
 
 
 class Press(Struct, frozen=True, tag_field="t", tag="press"):
-    """Watchdog to bridge: a stop that the watchdog heard. Numbers grow, also from one watchdog to the next."""
+    """Watchdog to bridge: a stop that the watchdog heard. No two have one number, also not of two watchdogs."""
 
     number: int
     by: str
@@ -36,12 +36,15 @@ class Press(Struct, frozen=True, tag_field="t", tag="press"):
 
 
 class Rules:
-    """One robot's latch. Presses are numbered from `first` on; `kept` is a stop that no bridge has taken yet."""
+    """One robot's latch. Presses are numbered from `first` on.
 
-    def __init__(self, first: int, kept: Press | None = None) -> None:
+    `kept` is a stop that no bridge has taken yet, `before` what the last bridge did as far as its state file tells.
+    """
+
+    def __init__(self, first: int, kept: Press | None = None, before: Beat | None = None) -> None:
         self._number = max(first, kept.number if kept else 0)
         self._own = kept
-        self._beat = Beat()
+        self._beat = before or Beat()
         self._beat_s = float("-inf")
         self._bridge_lives = False
 
@@ -82,7 +85,7 @@ class Rules:
     def beat(self, beat: Beat, now_s: float) -> Press | None:
         """The bridge lives. Returns a stop that it must still be told."""
         self._beat, self._beat_s = beat, now_s
-        if self._own is not None and beat.heard >= self._own.number:
+        if self._own is not None and beat.heard == self._own.number:
             self._own = None
         return self._own
 

@@ -1,0 +1,86 @@
+"""The watchdog's socket and file, and the bridge's end of them: one watchdog after another, and two at once."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import msgspec
+import pytest
+
+from robots import wire
+from robots.bridge.store import Persisted, Store
+from robots.bridge.watchdog.beats import Beats
+from robots.bridge.watchdog.kept import Kept
+from robots.bridge.watchdog.lane import Heard, Lane
+from robots.bridge.watchdog.rules import Beat, Press
+
+PATIENCE_S = 10.0
+
+
+@pytest.fixture
+def open_lane(tmp_path: Path) -> Iterator[Callable[[], Lane]]:
+    """Open a lane at the robot's path."""
+    opened: list[Lane] = []
+
+    def begin() -> Lane:
+        opened.append(Lane(str(tmp_path / "robot.stop")))
+        return opened[-1]
+
+    yield begin
+    opened[-1].close()
+
+
+async def said(lane: Lane) -> Heard:
+    """The next message."""
+    while not (heard := await asyncio.to_thread(lane.wait, PATIENCE_S)):
+        pass
+    return heard[0]
+
+
+def test_a_watchdog_that_ends_late_leaves_the_socket_of_the_next_one_alone(
+    tmp_path: Path, open_lane: Callable[[], Lane]
+) -> None:
+    first, _next = open_lane(), open_lane()
+    first.close()
+    assert (tmp_path / "robot.stop").is_socket()
+
+
+def test_a_watchdog_that_ends_removes_its_socket(tmp_path: Path) -> None:
+    Lane(str(tmp_path / "robot.stop")).close()
+    assert not (tmp_path / "robot.stop").exists()
+
+
+async def test_stops_of_a_watchdog_with_lower_numbers_than_the_last_are_heard(
+    tmp_path: Path, open_lane: Callable[[], Lane]
+) -> None:
+    """The clock was set back meanwhile."""
+    presses: asyncio.Queue[Press] = asyncio.Queue()
+    beats = Beats(str(tmp_path / "robot.stop"), presses.put_nowait)
+    for number in (100, 50):
+        lane = open_lane()
+        while not beats.connected:
+            beats.beat(Beat())
+        connection, _ = await said(lane)
+        lane.send(connection, wire.encode(Press(number, "Ann")))
+        press = await asyncio.wait_for(presses.get(), PATIENCE_S)
+        assert press.number == number
+        beats.heard(number)
+        beats.beat(Beat())
+        _, message = await said(lane)
+        assert message is not None and msgspec.json.decode(message, type=Beat).heard == number
+        if number == 100:
+            lane.close()
+            beats.beat(Beat())  # it cannot be sent
+            assert not beats.connected
+    beats.close()
+
+
+def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_heard(tmp_path: Path) -> None:
+    robot = uuid4()
+    Store(tmp_path, str(robot)).save(Persisted(True, "Ann", "smoke", 3))
+    kept = Kept(str(tmp_path), robot)
+    assert kept.load() is None
+    assert kept.before() == Beat(latched=True, by="Ann", reason="smoke")

@@ -1,0 +1,111 @@
+"""The watchdog's loop and its publishers, without a master."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+import rospy
+
+import robots.bridge.ros.watchdog as ros_watchdog
+from robots import wire
+from robots.bridge.config import Topic
+from robots.bridge.watchdog.config import WatchdogConfig
+from robots.bridge.watchdog.lane import Lane
+from robots.bridge.watchdog.process import Watchdog
+from robots.bridge.watchdog.rules import Beat, Press, Rules
+
+
+class Robot:
+    """Takes zeros."""
+
+    def zero(self) -> int:
+        return 1
+
+    def cancel(self) -> None:
+        pass
+
+    def drive_to(self, topic: str) -> None:
+        pass
+
+
+class Kept:
+    """What would be on disk."""
+
+    def __init__(self) -> None:
+        self.press: Press | None = None
+
+    def keep(self, press: Press | None) -> None:
+        self.press = press
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> WatchdogConfig:
+    drive = Topic("/key_vel", "geometry_msgs/Twist")
+    path = str(tmp_path / "robot.stop")
+    return WatchdogConfig(uuid4(), "tiago-1", "http://127.0.0.1:1/", "/w", drive, (), path, str(tmp_path))
+
+
+@pytest.fixture
+def lane(config: WatchdogConfig) -> Iterator[Lane]:
+    lane = Lane(config.lane)
+    yield lane
+    lane.close()
+
+
+def test_a_latch_of_a_bridge_that_ended_holds_and_is_left_to_its_state_file(
+    config: WatchdogConfig, lane: Lane
+) -> None:
+    """Kept here as well, it would come back after it was cleared while no watchdog was there."""
+    rules, kept = Rules(first=100), Kept()
+    watchdog = Watchdog(config, rules, kept, lane, Robot())  # type: ignore[arg-type]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bridge:
+        bridge.connect(config.lane)
+        bridge.send(wire.encode(Beat(publishing=True, latched=True, by="Ann")))
+        while not rules.latched:
+            watchdog.step(lane.wait(1.0), 10.0)
+    while rules.own is None:
+        watchdog.step(lane.wait(1.0), 11.0)
+    assert rules.zeros(500.0)
+    assert kept.press is None
+
+
+def test_a_stop_that_no_bridge_has_taken_is_kept(config: WatchdogConfig, lane: Lane) -> None:
+    rules, kept = Rules(first=100), Kept()
+    watchdog = Watchdog(config, rules, kept, lane, Robot())  # type: ignore[arg-type]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as pressing:
+        pressing.connect(config.lane)
+        pressing.send(wire.encode(wire.LinkStop("Ann", "smoke", press=uuid4())))
+        while kept.press is None:
+            watchdog.step(lane.wait(1.0), 10.0)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bridge:
+        bridge.connect(config.lane)
+        bridge.send(wire.encode(Beat(publishing=True, latched=True, by="Ann")))
+        watchdog.step(lane.wait(1.0), 10.1)
+        watchdog.step(lane.wait(1.0), 10.1)
+        assert kept.press is not None, "the bridge has not written it yet"
+        bridge.send(wire.encode(Beat(publishing=True, latched=True, by="Ann", heard=kept.press.number)))
+        while kept.press is not None:
+            watchdog.step(lane.wait(1.0), 10.2)
+    assert rules.own is None
+
+
+def test_a_drive_topic_that_is_just_being_left_keeps_no_zero_from_the_other(
+    config: WatchdogConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    zeroed: list[str] = []
+
+    def publish(topic: str, _message: object) -> None:
+        if topic == "/left":
+            raise rospy.ROSException("publish() to a closed topic")
+        zeroed.append(topic)
+
+    monkeypatch.setattr(ros_watchdog, "publish", publish)
+    monkeypatch.setattr(ros_watchdog, "heard_by", lambda topic: [] if topic == "/left" else ["base"])
+    stops = ros_watchdog.RosStops(config)
+    stops._drives = {"/left": "/left", "/key_vel": "/key_vel"}  # type: ignore[dict-item]
+    assert stops.zero() == 1
+    assert zeroed == ["/key_vel"]
