@@ -65,7 +65,7 @@ class PendingStops:
     def keep(self, stop: Waiting, told: Told | None = None) -> bool:
         """Keep `stop` until it is settled, instead of older ones of this robot; `told` hears what came of it.
 
-        Returns False if this process only knows of it, because it cannot be written.
+        Returns False if this process only knows of it, because it cannot be written: then older ones stay.
         """
         if told is not None:
             with self._lock:
@@ -76,8 +76,9 @@ class PendingStops:
             self._unwritten.pop(stop.name, None)
             if not written:
                 self._unwritten[stop.name] = stop
-        for found in older:
-            self._remove(found)
+        if written:
+            for found in older:
+                self._remove(found)
         return written
 
     def all(self) -> list[Waiting]:

@@ -216,6 +216,19 @@ def test_what_cannot_be_written_waits_in_this_process(
     assert stops.all() == [] and told.is_set()
 
 
+def test_a_stop_that_cannot_be_written_leaves_an_older_one_on_the_disk(run_dir: Path) -> None:
+    """It ends with its process; the older one does not."""
+    stops, robot = PendingStops(run_dir), uuid4()
+    older, newer = (Waiting(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))
+    assert stops.keep(older)
+    (run_dir / FOLDER / f"{newer.name}-{newer.press.hex}.new").mkdir()  # in the way, as a full disk is
+    assert not stops.keep(newer)
+    assert stops.of(older.name) == [older, newer]
+    assert PendingStops(run_dir).of(older.name) == [older], "another process must find it"
+    stops.settle(newer, wire.Stopped(wire.StopState("stopping")))
+    assert stops.all() == []
+
+
 def test_a_damaged_file_is_a_stop_all_the_same(run_dir: Path) -> None:
     stops, stop = PendingStops(run_dir), Waiting("0123456789ab", uuid4(), None, "Ann")
     stops.keep(stop)

@@ -20,7 +20,7 @@ from websockets.sync.server import ServerConnection, unix_serve
 
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
-from robots import wire
+from robots import courier, wire
 from robots.bridge.reception import OTHER_ROBOT
 from robots.management.commands import stop
 from robots.models import Robot
@@ -180,6 +180,18 @@ def test_without_database_every_bridge_on_this_computer_is_stopped(
     assert "Nothing was recorded" in str(said.value)
     assert [[stop.reason for stop in stopped.stops] for stopped in bridges] == [["smoke"], ["smoke"]]
     assert out.getvalue().count(": stopping") == 2
+
+
+def test_without_database_a_robot_whose_bridge_is_between_two_lives_is_stopped_too(
+    robot: Robot, no_database: None
+) -> None:
+    """Its watchdog is there: the stop waits for whichever of the two can be reached first."""
+    path_of(robot).with_suffix(".stop").touch()
+    with pytest.raises(CommandError, match=r"0 robots are stopping, 1 did not answer; their stop is pending"):
+        call_command("stop", "--all", stdout=StringIO())
+    (waiting,) = courier.pending_stops().all()
+    assert waiting.name == path_of(robot).stem
+    courier.pending_stops().settle(waiting, wire.Refusal("over", "The test is over.", "wire"))
 
 
 def test_without_database_nobody_is_known_by_name(no_database: None) -> None:

@@ -46,7 +46,7 @@ class Command(BaseCommand):
         if options["all"] == bool(slugs):
             raise CommandError("Name robots, or say --all.")
         by, reason = f"{_who()} (command line)", _clean(options["reason"])
-        sockets = [] if slugs else sorted(str(path) for path in settings.FLEET_RUN_DIR.glob("*.sock"))
+        sockets = [] if slugs else _sockets()
         addresses = [(None, LinkAddress(unix_path=path)) for path in sockets]
         with ThreadPoolExecutor(1) as thread:
             pressed = thread.submit(press_at, addresses, by, reason)
@@ -112,6 +112,12 @@ class Command(BaseCommand):
         record_outcome(pressed, actor=here(), result=result)
         if pressed is None:
             self.stderr.write(f"{robot.slug}: not recorded, see the log")
+
+
+def _sockets() -> list[str]:
+    """Of each robot with bridge or watchdog on this computer, its bridge's: a bridge between two lives has none."""
+    found = [path for kind in ("*.sock", "*.stop") for path in settings.FLEET_RUN_DIR.glob(kind)]
+    return sorted({str(path.with_suffix(".sock")) for path in found})
 
 
 def _registered(slugs: list[str]) -> Future[list[Robot]]:
