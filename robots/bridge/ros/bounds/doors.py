@@ -37,8 +37,8 @@ PER_S, AT_ONCE = 100.0, 300.0  # connections, and calls, of one address
 MOST_ADDRESSES = 256
 
 
-# A call was too large to be read. If it was the master's, it named publishers: it is asked for them.
-TOO_LARGE = threading.Event()
+# A call was refused. If it was the master's, it named publishers: it is asked for them.
+UNHEARD = threading.Event()
 
 
 class Callers:
@@ -127,7 +127,6 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
         if not self.server.callers.may(self.client_address[0], time.monotonic()):
             self._refuse(503, "too many calls")
         elif not size.isdecimal() or int(size) > LARGEST_CALL or self.headers.get("Content-Encoding"):
-            TOO_LARGE.set()
             self._refuse(413, "a call must be short, with its length, and not compressed")
         else:
             self.connection.settimeout(HEADER_S)
@@ -135,6 +134,7 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
             self.connection.settimeout(IDLE_S)
 
     def _refuse(self, code: int, words: str) -> None:
+        UNHEARD.set()
         self.close_connection = True
         self.send_error(code, words)
 
@@ -153,6 +153,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Not of an address that comes too often; of too many the oldest goes."""
         if not self.callers.may(client_address[0], time.monotonic()):
+            UNHEARD.set()
             return False
         self.callers.enter(request)
         return True
@@ -243,6 +244,10 @@ def bind_address(address: str | None = None) -> str:
     if advertised:
         try:
             found = socket.gethostbyname(advertised)
+            if (
+                found.startswith("127.") and found != advertised
+            ):  # Debian calls a computer's own name 127.0.1.1
+                return str(_rospys_own(address))
             with socket.socket() as probe:
                 probe.bind((found, 0))
             return found

@@ -26,7 +26,7 @@ from rospy.impl.transport import INBOUND
 
 from robots.bridge.flood import Budget
 from robots.bridge.ros.bounds.board import BOARD
-from robots.bridge.ros.bounds.doors import TOO_LARGE
+from robots.bridge.ros.bounds.doors import UNHEARD
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.master import Master, MasterError
@@ -39,7 +39,6 @@ AGAIN_S = (
     30.0,
 )  # until one that could not be reached is tried again: doubled each time, up to the second
 CONNECT_S = 5.0
-MOST_PUBLISHERS = 16  # of a topic that are listened to
 MOST_DIALLING = 32  # connections that are being made, of all topics
 LOOK_S = 1.0  # how often it is looked who may be tried again
 
@@ -166,10 +165,9 @@ def connect(manager: Any, topic: str, uri: str) -> None:
     subscriber = get_topic_manager().get_subscriber_impl(topic)
     if subscriber is None or subscriber.has_connection(uri) or BOARD.barred(topic, uri):
         return
-    if len(subscriber.connections) >= MOST_PUBLISHERS:
-        BOARD.complain(
-            topic, f"{topic}: more than {MOST_PUBLISHERS} nodes publish; the others are not heard."
-        )
+    most = kind_of(topic, subscriber.type).publishers
+    if len(subscriber.connections) >= most:
+        BOARD.complain(topic, f"{topic}: more than {most} nodes publish; the others are not heard.")
         BOARD.bar(topic, uri, time.monotonic() + DROPPED_S)
         return
     with _lock:
@@ -227,17 +225,19 @@ class Manager(RegManager):  # type: ignore[misc]
 
     def publisher_update(self, topic: str, uris: list[Any]) -> None:
         """The master, or somebody who says so, names a topic's publishers: not too many are heard of."""
-        if get_topic_manager().get_subscriber_impl(topic) is not None:
+        subscriber = get_topic_manager().get_subscriber_impl(topic)
+        if subscriber is not None:
+            most = 2 * kind_of(topic, subscriber.type).publishers
             found = dict.fromkeys(uri for uri in uris if isinstance(uri, str) and len(uri) <= NAME)
-            super().publisher_update(topic, list(found)[: 2 * MOST_PUBLISHERS])
+            super().publisher_update(topic, list(found)[:most])
 
     def _try_again(self) -> None:
         """Ask the master again for the publishers of topics on which some were left alone."""
         while not rospy.is_shutdown():
             time.sleep(LOOK_S)
             topics = BOARD.released(time.monotonic())
-            if TOO_LARGE.is_set():
-                TOO_LARGE.clear()
+            if UNHEARD.is_set():
+                UNHEARD.clear()
                 topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
                 time.sleep(
                     DROPPED_S / 2.0
