@@ -59,6 +59,7 @@ _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a messag
 _LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
 _WATCH_S = 0.1  # how often the loop's own lateness is looked at
 _WAITING_PACE_S = 0.5  # between two looks for pending stops
+_DISK_S = 0.5  # a disk that does not tell them by then hangs, and keeps no link from coming up
 _LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
 
 _FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
@@ -408,8 +409,9 @@ class BridgeLink:
     async def _talk(self, socket: ClientConnection) -> None:
         try:
             hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
-            for stop in (await self._waiting())[-1:]:
-                await socket.send(wire.encode(stop.message()), text=True)
+            with suppress(asyncio.TimeoutError):  # then it is delivered later
+                for stop in (await asyncio.wait_for(self._waiting(), _DISK_S))[-1:]:
+                    await socket.send(wire.encode(stop.message()), text=True)
             await socket.send(wire.encode(hello), text=True)
             self._open = socket
             while True:

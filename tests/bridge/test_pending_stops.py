@@ -229,6 +229,21 @@ def test_a_stop_that_cannot_be_written_leaves_an_older_one_on_the_disk(run_dir: 
     assert stops.all() == []
 
 
+async def test_a_disk_that_hangs_keeps_no_link_from_coming_up(
+    address: LinkAddress, bridge: Bridge, run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = threading.Event()
+    stops = PendingStops(run_dir)
+    monkeypatch.setattr(stops, "of", lambda _name: answers.wait() and [])
+    await bridge.server.start()
+    link = BridgeLink(ROBOT, address, stops)
+    try:
+        await until(lambda: link.up, "the link is up")
+    finally:
+        answers.set()
+        await link.close()
+
+
 def test_a_damaged_file_is_a_stop_all_the_same(run_dir: Path) -> None:
     stops, stop = PendingStops(run_dir), Waiting("0123456789ab", uuid4(), None, "Ann")
     stops.keep(stop)
