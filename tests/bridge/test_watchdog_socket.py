@@ -78,6 +78,30 @@ async def test_stops_of_a_watchdog_with_lower_numbers_than_the_last_are_heard(
     beats.close()
 
 
+async def test_a_stop_at_which_the_bridge_broke_is_told_again(
+    tmp_path: Path, open_lane: Callable[[], Lane]
+) -> None:
+    """Else the watchdog would hold the robot for ever, and no bridge would know why."""
+    presses: asyncio.Queue[Press] = asyncio.Queue()
+    broken = asyncio.Event()
+
+    def hear(press: Press) -> None:
+        if not broken.is_set():
+            broken.set()
+            raise RuntimeError("broken")
+        presses.put_nowait(press)
+
+    asyncio.get_running_loop().set_exception_handler(lambda *_: None)
+    beats, lane = Beats(str(tmp_path / "robot.stop"), hear), open_lane()
+    beats.beat(Beat())
+    connection, _ = await said(lane)
+    for _ in range(2):
+        lane.send(connection, wire.encode(Press(100, "Ann")))
+        await asyncio.wait_for(broken.wait(), PATIENCE_S)
+    assert (await asyncio.wait_for(presses.get(), PATIENCE_S)).number == 100
+    beats.close()
+
+
 def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_heard(tmp_path: Path) -> None:
     robot = uuid4()
     Store(tmp_path, str(robot)).save(Persisted(True, "Ann", "smoke", 3))

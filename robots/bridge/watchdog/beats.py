@@ -95,8 +95,8 @@ class Beats:
         if (
             press.number != self._told
         ):  # no order: the clock may have been set back since the last watchdog began
-            self._told = press.number
             self._on_press(press)
+            self._told = press.number  # one that broke is told again with the next beat
 
     def _lost(self) -> None:
         self.close()
