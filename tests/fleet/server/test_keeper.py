@@ -2,7 +2,7 @@
 
 import threading
 
-from fleet.server import pages
+from fleet.server.command import pages  # by way of Daphne, which chooses the reactor
 
 
 class Started:
