@@ -148,22 +148,21 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         """Bytes that trickle in do not buy time: a request has to be there in time."""
 
     def dataReceived(self, data: bytes) -> None:
-        """More of a request. It waits for its turn unless it is much."""
-        if self._unheard or len(data) > limits.HEAD_BYTES:
-            data, self._unheard = self._unheard + data, b""
-            self._hear(data)
-        else:
-            self._unheard = data
+        """More of a request. It waits for its turn."""
+        if not self._unheard:
             self.server.turns.take(self._take_turn)
+        self._unheard += data
+        if len(self._unheard) > limits.UNHEARD_BYTES:
+            self.transport.pauseProducing()
 
     def _take_turn(self) -> None:
         data, self._unheard = self._unheard, b""
-        if data:
+        if data and not self._leaving:
+            if len(data) > limits.UNHEARD_BYTES and not self._waitingForTransport:
+                self.transport.resumeProducing()
             self._hear(data)
 
     def _hear(self, data: bytes) -> None:
-        if self._leaving:
-            return
         if self._between:
             self._between = False
             self.setTimeout(limits.HEAD_S)

@@ -16,6 +16,8 @@ BODY_BYTES = 64 * 1024  # of a stranger: a sign-in form has less than one
 SIGNED_IN_BODY_BYTES = 4 * 1024 * 1024  # an admin form: Django itself takes 2.5 MB
 BODIES_BYTES = 64 * 1024 * 1024  # all bodies that arrive at this moment
 
+UNHEARD_BYTES = 64 * 1024  # of one connection, that wait for their turn: no more is read meanwhile
+
 HEAD_S = 10.0  # from the first byte of a request, or from connecting, to the end of its headers
 BODY_S = 60.0  # from the end of the headers to the end of the body
 IDLE_S = 60.0  # between two requests

@@ -2,10 +2,12 @@
 
 import http.client
 import json
+import re
 
 import pytest
 
 from fleet.server import limits
+from tests.fleet.server.conftest import heard
 
 MEGABYTE = 1024 * 1024
 HEAD = b"POST /accounts/sign-in/ HTTP/1.1\r\nHost: 127.0.0.1\r\n"
@@ -84,3 +86,14 @@ def test_several_requests_go_by_one_connection(web):
         answer = connection.getresponse()
         assert (answer.status, answer.getheader("Connection")) == (401, None)
         answer.read()
+
+
+def test_requests_that_come_at_once_by_one_connection_are_answered_in_order(web):
+    with web.connect() as stranger:
+        one = b"GET /robots/%s/ HTTP/1.1\r\nHost: 127.0.0.1\r\nAccept: text/html\r\n\r\n"
+        last = b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n"
+        stranger.sendall(b"".join(one % path for path in (b"a", b"b", b"c")) + last)
+        answers = heard(stranger)
+    statuses = re.findall(rb"HTTP/1\.[01] (\d+)", answers)
+    places = re.findall(rb"next=/robots/(\w)", answers)
+    assert (statuses, places) == ([b"302", b"302", b"302", b"200"], [b"a", b"b", b"c"])
