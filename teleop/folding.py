@@ -19,6 +19,7 @@ from robots.bridge.flood import Budget
 logger = logging.getLogger(__name__)
 
 MOST = 500  # folds at once of what anybody chooses the keys of; what happens beyond is only logged
+MOST_OF_PERSON = 100  # of these: who waits for the own budget must not take the places of others
 RECORDS_PER_S = 0.2  # of one person, from one web process
 RECORDS_BURST = 30.0
 _SPARED = 1000  # keys that are remembered to have been written without a budget
@@ -94,12 +95,18 @@ class FoldingLog(Generic[E]):
             fold = self._folds.get(event.key)
             if fold is not None:
                 fold.newest, fold.times = event, fold.times + 1
-            elif self._most is not None and len(self._folds) >= self._most:
+            elif not self._has_room(event.person.pk):
                 logger.error("too much to record: %s is lost", event.key)
             else:
                 self._folds[event.key] = _Fold(event, 1, time.monotonic())
                 self._see_to_the_thread()
                 self._changed.notify()
+
+    def _has_room(self, person: Hashable) -> bool:
+        if self._most is None:
+            return True
+        of_person = sum(fold.newest.person.pk == person for fold in self._folds.values())
+        return len(self._folds) < self._most and of_person < MOST_OF_PERSON
 
     def flush(self) -> None:
         """Write at once what waits, and be done with it: for the end of the process."""

@@ -82,6 +82,18 @@ def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(mon
     assert sum(times for who, times in told if who is person) == 300
 
 
+def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
+    told = []
+    log = folding.FoldingLog(lambda denied, times: told.append(denied.person))
+    person, other = User(username="p"), User(username="q")
+    for number in range(2 * folding.MOST):
+        log.note(denied(person, f"code_{number}"))
+    log.note(denied(other))
+    assert_soon(lambda: other in told)
+    log.flush()
+    assert len(told) <= folding.MOST_OF_PERSON + folding.RECORDS_BURST + 1
+
+
 def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_before():
     told = []
     log = folding.FoldingLog(lambda press, times: told.append((press.of, times)), most=None)
