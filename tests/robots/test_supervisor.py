@@ -13,6 +13,7 @@ import psutil
 import pytest
 
 from robots.ending import EXIT_NAME_LOST, EXIT_NOT_JOINED
+from robots.management.commands.run_fleet import eager
 from robots.models import BridgeStatus
 from robots.supervisor import (
     KILL_S,
@@ -39,6 +40,14 @@ def test_waits_grow_and_a_spent_budget_rests() -> None:
 def test_a_program_that_falls_rarely_is_back_soon_each_time() -> None:
     budget = RestartBudget(first_s=0.5, window_s=60.0)
     assert [budget.wait_s(at) for at in (0, 100, 200, 300, 400, 500, 600, 700)] == [0.5] * 8
+
+
+def test_a_watchdog_is_back_at_once_and_one_that_cannot_start_leaves_the_processor_to_others() -> None:
+    budget, now_s, starts = eager(), 0.0, 0
+    assert eager().wait_s(0.0) <= 0.1
+    while now_s < 600.0:
+        now_s, starts = now_s + budget.wait_s(now_s), starts + 1
+    assert starts <= 80, "half a second of a processor each"
 
 
 class Kept:

@@ -47,8 +47,11 @@ WATCHDOG = ("-m", "robots.bridge.watchdog")
 
 
 def eager() -> RestartBudget:
-    """A watchdog is back soon, however often it ends: without it a stop depends on the bridge alone."""
-    return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=1.0)
+    """A watchdog is back soon: without it a stop depends on the bridge alone.
+
+    One that cannot start rests: a start takes half a second of a processor, which the robots' bridges need.
+    """
+    return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=10.0)
 
 
 class Command(BaseCommand):
