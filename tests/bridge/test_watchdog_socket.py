@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from uuid import uuid4
@@ -100,6 +101,21 @@ async def test_a_stop_at_which_the_bridge_broke_is_told_again(
         await asyncio.wait_for(broken.wait(), PATIENCE_S)
     assert (await asyncio.wait_for(presses.get(), PATIENCE_S)).number == 100
     beats.close()
+
+
+def test_a_stop_that_is_kept_outlives_its_watchdog_and_a_damaged_file_is_one_as_well(tmp_path: Path) -> None:
+    robot = uuid4()
+    kept = Kept(str(tmp_path), robot)
+    kept.start()
+    kept.keep(Press(100, "Ann", "smoke"))
+    end_s = time.monotonic() + PATIENCE_S
+    while not (found := list(tmp_path.glob("*.pressed"))):
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+    assert Kept(str(tmp_path), robot).load() == Press(100, "Ann", "smoke")
+    found[0].write_bytes(b"\0" * 100)
+    damaged = Kept(str(tmp_path), robot).load()
+    assert damaged is not None and damaged.by == "somebody"
 
 
 def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_heard(tmp_path: Path) -> None:

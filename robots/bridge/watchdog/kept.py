@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
+import os
 import threading
 from pathlib import Path
 from uuid import UUID
@@ -23,14 +23,18 @@ class Kept:
         self._path = Path(state_dir) / f"{robot_id.hex[:12]}.pressed"
         self._bridge = Store(Path(state_dir), str(robot_id))
         self._newest: Press | None = None
-        self._written: Press | None = None
         self._news = threading.Event()
 
     def load(self) -> Press | None:
-        """The stop that the last watchdog left to a bridge, if any."""
-        with contextlib.suppress(OSError, msgspec.DecodeError):
-            self._newest = self._written = msgspec.json.decode(self._path.read_bytes(), type=Press)
-        return self._written
+        """The stop that the last watchdog left to a bridge, if any. A file that makes no sense is a stop as well."""
+        try:
+            self._newest = msgspec.json.decode(self._path.read_bytes(), type=Press)
+        except FileNotFoundError:
+            return None
+        except (OSError, msgspec.DecodeError) as error:
+            log.error("%s cannot be read: %s", self._path, error)
+            self._newest = Press(1, "somebody", "the file of this stop is damaged")
+        return self._newest
 
     def before(self) -> Beat:
         """What the bridge did by its state file. It need not be told of a stop that it has written there."""
@@ -63,5 +67,8 @@ class Kept:
             return
         self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         fresh = self._path.with_suffix(".new-press")
-        fresh.write_bytes(msgspec.json.encode(press))
+        with fresh.open("wb") as file:
+            file.write(msgspec.json.encode(press))
+            file.flush()
+            os.fsync(file.fileno())
         fresh.replace(self._path)
