@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import daphne.server
 import pytest
 
 from script.stack.processes import Child, end_all
