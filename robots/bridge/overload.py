@@ -10,6 +10,7 @@ from robots.wire import Overload, OverloadedPart
 log = logging.getLogger(__name__)
 
 LATE_S = 0.1  # a loop that wakes so late had no processor, or too much else to do
+TOLD_S = 0.2  # people are told only of what may cost them a command, which lives 0.3 s: a short delay is common
 KEPT_S = 5.0  # for so long after it, people are told
 
 
@@ -26,10 +27,11 @@ class Lateness:
         while self._late and now_s - self._late[0][0] > KEPT_S:
             self._late.popleft()
         if late_s >= LATE_S:
+            self._late.append((now_s, late_s))
+        if late_s >= TOLD_S:
             if not self._worst_s:
                 log.warning("this computer is overloaded: the %s was %.2f s late", self._part, late_s)
             self._worst_s = max(self._worst_s, late_s)
-            self._late.append((now_s, late_s))
         elif self._worst_s and not self._late:
             log.warning(
                 "this computer keeps up again; the %s was up to %.2f s late", self._part, self._worst_s
@@ -43,4 +45,5 @@ class Lateness:
     def told(self, now_s: float) -> Overload | None:
         """What people are told of it: the worst of the last seconds."""
         late = [late_s for at_s, late_s in self._late if now_s - at_s <= KEPT_S]
-        return Overload(self._part, round(max(late), 2)) if late else None
+        worst_s = max(late, default=0.0)
+        return Overload(self._part, round(worst_s, 2)) if worst_s >= TOLD_S else None

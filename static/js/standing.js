@@ -97,7 +97,7 @@ function stopBanner(state) {
  * @param {number} now.sinceViewMs age of that state
  * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
  *   nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, info
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, overload, info
  */
 export function banner({ outdated, connected, gone, seen, state, sinceViewMs, asksNeutral }) {
   if (outdated) {
@@ -146,7 +146,7 @@ export function banner({ outdated, connected, gone, seen, state, sinceViewMs, as
   }
   if (state.overload) {
     return {
-      level: "warning",
+      level: "overload",
       title: gettext("The console’s computer is overloaded"),
       text: `${overloadText(state)} ${gettext("Commands may come late, and then the robot stops. Tell staff.")}`,
     };

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robots.bridge.gate.values import STILL
-from robots.bridge.overload import KEPT_S
+from robots.bridge.overload import KEPT_S, Lateness
 from robots.wire import Overload
 from tests.bridge.support import Bench
 
@@ -74,3 +74,12 @@ def test_an_overload_is_told_for_some_seconds_and_logged_when_it_begins_and_ends
 def test_a_tick_in_time_says_nothing(bench):
     bench.core.tick(bench.now_s, 0.02)
     assert bench.core.state(bench.now_s, []).overload is None
+
+
+def test_a_short_delay_alarms_nobody_and_still_clears_the_operator():
+    lateness = Lateness("bridge")
+    lateness.observe(0.15, now_s=1.0)
+    assert lateness.told(1.0) is None
+    assert lateness.since(0.9) == 0.15
+    lateness.observe(0.2, now_s=2.0)
+    assert lateness.told(2.0) == Overload("bridge", 0.2)

@@ -25,7 +25,7 @@ describe("the banner", () => {
   it("names a computer that does not keep up, with the figure", () => {
     const state = { ...ONLINE, overload: { part: "bridge", late_s: 0.25 } };
     expect(banner({ ...WELL, state })).toMatchObject({
-      level: "warning",
+      level: "overload",
       title: "The console’s computer is overloaded",
       text: expect.stringContaining("The robot’s bridge was 0.3 s late."),
     });
