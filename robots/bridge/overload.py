@@ -10,7 +10,7 @@ from robots.wire import Overload, OverloadedPart
 log = logging.getLogger(__name__)
 
 LATE_S = 0.1  # a loop that wakes so late had no processor, or too much else to do
-TOLD_S = 0.2  # people are told only of what may cost them a command, which lives 0.3 s: a short delay is common
+TOLD_S = 0.2  # people are told only of what may cost them a command, which lives 0.3 s
 KEPT_S = 5.0  # for so long after it, people are told
 
 
