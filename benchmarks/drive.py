@@ -1,7 +1,8 @@
 """From the stick to the robot: delay of a command from the WebSocket to another rospy process, at 50 Hz.
 
 Bare rospy and the console take turns, slot by slot, so that both meet the same moments of the machine. The limits are
-ratios of the two: see docs/decisions/delays-are-judged-beside-bare-rospy.md
+ratios of the two: see docs/decisions/delays-are-judged-beside-bare-rospy.md. They hold for a console that runs as
+docs/deployment.md says, with real-time priority; the figures without it are printed, too.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from benchmarks.parts.bare import BareRospy
 from benchmarks.parts.chromium import ChromiumPage
 from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
+from benchmarks.parts.priority import prefer_loops
 from robots.bridge.stick import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
@@ -65,6 +67,12 @@ async def measure_on(stack: Stack) -> list[Figure]:
             async with Driver(stack, ROBOT, operator) as driver:
                 await driver.take()
                 slots = Slots(bare, driver, observer)
+                if "alone" in parts:
+                    figures += await slots.compare("ordinary priority", None, None)
+                if not prefer_loops(stack):
+                    progress(
+                        "Nobody may give real-time priority here: the limits are held against ordinary priority."
+                    )
                 if "alone" in parts:
                     figures += await slots.compare("Python", P50_TIMES, P99_TIMES)
                 if "viewers" in parts:

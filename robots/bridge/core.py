@@ -88,7 +88,8 @@ class Reported(Struct):
 class Core:
     """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on.
 
-    `on_scan` is called once a scan is in: a picture drawn then is the freshest.
+    `on_scan` is called once a scan is in: a picture drawn then is the freshest. `on_news` is called when a sensor told
+    something while somebody may drive: `prepare` then spares the next command the work.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class Core:
         publisher: Publisher,
         stops_before: int = 0,
         on_scan: Callable[[], None] = lambda: None,
+        on_news: Callable[[], None] = lambda: None,
     ) -> None:
         self.config = config
         self.grants = Grants(left.fence)
@@ -116,6 +118,7 @@ class Core:
         self._drives = drives
         self._announce = announce
         self._on_scan = on_scan
+        self._on_news = on_news
         self._stick = Stick(self.config.stick)
         self._twists = Stick()  # velocities that the holder's tools ask for, where the stick asks for none
         self._page_gone_s: float | None = None
@@ -287,6 +290,11 @@ class Core:
         self._decide(now_s)
         self.orders.tick(self._sent, self._page_gone_s, now_s)
 
+    @property
+    def hurries(self) -> bool:
+        """Whether what sensors tell is needed at once, and not only at the next tick. May be asked on any thread."""
+        return self.grants.current is not None or self.stop_state.state == "stopping"
+
     def publishing(self, now_s: float) -> bool:
         """Whether twists go out: for control, a stop, or the moment after."""
         return now_s < self._publish_until_s
@@ -324,24 +332,24 @@ class Core:
         skew_s, steadied_s = stamp_s - wall_s, self._reported.skew_s
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
-        self._prepare(arrival_s)
+        self._tell_news()
 
     def laser(self, scan: LaserScan) -> None:
         """One scan."""
         self._gate.observe_scan(scan)
-        self._prepare(scan.arrival_s)
+        self._tell_news()
         self._on_scan()
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
         """One sonar reading."""
         max_range_m = self._sonar_reach_m.get(source, math.inf)
         self._gate.observe_range(source, stamp_s, arrival_s, range_m, max_range_m)
-        self._prepare(arrival_s)
+        self._tell_news()
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """One picture of the depth camera."""
         self._gate.observe_depth(frame, stamp_s, arrival_s)
-        self._prepare(arrival_s)
+        self._tell_news()
 
     def posture(self, arm: Posture, arrival_s: float) -> None:
         """Where the arm is."""
@@ -360,10 +368,13 @@ class Core:
         """Whether the robot is on its charger."""
         self._reported.charging = charging
 
-    def _prepare(self, arrival_s: float) -> None:
-        """Let the gate reckon now what a command would wait for, while somebody may drive."""
+    def prepare(self, now_s: float) -> None:
+        """Let the gate reckon now what a command would wait for."""
+        self._gate.prepare(now_s)
+
+    def _tell_news(self) -> None:
         if self.grants.current:
-            self._gate.prepare(arrival_s)
+            self._on_news()
 
     # --- what is told of it ------------------------------------------------------------------------
 
@@ -376,6 +387,27 @@ class Core:
         """First word to a web process. It needs nothing that the robot tells."""
         return wire.BridgeHello(wire.PROTOCOL, self.config.robot_id, self.config.slug, self.grants.highest)
 
+    def headline(self, now_s: float) -> tuple[object, ...]:
+        """The part of the state that is told at once when it changes."""
+        grant, orders = self.grants.current, self.orders
+        motion, speech = orders.motions.view(now_s), orders.speaking.view(now_s)
+        return (
+            *self._phase(now_s),
+            self.stop_state,
+            grant and (grant.fence, self._neutral_needed),
+            motion and motion.name,
+            orders.motions.last,
+            speech and (speech.number, speech.status, speech.word),
+            orders.speaking.last,
+            orders.choices.chosen,
+            dict(orders.choices.gone),
+            orders.publishings.view,
+        )
+
+    @property
+    def _neutral_needed(self) -> wire.NeutralNeeded | None:
+        return (self._asking or self._stick).owes
+
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
@@ -386,7 +418,7 @@ class Core:
             stop=self.stop_state,
             grant=self.grants.current,
             seq=self._stick.seq,
-            neutral_needed=(self._asking or self._stick).owes,
+            neutral_needed=self._neutral_needed,
             foreign=self._ros.foreign,
             verdict=self._verdict,
             refused=self.refused,

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -47,8 +47,7 @@ MOST_BYTES = 768 * 1024 * 1024
 TICK_S = 0.05
 _VIEW_GAP_S = 0.05  # while somebody looks, a view with each scan, but not more often than this
 _VIEW_LATEST_S = 0.15  # without scans too
-_STATUS_TICKS = 10  # a status every 0.5 s in any case
-
+_STATUS_S = 0.5 - TICK_S / 2.0  # a status every 0.5 s in any case
 END_S = 4.0  # from being told to end, whatever hangs: the database, the disk
 
 
@@ -74,7 +73,8 @@ class Bridge:
             self._announce,
             self._inspection,
             stops_before,
-            on_scan=lambda: self._view(_VIEW_GAP_S),
+            on_scan=lambda: self._soon(self._view_scan),
+            on_news=lambda: self._soon(self._prepare),
         )
         self._core.know(presses)
         self._maps = Maps(config, self._records.keep_map)
@@ -82,10 +82,12 @@ class Bridge:
         door = Reception(self._core, self._leasing, self._inspection)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
         self._beats = Beats(lane_path(config), self._pressed)
-        self._ended = asyncio.Event()
+        self._ended = False
+        self._wake = asyncio.Event()
         self._exit_code = 0
-        self._last_key: tuple[object, ...] = ()
-        self._viewed_s = float("-inf")
+        self._told: tuple[object, ...] = ()
+        self._viewed_s = self._told_s = float("-inf")
+        self._due: set[Callable[[], None]] = set()
 
     async def run(self) -> int:
         """Until the supervisor goes or a signal comes; leaves the robot at zero. Returns the exit code."""
@@ -94,14 +96,14 @@ class Bridge:
         loop = asyncio.get_running_loop()
         self._beat(time.monotonic())  # what only the watchdog heard is latched before the robot is joined
         self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
-        self._base.start(loop, self._core, self._node_lost)
-        garbage = Garbage()
+        self._base.start(loop, self._core, self._after_commands, self._node_lost)
+        self._garbage = Garbage()
         prefer_this_thread()
         try:
-            await self._tick_until_ended(garbage)
+            await self._tick_until_ended()
         finally:
             lift_limit()
-            self._ended.set()
+            self._ended = True
             leave_within(END_S)
             self._links.shut()  # nobody drives a robot that is being let go of
             self._let_go(time.monotonic())
@@ -115,25 +117,50 @@ class Bridge:
             self._leasing.close()
         return self._exit_code
 
+    # --- one piece of work at a time ----------------------------------------------------------------
+
+    def _soon(self, piece: Callable[[], None]) -> None:
+        """Do this once, in a turn of the loop of its own."""
+        if piece not in self._due:
+            self._due.add(piece)
+            asyncio.get_running_loop().call_soon(self._do_due, piece)
+
+    def _do_due(self, piece: Callable[[], None]) -> None:
+        self._due.discard(piece)
+        self._after_commands(piece)
+
+    def _after_commands(self, piece: Callable[[], None]) -> None:
+        """Commands that came by now go first: they wait for one piece of work at most, not for all that is due."""
+        self._links.read_lanes()
+        piece()
+
+    def _prepare(self) -> None:
+        self._core.prepare(time.monotonic())
+
+    def _view_scan(self) -> None:
+        self._view(_VIEW_GAP_S)
+
     # --- the clock ---------------------------------------------------------------------------------
 
-    async def _tick_until_ended(self, garbage: Garbage) -> None:
-        count = 0
+    async def _tick_until_ended(self) -> None:
+        loop = asyncio.get_running_loop()
         due_s = time.monotonic()
-        while not self._ended.is_set():
+        while not self._ended:
+            self._soon(self._base.hear)  # and commands, which after a stall count before their absence does
+            await asyncio.sleep(0.0)
             now_s = time.monotonic()
-            self._links.read_lanes()  # after a stall: commands that came in time count before their absence does
             self._core.tick(now_s, now_s - due_s)
             self._beat(now_s)
             grant = self._core.grants.current
             self._base.look(grant is not None)
             self._maps.look(grant.fence if grant else None, now_s)
-            self._show(now_s, count)
-            garbage.collect(now_s, waits=grant is not None)
-            count += 1
+            self._soon(self._show)
+            self._soon(self._collect)
             due_s = max(due_s, now_s - TICK_S) + TICK_S  # after a stall: on from here, no catching up
-            with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._ended.wait(), due_s - time.monotonic())
+            alarm = loop.call_at(due_s, self._wake.set)
+            await self._wake.wait()
+            self._wake.clear()
+            alarm.cancel()
 
     def _beat(self, now_s: float) -> None:
         """Tell the watchdog that this loop runs, and what it does."""
@@ -159,25 +186,20 @@ class Bridge:
         self._leasing.save_latch().add_done_callback(written)
 
     def _recorded(self) -> None:
-        if not self._ended.is_set():
+        if not self._ended:
             self._core.recorded(time.monotonic())
 
-    def _show(self, now_s: float, count: int) -> None:
+    def _collect(self) -> None:
+        self._garbage.collect(time.monotonic(), waits=self._core.grants.current is not None)
+
+    def _show(self) -> None:
+        now_s = time.monotonic()
         self._view(_VIEW_LATEST_S)
-        state = self._state(now_s)
-        watchers = (*state.watchers, state.watchers_more)
-        key = (
-            state.phase,
-            state.text,
-            state.stop,
-            state.fence,
-            state.neutral_needed,
-            watchers,
-            _under_way(state),
-        )
-        if key != self._last_key or count % _STATUS_TICKS == 0:
-            self._last_key = key
-            self._announce(wire.Status(state))
+        watchers, more = self._watchers()
+        news = (*self._core.headline(now_s), *watchers, more)
+        if news != self._told or now_s - self._told_s >= _STATUS_S:
+            self._told, self._told_s = news, now_s
+            self._announce(wire.Status(self._core.state(now_s, watchers, more)))
 
     def _view(self, gap_s: float) -> None:
         """Show the robot to who looks, unless the last picture is younger than `gap_s`."""
@@ -187,16 +209,16 @@ class Bridge:
             return
         self._viewed_s = now_s
         scan = view.scan(self._gate, self._sonars, now_s)
-        shown = wire.encode_report(wire.View(self._state(now_s), scan))
+        shown = wire.encode_report(wire.View(self._core.state(now_s, *self._watchers()), scan))
         for link in looked_at:
             link.show(shown)
 
-    def _state(self, now_s: float) -> wire.State:
-        more = sum(link.watchers_more for link in self._links.links)
-        return self._core.state(now_s, self._watchers(), more)
-
-    def _watchers(self) -> list[str]:
-        return sorted({name for link in self._links.links for name in link.watchers})
+    def _watchers(self) -> tuple[list[str], int]:
+        """Who looks, and how many more than can be named."""
+        links = self._links.links
+        return sorted({name for link in links for name in link.watchers}), sum(
+            link.watchers_more for link in links
+        )
 
     def _announce(self, message: Struct) -> None:
         for link in self._links.links:
@@ -210,10 +232,14 @@ class Bridge:
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(self._failed)
         for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, self._ended.set)
+            loop.add_signal_handler(number, self._end)
         lifeline = sys.stdin.fileno()
         os.set_blocking(lifeline, False)
         loop.add_reader(lifeline, self._lifeline, lifeline)
+
+    def _end(self) -> None:
+        self._ended = True
+        self._wake.set()
 
     def _let_go(self, now_s: float) -> None:
         """The robot is left at zero, whatever comes of telling those who still wait for something."""
@@ -227,7 +253,7 @@ class Bridge:
 
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED
-        self._ended.set()
+        self._end()
 
     def _failed(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """A callback broke: it is logged, and the others go on. Without memory none does."""
@@ -242,15 +268,7 @@ class Bridge:
                 return
             log.info("the supervisor is gone: stopping")
             asyncio.get_running_loop().remove_reader(lifeline)
-            self._ended.set()
-
-
-def _under_way(state: wire.State) -> tuple[object, ...]:
-    """What of the state besides driving must be told at once."""
-    motion = state.motion and state.motion.name
-    speech = state.speech and (state.speech.number, state.speech.status, state.speech.word)
-    choices = state.chosen, state.choice_ended
-    return motion, state.motion_ended, speech, state.speech_ended, choices, state.publishing
+            self._end()
 
 
 def _pending_stops(config: BridgeConfig) -> list[Waiting]:

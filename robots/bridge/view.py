@@ -91,13 +91,13 @@ def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
 def _centimetres(obstacles: Obstacles, kinds: Collection[Kind], grain: int = 1) -> list[int]:
     """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
     drawn = np.array([kind in kinds for kind in obstacles.kinds], dtype=np.bool_)
-    points = obstacles.points[drawn[obstacles.source]]
-    near = points[np.einsum("ij,ij->i", points, points) < VIEW_RADIUS_M**2]
-    places = np.rint(near * (100 / grain)).astype(np.int64)
+    x, y = obstacles.points.T
+    rows = np.flatnonzero(drawn[obstacles.source] & (x * x + y * y < VIEW_RADIUS_M**2))
+    places = np.rint(obstacles.points.T.take(rows, axis=1) * (100 / grain)).astype(np.int32)
     if grain > 1:
-        _, kept = np.unique((places[:, 0] << 32) + places[:, 1], return_index=True)
-        places = places[kept] * grain
-    flat: list[int] = places.ravel().tolist()
+        _, kept = np.unique(places[0] * 10_000 + places[1], return_index=True)
+        places = places.take(kept, axis=1) * grain
+    flat: list[int] = places.T.ravel().tolist()
     return flat
 
 

@@ -300,12 +300,17 @@ class Bench:
             state,
             self.told.append,
             self.publisher,
+            on_news=self._count_news,
         )
+        self.news = 0  # what sensors told while somebody had control
         self.seq = 0
         self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
         self.speed = STILL
         self.x = 0.0
         self.map_to_odom: Pose | None = None
+
+    def _count_news(self) -> None:
+        self.news += 1
 
     def close(self) -> None:
         """The bridge ends."""

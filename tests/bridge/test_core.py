@@ -617,9 +617,7 @@ def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench
     assert bench.core.state(bench.now_s, []).verdict.limits == []
 
 
-def test_the_gate_prepares_for_commands_at_each_arrival_while_somebody_has_control(bench):
-    prepared = []
-    bench.gate.prepare = prepared.append
+def test_each_arrival_asks_for_the_gate_to_be_prepared_while_somebody_has_control(bench):
     bench.gate.observe_scan = lambda _scan: None
     scan = LaserScan("laser", 50.0, 101.0, [1.0], 0.0, 0.1, 0.1, 9.0)
     for granted in (False, True):
@@ -628,4 +626,4 @@ def test_the_gate_prepares_for_commands_at_each_arrival_while_somebody_has_contr
         bench.core.odometry(50.0 + granted, 100.5, Pose(0.0, 0.0, 0.0), STILL, 50.0)
         bench.core.laser(scan)
         bench.core.range("sonar", 50.0, 101.5, 1.0)
-    assert prepared == [100.5, 101.0, 101.5], "while nobody has control nothing is prepared"
+        assert bench.news == (3 if granted else 0), "while nobody has control nothing is prepared"

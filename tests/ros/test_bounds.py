@@ -195,9 +195,29 @@ def test_of_a_source_the_newest_waits_and_one_call_at_most():
     assert done[-1] == "again"
 
 
+def test_what_can_wait_wakes_nobody_and_is_taken_before_what_cannot():
+    loop, done, hurry = _Loop(), [], [False]
+    mail = Mailboxes(loop.later, lambda: hurry[0])
+    for number in range(3):
+        mail.post("odometry", lambda number=number: done.append(number), depth=2, can_wait=True)
+    mail.post("broken", lambda: 1 / 0, can_wait=True)
+    mail.post("battery", lambda: done.append("battery"), can_wait=True)
+    assert not loop.calls
+    mail.post("scan", lambda: done.append("scan"))
+    with pytest.raises(ZeroDivisionError):
+        loop.run()
+    assert done == [1, 2, "scan"]
+    mail.take_waiting()  # at the next tick
+    assert done == [1, 2, "scan", "battery"]
+    hurry[0] = True
+    mail.post("odometry", lambda: done.append("at once"), can_wait=True)
+    loop.run()
+    assert done[-1] == "at once"
+
+
 def test_a_source_that_costs_the_loop_more_than_its_share_is_dropped():
     loop, speaker = _Loop(), _Speaker()
-    mail = Mailboxes(loop.later, lambda: speaker, lambda: loop.worked_s)
+    mail = Mailboxes(loop.later, speaker=lambda: speaker, worked=lambda: loop.worked_s)
 
     def work(cost_s: float) -> None:
         loop.worked_s += cost_s
@@ -313,7 +333,9 @@ def test_a_call_refused_for_the_rate_may_have_been_the_masters_which_is_asked_th
 def test_a_laser_of_40_hz_may_cost_a_slow_computers_loop_a_fifth():
     """1081 beams took 0.06 of it on a computer of 2026, without pictures for those who look."""
     loop, speaker, now_s = _Loop(), _Speaker(), itertools.count(step=0.025)
-    mail = Mailboxes(loop.later, lambda: speaker, lambda: loop.worked_s, lambda: next(now_s))
+    mail = Mailboxes(
+        loop.later, speaker=lambda: speaker, worked=lambda: loop.worked_s, clock=lambda: next(now_s)
+    )
 
     def work() -> None:
         loop.worked_s += 0.2 * 0.025

@@ -96,9 +96,10 @@ class RosBase:
         self._looking_up = Errands("motion")  # of its own: a list may take seconds
         self._watcher = MasterWatcher(self._master, self)
         self._described = False
-        self._mail = Mailboxes(self._post, speaker)
+        self._mail = Mailboxes(self._post, lambda: self._core.hurries, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
+        self._do: Callable[[Callable[[], None]], None]
         self._on_lost: Callable[[bool], None]
 
     # --- as Core sees it ---------------------------------------------------------------------------
@@ -210,18 +211,28 @@ class RosBase:
         if self._costly is not None:
             self._costly.look(wanted)
 
+    def hear(self) -> None:
+        """On the loop, at each tick: what the robot told and could wait."""
+        self._mail.take_waiting()
+
     def map_to_odom(self) -> Pose | None:
         """The odometry frame in the map's, if the robot has a map and somebody drives."""
         return self._tf.map_to_odom() if self._tf else None
 
     # --- life ----------------------------------------------------------------------------------------
 
-    def start(self, loop: asyncio.AbstractEventLoop, core: Core, on_lost: Callable[[bool], None]) -> None:
+    def start(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        core: Core,
+        do: Callable[[Callable[[], None]], None],
+        on_lost: Callable[[bool], None],
+    ) -> None:
         """Begin to look for the master. After `on_lost` only another process can be this robot's node.
 
-        It is told whether that is because another one took the name.
+        It is told whether that is because another one took the name. `do` does on the loop what the robot told.
         """
-        self._loop, self._core, self._on_lost = loop, core, on_lost
+        self._loop, self._core, self._do, self._on_lost = loop, core, do, on_lost
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
@@ -399,6 +410,7 @@ class RosBase:
             "odometry",
             lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s),
             ODOMETRY_WAITS,
+            can_wait=True,
         )
 
     def _on_scan(self, source: str) -> Callable[[Any], None]:
@@ -413,18 +425,20 @@ class RosBase:
         frame_id = message.header.frame_id.lstrip("/")
         if frame_id in self._sonars:
             self._mail.post(
-                ("sonar", frame_id), lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range)
+                ("sonar", frame_id),
+                lambda: self._core.range(frame_id, stamp_s, arrival_s, message.range),
+                can_wait=True,
             )
 
     def _on_posture(self, arm: Posture, arrival_s: float) -> None:
-        self._mail.post("posture", lambda: self._core.posture(arm, arrival_s))
+        self._mail.post("posture", lambda: self._core.posture(arm, arrival_s), can_wait=True)
 
     def _on_battery(self, message: Any) -> None:
         percent = message.percentage * 100 if hasattr(message, "percentage") else message.data
-        self._mail.post("battery", lambda: self._core.battery(float(percent)))
+        self._mail.post("battery", lambda: self._core.battery(float(percent)), can_wait=True)
 
     def _on_charging(self, message: Any) -> None:
-        self._mail.post("charging", lambda: self._core.charging(bool(message.data)))
+        self._mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """A picture of the depth camera."""
@@ -488,7 +502,7 @@ class RosBase:
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(call)
+            self._loop.call_soon_threadsafe(self._do, call)
 
 
 def _twist(velocity: Velocity) -> Twist:

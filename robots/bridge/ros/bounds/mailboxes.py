@@ -1,5 +1,7 @@
 """From rospy's threads to the event loop: of each source a few messages wait at most, and one call takes them.
 
+What can wait does not wake the loop: it is taken before the next message that cannot, or at the loop's next tick.
+
 A source that costs the loop more than its share is not heard for a while: zeros and the stop run on that loop, too.
 """
 
@@ -29,34 +31,53 @@ class Speaker(Protocol):
 
 
 class Mailboxes:
-    """One box for each source. `later` runs something on the loop soon, and may be called on any thread."""
+    """One box for each source. `later` runs something on the loop soon, and may be called on any thread.
+
+    Nothing waits while `hurry` says so; it is asked on rospy's threads.
+    """
 
     def __init__(
         self,
         later: Callable[[Call], None],
+        hurry: Callable[[], bool] = lambda: True,
         speaker: Callable[[], Speaker | None] = lambda: None,
         worked: Callable[[], float] = time.thread_time,  # by the loop's thread: waiting costs nobody
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._later = later
+        self._hurry = hurry
         self._speaker = speaker
         self._worked = worked
         self._clock = clock
         self._boxes: dict[Hashable, deque[tuple[Call, Speaker | None]]] = {}
         self._budgets: dict[Hashable, Budget] = {}
+        self._waiting: list[Hashable] = []  # sources for which nobody woke the loop
         self._lock = threading.Lock()
 
-    def post(self, source: Hashable, call: Call, depth: int = 1) -> None:
+    def post(self, source: Hashable, call: Call, depth: int = 1, *, can_wait: bool = False) -> None:
         """Do `call` on the loop. Where `depth` calls of this source wait already, the oldest is left out."""
+        waits = can_wait and not self._hurry()
         with self._lock:
             box = self._boxes.setdefault(source, deque(maxlen=depth))
             is_first = not box
             box.append((call, self._speaker()))
-        if is_first:
-            self._later(lambda: self._take(source))
+            if is_first and waits:
+                self._waiting.append(source)
+        if is_first and not waits:
+            self._later(lambda: self._take_with(source))
+
+    def take_waiting(self) -> None:
+        """On the loop: all that nobody woke it for."""
+        while self._waiting:
+            self._take(self._waiting.pop(0))
+
+    def _take_with(self, source: Hashable) -> None:
+        try:
+            self.take_waiting()  # a scan is paired with odometry that came before it
+        finally:
+            self._take(source)
 
     def _take(self, source: Hashable) -> None:
-        """On the loop."""
         with self._lock:
             calls = list(self._boxes[source])
             self._boxes[source].clear()

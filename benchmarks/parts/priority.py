@@ -1,0 +1,23 @@
+"""Real-time priority for the loops that carry commands, as the service unit of docs/deployment.md lets them take it."""
+
+from __future__ import annotations
+
+import os
+
+from benchmarks.parts import proc
+from robots.scheduling import REAL_TIME
+from script.stack.stack import Stack
+
+
+def prefer_loops(stack: Stack) -> bool:
+    """Set it from outside: here nobody raises the limit by which they would ask. False where that is not allowed."""
+    bridges = [
+        child for child in proc.children(stack.supervisor.pid) if "run_bridge" in proc.arguments(child)
+    ]
+    policy, param = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME)
+    try:
+        for pid in (stack.web.pid, *bridges):
+            os.sched_setscheduler(pid, policy, param)  # the main thread alone
+    except PermissionError:
+        return False
+    return True
