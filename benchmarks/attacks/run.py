@@ -21,6 +21,7 @@ from benchmarks.attacks.scene import LostError, Scene, scene_on
 from benchmarks.drive import BARE_STICKS
 from benchmarks.harness import Figure, machine, progress
 from benchmarks.parts import proc
+from benchmarks.parts.priority import prefer_loops
 from benchmarks.stop import ROBOT, bridges
 from script.stack.client import sign_in
 from script.stack.processes import Child, end_all
@@ -130,6 +131,8 @@ class Bench:
     async def usual(self, presses: int) -> Taken:
         """Nobody attacks."""
         taken = Taken()
+        with suppress(ProcessLookupError):  # a bridge that just ended
+            prefer_loops(self._stack)  # also those that began since the last slot
         try:
             await self._measured(taken, list(itertools.islice(self._usual_doors, presses)), calm=True)
         except LostError as error:

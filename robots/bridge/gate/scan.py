@@ -151,8 +151,12 @@ def has_neighbour(ranges: NDArray[np.float64]) -> NDArray[np.bool_]:
     """
     kept = np.zeros(len(ranges), dtype=np.bool_)
     for beams in range(1, NEIGHBOUR_BEAMS + 1):
-        close = np.abs(ranges - np.roll(ranges, beams)) < NEIGHBOUR_M
-        kept |= close | np.roll(close, -beams)
+        close = np.abs(ranges[beams:] - ranges[:-beams]) < NEIGHBOUR_M
+        kept[beams:] |= close
+        kept[:-beams] |= close
+        around = np.abs(ranges[:beams] - ranges[-beams:]) < NEIGHBOUR_M
+        kept[:beams] |= around
+        kept[-beams:] |= around
     return kept
 
 
