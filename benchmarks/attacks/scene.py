@@ -17,6 +17,7 @@ from benchmarks.attacks.figures import Press, Taken
 from benchmarks.attacks.incidents import Incident
 from benchmarks.drive import PERIOD_S, SHARE, Numbers, numbers_for
 from benchmarks.parts.observer import Observer
+from benchmarks.parts.priority import prefer_witness
 from benchmarks.stop import ROBOT
 from robots import wire
 from script.stack.client import Driver
@@ -286,6 +287,7 @@ async def scene_on(stack: Stack, driver: str, presser: str, seed: int) -> AsyncI
         Observer(stack.robots[ROBOT], "truth") as observer,
         Doors(stack, presser) as doors,
     ):
+        prefer_witness(observer.pid)
         scene = Scene(stack, driver, observer, doors, seed)
         holding = asyncio.create_task(scene.hold())
         try:

@@ -68,6 +68,11 @@ class Observer:
         await self._process.wait()
         await self._reader
 
+    @property
+    def pid(self) -> int:
+        """Its process."""
+        return self._process.pid
+
     async def cause(self, fault: str) -> None:
         """Make something go wrong with the simulated robot, "none" to mend it."""
         assert self._process.stdin is not None  # noqa: S101 - we asked for a pipe
