@@ -104,6 +104,15 @@ def test_while_the_robot_does_nothing_about_a_command_the_wait_itself_is_the_lat
     assert base.latency.in_force_s(base.now_s) == pytest.approx(0.44, abs=0.06)
 
 
+def test_a_robot_that_is_restarted_is_measured_anew():
+    base = Base(0.5)
+    assert base.about() >= 0.5
+    came(base.latency, [0.03] * 20 + [0.6] * 20)
+    base.latency.forget()
+    assert base.latency.measured_s is None
+    assert base.latency.in_force_s(base.now_s) == ASSUMED_S
+
+
 def test_a_robot_that_somebody_else_drives_is_no_measurement():
     base = Base(0.1, deaf=True)
     for _ in range(2 * ENOUGH):

@@ -47,13 +47,18 @@ class Latency:
     """Measures one robot. `sent` and `moved` in the order of their times (seconds, one monotonic clock)."""
 
     def __init__(self, limits: Limits, assumed_s: float) -> None:
+        self._limits = limits
         self._assumed_s = assumed_s
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: the robot was restarted, so its delays, its clock and what was sent before say nothing."""
         self._axes = (
-            _Axis(limits.linear_mps2, _CHANGE[0], _RESPONSE[0]),
-            _Axis(limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
+            _Axis(self._limits.linear_mps2, _CHANGE[0], _RESPONSE[0]),
+            _Axis(self._limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
         )
         self._measured: deque[float] = deque(maxlen=KEPT)
-        self._in_force_s = assumed_s
+        self._in_force_s = self._assumed_s
         self._backlogs: dict[str, Backlog] = {}
         self._commands = Backlog()
         self._later_s = 0.0  # than at best, by the newest arrivals
