@@ -9,12 +9,13 @@ from __future__ import annotations
 import os
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world import clutter, crossing, doors, faults, objects
+from benchmarks.world import clutter, crossing, doors, faults, late, objects
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "30"))
 PARTS = {
     "objects": objects.measure,
     "faults": faults.measure,
+    "late": late.measure,
     "doors": doors.measure,
     "crossing": crossing.measure,
     "clutter": clutter.measure,

@@ -48,6 +48,15 @@ LOOKS_DOWN = -0.68  # tilt of the head, radians: as after "look ahead", towards 
 INPUT = "key_vel"
 
 
+class Jump(NamedTuple):
+    """From a moment on (seconds since the start) what goes on these ways comes later, by `by_s`, all at once."""
+
+    at_s: float
+    by_s: float
+    sensors: bool
+    commands: bool
+
+
 class Delays(NamedTuple):
     """Seconds on the way; each message takes up to `jitter_s` longer."""
 
@@ -73,6 +82,7 @@ class Conditions:
     faults: tuple[tuple[float, Faults], ...] = ()  # from this second on
     late_s: float = 0.0  # commands come this much later
     slows_to_s: float = 0.0  # messages and commands come later and later, up to this
+    jump: Jump | None = None
     clock_s: float = 0.0  # the robot's clock is this far off
     # where the head is turned to, and stays; else it follows the turn of the drive
     head_pan: float | None = None
@@ -310,7 +320,8 @@ class Loop:
         )
 
     def _later(self, now_s: float, delay_s: float, event: Callable[[float], None]) -> None:
-        at_s = now_s + delay_s + self._slowed_s(now_s) + self._delays.jitter_s * float(self._random.random())
+        late_s = self._slowed_s(now_s) + self._jumped_s(now_s, sensors=True)
+        at_s = now_s + delay_s + late_s + self._delays.jitter_s * float(self._random.random())
         heapq.heappush(self._events, (at_s, next(self._numbers), event))
 
     # --- to the robot ----------------------------------------------------------------------------
@@ -352,12 +363,18 @@ class Loop:
     def _arrives_s(self, now_s: float) -> float:
         delays = self._delays
         jitter_s = delays.jitter_s * float(self._random.random())
-        late_s = self.case.conditions.late_s + self._slowed_s(now_s)
+        late_s = self.case.conditions.late_s + self._slowed_s(now_s) + self._jumped_s(now_s, sensors=False)
         return now_s + delays.command_s + late_s + jitter_s
 
     def _slowed_s(self, now_s: float) -> float:
         """What a link whose queue fills adds to every delay."""
         return min(SLOWS * (now_s - STARTS_S), self.case.conditions.slows_to_s)
+
+    def _jumped_s(self, now_s: float, *, sensors: bool) -> float:
+        jump = self.case.conditions.jump
+        if jump is None or now_s - STARTS_S < jump.at_s or not (jump.sensors if sensors else jump.commands):
+            return 0.0
+        return jump.by_s
 
     def _obey(self, velocity: Velocity, now_s: float) -> None:
         if self._mux.passes(INPUT, now_s):

@@ -1,0 +1,107 @@
+"""Robots that answer late: from the first command on, or from one moment to the next. Full stick at a wall."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.harness import Figure
+from benchmarks.world import objects
+from benchmarks.world.drivers import FullStick
+from benchmarks.world.loop import Case, Conditions, Jump
+from benchmarks.world.play import loop_of, played
+from robots.simulator.physics import Pose
+from robots.simulator.worlds import Wall, World
+
+FIRST_LATE_S = 0.48
+FIRST_WALL_M = (0.6, 1.2)  # from the hull
+JUMPS_MS = (200, 300, 400)
+WAYS = {
+    "link": (True, True),
+    "sensors": (True, False),
+    "commands": (False, True),
+}  # what jumps: sensors, commands
+WALL_M = (2.4, 3.2)  # from the hull
+# When the delay jumps, before or after the robot would begin to brake, seconds
+JUMP_WITHIN_S = (-0.4, 0.3)
+STICK_S = 0.5  # after the start, the wheels begin to obey
+
+
+class Late(NamedTuple):
+    """Which case: a way of `WAYS`, or "first"; how much later, in ms; share of the robot's speed."""
+
+    way: str
+    ms: int
+    share: float
+    seed: int
+
+
+class Outcome(NamedTuple):
+    """What came of it."""
+
+    crash_mps: float | None
+    told: bool  # that the robot is late
+    time_s: float
+
+
+def jobs(repeats: int) -> list[Late]:
+    """All cases."""
+    first = [Late("first", round(1000 * FIRST_LATE_S), 1.0, seed) for seed in range(repeats)]
+    jumps = [
+        Late(way, ms, share, seed)
+        for way in WAYS
+        for ms in JUMPS_MS
+        for share in objects.SHARES
+        for seed in range(repeats)
+    ]
+    return [*first, *jumps]
+
+
+def measure(repeats: int) -> list[Figure]:
+    """Crashes, kind by kind."""
+    done = list(played("late", jobs(repeats), play))
+    figures = []
+    for way, ms, share in dict.fromkeys(job[:3] for job, _ in done):
+        crashes = [end.crash_mps for job, end in done if job[:3] == (way, ms, share)]
+        hit = [mps for mps in crashes if mps is not None]
+        name = f"first drive, {ms} ms late" if way == "first" else f"{way} later by {ms} ms, {share:g} m/s"
+        figures.append(Figure(f"{name}: crashes of {len(crashes)}", len(hit), ""))
+        figures.append(Figure(f"{name}: fastest crash", max(hit, default=0.0), "m/s"))
+    return figures
+
+
+def play(late: Late) -> Outcome:
+    """Play one."""
+    trace = loop_of(build(late), "gate", late.seed).play()
+    told = any(limit.code == "robot_late" for moment in trace.moments for limit in moment.limits)
+    mps = abs(trace.touches[0].robot.vx) if trace.touches else None
+    return Outcome(mps, told, trace.time_s)
+
+
+def build(late: Late) -> Case:
+    """The case."""
+    random = np.random.default_rng([late.seed, late.ms, round(10 * late.share)])
+    nearest, farthest = FIRST_WALL_M if late.way == "first" else WALL_M
+    gap_m = float(random.uniform(nearest, farthest))
+    case = _at_a_wall(gap_m, float(random.uniform(-0.2, 0.2)), late.share)
+    if late.way == "first":
+        return replace(case, conditions=Conditions(late_s=late.ms / 1000.0))
+    v = late.share
+    way_m = 0.2 * v + v**2 / (2.0 * 0.65) + 0.08  # as the gate reckons, of a robot of 0.2 s
+    brakes_s = STICK_S + v / 2.0 + (gap_m - way_m) / v
+    at_s = brakes_s + float(random.uniform(*JUMP_WITHIN_S))
+    sensors, commands = WAYS[late.way]
+    return replace(case, conditions=Conditions(jump=Jump(at_s, late.ms / 1000.0, sensors, commands)))
+
+
+def _at_a_wall(gap_m: float, tilt: float, share: float) -> Case:
+    far = objects.RADIUS_M / math.cos(tilt) + gap_m + 0.05  # half of the wall's thickness
+    across = math.pi / 2.0 + tilt
+    dx, dy = 1.5 * math.cos(across), 1.5 * math.sin(across)
+    wall = Wall(name="wall", start=(far - dx, -dy), end=(far + dx, dy))
+    size = (-objects.ROOM_M, -objects.ROOM_M, objects.ROOM_M, objects.ROOM_M)
+    world = World(name="one wall", size=size, walls=[wall])
+    return Case(world, Pose(0.0, 0.0, 0.0), lambda _: FullStick(1.0, 0.0, share), 15.0)
