@@ -9,10 +9,12 @@ from __future__ import annotations
 import os
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world import clutter, crossing, doors, faults, late, objects
+from benchmarks.world import clutter, crossing, doors, drawn, faults, late, objects
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "30"))
 PARTS = {
+    "cold": drawn.measure_cold,
+    "drawn": drawn.measure_drawn,
     "objects": objects.measure,
     "faults": faults.measure,
     "late": late.measure,

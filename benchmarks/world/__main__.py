@@ -7,10 +7,11 @@ import math
 import sys
 from pathlib import Path
 
-from benchmarks.world import clutter, crossing, doors, faults, objects
+from benchmarks.world import clutter, crossing, doors, drawn, faults, objects
 from benchmarks.world.controllers import CONTROLLERS
-from benchmarks.world.loop import Case, Trace
+from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.play import loop_of, recorded
+from benchmarks.world.witness import seen
 
 
 def main() -> int:
@@ -23,7 +24,9 @@ def main() -> int:
     trace = recorded(loop, asked.record) if asked.record else loop.play()
     if not asked.quiet:
         _print_moments(trace)
-    _print_end(trace)
+    if asked.part == "drawn":
+        print(drawn.full_of(asked.seed), drawn.drawn_words(asked.seed), sep="\n")
+    _print_end(loop, trace)
     return 1 if trace.touches else 0
 
 
@@ -35,6 +38,7 @@ def _parser() -> argparse.ArgumentParser:
     thing.add_argument("angle", type=int, choices=objects.ANGLES)
     thing.add_argument("share", type=float)
     thing.add_argument("--blanked", action="store_true", help="PAL's /scan in place of /scan_raw")
+    thing.add_argument("--cold", action="store_true", help="the robot was parked there and knows nothing")
     fault = part.add_parser("fault", help="full stick ahead while something fails")
     fault.add_argument("fault", choices=list(faults.FAULTS))
     fault.add_argument("thing", choices=faults.THINGS)
@@ -43,6 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     door.add_argument("width", type=float, choices=list(doors.DOORS))
     person = part.add_parser("crossing", help="a person walks across the way")
     person.add_argument("share", type=float)
+    part.add_parser("drawn", help="one object, with sensors, delays, brakes and wheels drawn by the seed")
     part.add_parser("clutter", help="a minute of adversarial stick in clutter")
     for each in part.choices.values():
         each.add_argument("seed", type=int)
@@ -55,11 +60,13 @@ def _parser() -> argparse.ArgumentParser:
 def _case(asked: argparse.Namespace) -> Case:
     if asked.part == "object":
         full = objects.Full(
-            asked.controller, asked.thing, asked.angle, asked.share, asked.seed, asked.blanked
+            asked.controller, asked.thing, asked.angle, asked.share, asked.seed, asked.blanked, asked.cold
         )
         return objects.build(full)
     if asked.part == "fault":
         return faults.build(faults.Failing(asked.fault, asked.thing, asked.share, asked.seed))
+    if asked.part == "drawn":
+        return drawn.build(asked.seed)
     if asked.part == "door":
         return doors.build(asked.width, asked.seed)
     if asked.part == "crossing":
@@ -77,10 +84,11 @@ def _print_moments(trace: Trace) -> None:
         )
 
 
-def _print_end(trace: Trace) -> None:
+def _print_end(loop: Loop, trace: Trace) -> None:
     for touch in trace.touches:
         moving = f"{touch.robot.vx:.2f} m/s, {touch.robot.w:.2f} rad/s"
-        print(f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {moving}")
+        known = seen(loop, touch) or "no sensor that can have seen it"
+        print(f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {moving}; seen by {known}")
     gap_m, ended = trace.moments[-1].gap_m, "CRASH" if trace.touches else "clear"
     print(f"{ended}, gap {gap_m:.3f} m, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
 

@@ -15,7 +15,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.posture import AT_HOME
 from robots.bridge.gate.scan import Malformed
 from robots.bridge.gate.values import STILL, GateProfile, Hold, LaserScan, Pose, Velocity
-from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
+from robots.simulator.depth import FOCAL_PX, WIDTH
 
 Ranges = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -100,8 +100,10 @@ class Ours:
         view = self._profile.depth
         if view is None:
             return
-        lens = Lens(FOCAL_PX, FOCAL_PX, WIDTH / 2.0, HEIGHT / 2.0)
-        image = DepthImage(WIDTH, HEIGHT, "32FC1", False, 4 * WIDTH, metres.tobytes())
+        height, width = metres.shape
+        focal = FOCAL_PX * width / WIDTH
+        lens = Lens(focal, focal, width / 2.0, height / 2.0)
+        image = DepthImage(width, height, "32FC1", False, 4 * width, metres.tobytes())
         try:
             frame = frame_of(picture_of_image(image, lens), to_base, view)
         except Malformed as error:

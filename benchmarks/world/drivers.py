@@ -14,13 +14,14 @@ FACES_RAD = 0.03
 
 
 class FullStick:
-    """Holds it fully."""
+    """Holds it fully, from some second on."""
 
-    def __init__(self, x: float, w: float, share: float) -> None:
+    def __init__(self, x: float, w: float, share: float, from_s: float = 0.0) -> None:
         self._stick = Stick(x, w, share)
+        self._from_s = from_s
 
     def hold(self, seen: Seen) -> Stick | None:
-        return self._stick
+        return RELEASED if seen.time_s < self._from_s else self._stick
 
 
 class Approach:

@@ -16,6 +16,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from benchmarks.world.controllers import Controller, Fan, Ranges
+from benchmarks.world.sensors import STANDARD, Sensors
+from benchmarks.world.witness import DEPTH, LASER, Look
 from robots.bridge.commands import velocity_of
 from robots.bridge.config import HeadSource
 from robots.bridge.gate import values
@@ -23,7 +25,6 @@ from robots.bridge.gate.depth import Transform
 from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
 from robots.bridge.head import FOLLOW_RADPS, Head
 from robots.simulator.base import Twist, clamp
-from robots.simulator.body import TIAGO
 from robots.simulator.depth import DepthCamera
 from robots.simulator.faults import Faults
 from robots.simulator.joints import camera_pose
@@ -38,9 +39,8 @@ STARTS_S = 1000.0  # the console's clock when a run begins
 ROBOT_CLOCK_S = 1.7e9  # what the robot's clock is ahead of it
 WARM_UP_S = 0.4  # before the stick is touched
 PERIOD_S = 0.05  # of decisions
-SCAN_TICKS = 5
-SONAR_TICKS = 10
-DEPTH_TICKS = 10
+SONAR_HZ = 5.0
+PHASES = 10  # ticks, of which a sensor begins with any
 GAP_EVERY = 4  # decisions; to measure the gap takes longer than to decide
 SLOWS = 0.2  # seconds a second
 GHOST_SHARE = 0.0005  # of beams: something single that is not there
@@ -86,6 +86,8 @@ class Conditions:
     clock_s: float = 0.0  # the robot's clock is this far off
     # where the head is turned to, and stays; else it follows the turn of the drive
     head_pan: float | None = None
+    sensors: Sensors = STANDARD
+    drift: Drift = field(default_factory=Drift)
 
 
 class Seen(NamedTuple):
@@ -136,6 +138,7 @@ class Touch(NamedTuple):
     part: str
     other: str
     robot: Twist
+    at: tuple[float, float]  # in the world
 
 
 @dataclass
@@ -147,6 +150,21 @@ class Trace:
     way_m: float = 0.0
     arrived: bool = False
     time_s: float = 0.0
+
+
+class Leaving(NamedTuple):
+    """A person, a chair or a table goes away: from this second on, by this much, at this speed."""
+
+    name: str
+    since_s: float
+    at: tuple[float, float]
+    way: tuple[float, float]
+    mps: float
+
+    def place(self, time_s: float) -> tuple[float, float]:
+        """Where it is then."""
+        share = min(max((time_s - self.since_s) * self.mps / math.hypot(*self.way), 0.0), 1.0)
+        return self.at[0] + share * self.way[0], self.at[1] + share * self.way[1]
 
 
 @dataclass(frozen=True)
@@ -162,6 +180,7 @@ class Case:
     conditions: Conditions = Conditions()
     ends_on_touch: bool = True
     person_starts_s: float | None = None  # when whoever is in the world begins to walk
+    leaving: Leaving | None = None
 
 
 class Loop:
@@ -173,7 +192,8 @@ class Loop:
         self.case = case
         self.limits = limits
         self._random = np.random.default_rng([seed, 7])
-        self.robot = Robot(case.world, TIAGO, case.start, seed, Drift())
+        self._sensors = case.conditions.sensors
+        self.robot = Robot(case.world, self._sensors.body(), case.start, seed, case.conditions.drift)
         self._delays = Delays.drawn(self._random)
         self._driver = case.driver(self._random)
         mount = self.robot.laser.mount
@@ -188,11 +208,14 @@ class Loop:
         )
         self.controller = controller(fan)
         self._mux = TwistMux()
-        self._camera = DepthCamera(self._random)
+        sensors = self._sensors
+        self._camera = DepthCamera(
+            self._random, sensors.depth_size, sensors.depth_nearest_m, sensors.depth_holes
+        )
         self._onlooker = Onlooker(self.robot.physics)
         self._events: list[tuple[float, int, Callable[[float], None]]] = []
         self._numbers = itertools.count()
-        self._phase_ticks = self._random.integers(0, SONAR_TICKS, 3)  # of scan, sonars and depth
+        self._phase_ticks = self._random.integers(0, PHASES, 3)  # of scan, sonars and depth
         self._decides_s = STARTS_S + float(self._random.uniform(0.0, PERIOD_S))
         self._command_s = 0.0
         self._frozen_scan: tuple[float, Ranges] | None = None
@@ -204,6 +227,7 @@ class Loop:
         self._done = False
         self._gap_m = math.inf
         self.trace = Trace()
+        self.looks: list[Look] = []  # of sensors that worked
         self._head = Head(HeadSource("", "", "", LOOKS_DOWN, follows_turn=case.conditions.head_pan is None))
         self._aim = self._pan = case.conditions.head_pan or 0.0
 
@@ -237,6 +261,12 @@ class Loop:
         if starts_s is not None and starts_s <= now_s - STARTS_S < starts_s + TICK_S:
             for walker in self.robot.people.values():
                 walker.walk()
+        if leaving := self.case.leaving:
+            place = leaving.place(now_s - STARTS_S)
+            if leaving.name in self.robot.people:
+                self.robot.people[leaving.name].place(*place)
+            else:
+                self.robot.physics.place_furniture(leaving.name, *place)
 
     def _look(self, now_s: float) -> None:
         """What the robot touches, and how far it came."""
@@ -248,7 +278,7 @@ class Loop:
         contacts = self.robot.physics.contacts()
         for contact in contacts:
             if contact.other not in self._touching:
-                touch = Touch(now_s - STARTS_S, contact.part, contact.other, self.robot.approach)
+                touch = Touch(now_s - STARTS_S, contact.part, contact.other, self.robot.approach, contact.at)
                 self.trace.touches.append(touch)
                 self._done = self._done or self.case.ends_on_touch
         self._touching = {contact.other for contact in contacts}
@@ -262,11 +292,12 @@ class Loop:
         scans, sonars, depths = self._phase_ticks
         if not faults.odom_dead:
             self._tell_odometry(stamp_s, now_s)
-        if ticks % SCAN_TICKS == scans % SCAN_TICKS and not faults.laser_dead:
+        if _is_due(ticks - scans, self._sensors.laser_hz) and not faults.laser_dead:
             self._tell_scan(stamp_s, now_s)
-        if ticks % SONAR_TICKS == sonars and not faults.sonar_dead:
+        if _is_due(ticks - sonars, SONAR_HZ) and not faults.sonar_dead:
             self._tell_sonars(stamp_s, now_s)
-        if ticks % DEPTH_TICKS == depths % DEPTH_TICKS and self.controller.looks and not faults.depth_dead:
+        looks = self.controller.looks and not faults.depth_dead
+        if looks and _is_due(ticks - depths, self._sensors.depth_hz):
             self._tell_depth(stamp_s, now_s)
 
     def _tell_odometry(self, stamp_s: float, now_s: float) -> None:
@@ -288,6 +319,8 @@ class Loop:
         stamp_s, ranges = self._frozen_scan
         if self.robot.faults.laser_nan:
             ranges = np.full_like(ranges, np.nan)
+        elif not self.robot.faults.laser_frozen:
+            self._looked(now_s, LASER, 0.0)
         self._later(now_s, self._delays.scan_s, lambda at_s: self.controller.scan(stamp_s, at_s, ranges))
 
     def _scan(self) -> Ranges:
@@ -300,6 +333,8 @@ class Loop:
     def _tell_sonars(self, stamp_s: float, now_s: float) -> None:
         for sonar in self.robot.sonars:
             frame, range_m = sonar.mount.frame, sonar.range_m(self.robot.physics)
+            if range_m < sonar.mount.longest_m:
+                self._looked(now_s, frame, range_m)
             self._later(
                 now_s,
                 self._delays.scan_s,
@@ -308,9 +343,14 @@ class Loop:
                 ),
             )
 
+    def joints(self, pan: float) -> dict[str, float]:
+        """The upper body's joints, with the head turned so."""
+        return {**self.robot.player.positions, "head_1_joint": pan, "head_2_joint": LOOKS_DOWN}
+
     def _tell_depth(self, stamp_s: float, now_s: float) -> None:
-        joints = {**self.robot.player.positions, "head_1_joint": self._pan, "head_2_joint": LOOKS_DOWN}
+        joints = self.joints(self._pan)
         self._onlooker.follow(self.robot.physics.snapshot())
+        self._looked(now_s, DEPTH, self._pan)
         metres = self._camera.image(self._onlooker, camera_pose(joints))
         to_base = _optical_frame(joints)
         self._later(
@@ -318,6 +358,9 @@ class Loop:
             self._delays.depth_s,
             lambda at_s: self.controller.depth(stamp_s, at_s, metres, to_base),
         )
+
+    def _looked(self, now_s: float, sensor: str, told: float) -> None:
+        self.looks.append(Look(now_s - STARTS_S, sensor, told, self.robot.physics.snapshot()))
 
     def _later(self, now_s: float, delay_s: float, event: Callable[[float], None]) -> None:
         late_s = self._slowed_s(now_s) + self._jumped_s(now_s, sensors=True)
@@ -391,6 +434,11 @@ class Loop:
             self._still_since_s = now_s
         rested = now_s - self._still_since_s > self.case.at_rest_s
         self._done = self._done or rested or now_s - self._tries_since_s > self.case.tries_s
+
+
+def _is_due(ticks: int, hz: float) -> bool:
+    """Whether a sensor of this rate measures at the end of this tick."""
+    return math.floor(ticks * hz * TICK_S + 1e-9) > math.floor((ticks - 1) * hz * TICK_S + 1e-9)
 
 
 def _asked(stick: Stick, limits: Limits) -> Velocity:

@@ -19,6 +19,7 @@ from benchmarks.world.judge import Keeping, kept, together
 from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import at_most, loop_of, played
 from benchmarks.world.truth import Truth
+from benchmarks.world.witness import seen
 from robots.simulator.body import TIAGO
 from robots.simulator.physics import Physics, Pose
 from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
@@ -33,6 +34,7 @@ ROOM_M = 8.0
 NEAREST_M = 0.05  # between the hull and the object, when the run begins
 MOST_DRAWS = 200
 ARC_TRIES_S = 5.0  # of stick on an arc: by then the object was met, or passed
+PARKED_S = (0.5, 5.0)  # from when on its sensors work until a cold run's stick is pushed
 COMES_FROM_M = (
     1.0  # from so far the robot comes to where it begins to reverse, and sees what is not for its laser
 )
@@ -137,6 +139,7 @@ class Full(NamedTuple):
     share: float
     seed: int
     blanked: bool = False
+    cold: bool = False  # the robot was parked there: it has not come, looked or turned before
 
 
 class Outcome(NamedTuple):
@@ -146,6 +149,8 @@ class Outcome(NamedTuple):
     least_gap_m: float
     final_gap_m: float
     kept: Keeping
+    seen: str = ""  # by which sensor, if any can have seen it
+    mps: float = 0.0  # at which it was touched
 
 
 def measure(repeats: int) -> list[Figure]:
@@ -192,12 +197,21 @@ def _figures(name: str, done: list[tuple[Full, Outcome]], *, ours: bool) -> list
 
 def play(full: Full) -> Outcome:
     """Play one."""
-    loop = loop_of(build(full), full.controller, full.seed)
+    return outcome(build(full), full.controller, full.seed)
+
+
+def outcome(case: Case, controller: str, seed: int) -> Outcome:
+    """Play a case that has one object."""
+    loop = loop_of(case, controller, seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
     touched = f"{trace.touches[0].part} / {trace.touches[0].other}" if trace.touches else None
     gaps_m = [moment.gap_m for moment in trace.moments]
-    return Outcome(touched, min(gaps_m), gaps_m[-1], kept(trace, truth, loop.limits))
+    ended = Outcome(touched, min(gaps_m), gaps_m[-1], kept(trace, truth, loop.limits))
+    if not trace.touches:
+        return ended
+    touch = trace.touches[0]
+    return ended._replace(seen=str(seen(loop, touch) or ""), mps=math.hypot(touch.robot.vx, touch.robot.vy))
 
 
 def cases(controller: str, seeds: int, blanked: bool = False) -> list[Full]:
@@ -228,12 +242,14 @@ def _drawn(full: Full, random: Random) -> Case:
     x, w = _stick(full, random)
     spot = _spot(x, w, full, random)
     conditions = Conditions(blanked=full.blanked)
-    turns_to_it = full.angle >= 135 or (full.angle == 45 and full.thing in ABOVE_LASER)
+    turns_to_it = not full.cold and (full.angle >= 135 or (full.angle == 45 and full.thing in ABOVE_LASER))
     world = OBJECTS[full.thing](spot, random)
     tries_s = ARC_TRIES_S if w else math.inf
     if not turns_to_it:
         ahead = Pose(0.0, 0.0, 0.0)
-        return Case(world, ahead, lambda _: FullStick(x, w, full.share), 10.0, 1.0, tries_s, conditions)
+        parked_s = float(random.uniform(*PARKED_S)) if full.cold else 0.0
+        driver = FullStick(x, w, full.share, parked_s)
+        return Case(world, ahead, lambda _: driver, 10.0 + parked_s, 1.0, tries_s, conditions)
     at = spot.ahead(RADIUS_M)
     facing = math.atan2(at[1], at[0])
     back_m = COMES_FROM_M if full.thing in ABOVE_LASER else 0.0
@@ -254,7 +270,7 @@ def _stick(full: Full, random: Random) -> tuple[float, float]:
 def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
     """On the way of a stick at (x, w), from the origin with heading 0."""
     if x == 0.0:  # the disc goes nowhere; the object stands beside it
-        heading = float(random.uniform(-1.6, 1.6))
+        heading = float(random.uniform(-math.pi, math.pi) if full.cold else random.uniform(-1.6, 1.6))
         gap = float(random.uniform(NEAREST_M, 0.10))
         return Spot(gap * math.cos(heading), gap * math.sin(heading), heading)
     speed = x * full.share if x > 0.0 else x * min(full.share, REVERSE_MPS)
@@ -263,7 +279,7 @@ def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
         far = float(random.uniform(1.6, 3.0)) if speed > 0.0 else -float(random.uniform(0.4, 0.9))
         return Spot(far, 0.0, 0.0 if speed > 0.0 else math.pi)
     radius = speed / turn  # of the arc, positive to the left
-    if full.thing in ABOVE_LASER and speed < 0.0:
+    if full.thing in ABOVE_LASER and speed < 0.0 and not full.cold:
         return _outwards(radius, OVERLAP_M[full.thing], math.copysign(float(random.uniform(2.4, 3.1)), turn))
     turned = math.copysign(_turned(abs(radius), random), turn)
     heading = turned if speed > 0.0 else turned + math.pi

@@ -32,7 +32,7 @@ def at_most(crashes: int) -> float:
 
 def loop_of(case: Case, controller: str, seed: int) -> Loop:
     """A run of `case`, ready to be played."""
-    profile = tiago_profile()
+    profile = case.conditions.sensors.profile(tiago_profile())
     return Loop(case, lambda fan: CONTROLLERS[controller](profile, fan), profile.limits, SCAN, seed)
 
 

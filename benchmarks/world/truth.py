@@ -29,7 +29,7 @@ class Truth:
     def __init__(self, physics: Physics) -> None:
         model, data = physics.model, physics.data
         outlines = [
-            _outline(model, data, geom)
+            outline(model, data, geom)
             for geom in range(model.ngeom)
             if model.geom_group[geom] != ROBOT_GROUP
             and model.geom_contype[geom]
@@ -60,7 +60,7 @@ def _is_low(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> bool:
     return float(data.geom_xpos[geom][2] - upright) < TOP_M
 
 
-def _outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
+def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     """Points around one upright box or cylinder."""
     size, at = model.geom_size[geom], data.geom_xpos[geom][:2]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:
@@ -73,5 +73,5 @@ def _outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     sides = [
         np.stack((half_x * along, np.full_like(along, sign * half_y)), axis=1) for sign in (-1.0, 1.0)
     ] + [np.stack((np.full_like(across, sign * half_x), half_y * across), axis=1) for sign in (-1.0, 1.0)]
-    outline: Floats = at + np.concatenate(sides) @ data.geom_xmat[geom].reshape(3, 3)[:2, :2].T
-    return outline
+    around: Floats = at + np.concatenate(sides) @ data.geom_xmat[geom].reshape(3, 3)[:2, :2].T
+    return around

@@ -48,6 +48,7 @@ class SonarMount:
     shortest_m: float = 0.02
     longest_m: float = 1.0
     sigma_m: float = 0.005
+    lost_share: float = 0.0  # of echoes: as if nothing were there
 
 
 @dataclass(frozen=True)

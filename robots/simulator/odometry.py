@@ -22,6 +22,8 @@ class Drift:
     angular_scale: float = 0.01
     slip_m: float = 0.002
     slip_rad: float = 0.004
+    linear_off: float = 0.0  # scale errors that are not drawn, added to those that are
+    angular_off: float = 0.0
 
     def times(self, factor: float) -> Drift:
         """The same drift, `factor` times as strong."""
@@ -30,6 +32,8 @@ class Drift:
             self.angular_scale * factor,
             self.slip_m * factor,
             self.slip_rad * factor,
+            self.linear_off * factor,
+            self.angular_off * factor,
         )
 
 
@@ -43,8 +47,8 @@ class Odometry:
         self.velocity = Twist()
         self._drift = drift
         self._random = random
-        self._linear = 1.0 + drift.linear_scale * float(random.standard_normal())
-        self._angular = 1.0 + drift.angular_scale * float(random.standard_normal())
+        self._linear = 1.0 + drift.linear_off + drift.linear_scale * float(random.standard_normal())
+        self._angular = 1.0 + drift.angular_off + drift.angular_scale * float(random.standard_normal())
 
     def step(self, wheels: Twist, dt: float) -> None:
         """The wheels turned with `wheels` for `dt` seconds."""

@@ -43,6 +43,7 @@ class Contact(NamedTuple):
     part: str
     other: str
     force_n: float
+    at: tuple[float, float] = (0.0, 0.0)  # in the world, metres
 
 
 class Snapshot(NamedTuple):
@@ -168,7 +169,8 @@ class Physics:
             first, second = (int(geom) for geom in contact.geom)
             part, other = (first, second) if first in self._parts else (second, first)
             mujoco.mj_contactForce(self.model, self.data, index, force)
-            found.append(Contact(self._name(part), self._name(other), float(force[0])))
+            x, y, _ = contact.pos.tolist()
+            found.append(Contact(self._name(part), self._name(other), float(force[0]), (x, y)))
         return sorted(found, key=lambda contact: -contact.force_n)
 
     def clearance_m(self, reach_m: float = 3.0) -> float:
@@ -196,6 +198,10 @@ class Physics:
         mocap = self._mocaps[name]
         self.data.mocap_pos[mocap] = (x, y, 0.0)
         self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+    def place_furniture(self, name: str, x: float, y: float) -> None:
+        """Put a chair or a table somewhere else, as it is turned; shows from the next step on."""
+        self.model.body(name).pos[:2] = (x, y)
 
     def place_arm(self, capsules: Sequence[Capsule]) -> None:
         """Lay the arm's segments; shows from the next step on. Nothing stops them: what they meet is told."""

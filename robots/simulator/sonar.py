@@ -37,5 +37,7 @@ class Sonar:
         distance = physics.cast(np.array([*in_world(robot, x, y), z]), directions)
         hit = distance[distance >= 0.0]
         nearest = float(hit.min()) if hit.size else math.inf
+        if self.mount.lost_share and self._random.random() < self.mount.lost_share:
+            nearest = math.inf
         measured = nearest + self.mount.sigma_m * float(self._random.standard_normal())
         return min(max(measured, self.mount.shortest_m), self.mount.longest_m)

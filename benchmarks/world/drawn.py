@@ -1,0 +1,150 @@
+"""Cold starts, and sensors, delays, brakes and wheels that a seed draws: what the gate does not know beforehand.
+
+Contacts with what a sensor has seen or heard are the gate's own; those with what none can have seen are counted apart
+(see `witness`). The worst runs are named with the command that plays them again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.harness import Figure, progress
+from benchmarks.world import objects
+from benchmarks.world.loop import Case, Conditions
+from benchmarks.world.objects import Full, Outcome
+from benchmarks.world.play import at_most, played
+from benchmarks.world.sensors import SLIPS, Sensors
+from robots.simulator.faults import Faults
+from robots.simulator.odometry import Drift
+
+DRAWS = int(os.environ.get("FLEET_BENCH_DRAWS", "240"))
+WORST = int(os.environ.get("FLEET_BENCH_WORST", "10"))  # runs that are named
+WAYS = {0: "ahead", 45: "on an arc", 90: "turning", 135: "on an arc in reverse", 180: "in reverse"}
+LATEST_S = 0.4
+MOST_SLIP = 0.3
+MOST_DRIFT = 0.05
+BRAKES = (0.6, 1.2)
+
+
+class End(NamedTuple):
+    """One run: how it is played again, what it was, and what came of it."""
+
+    command: str
+    full: Full
+    drawn: str
+    outcome: Outcome
+
+
+def measure_cold(repeats: int) -> list[Figure]:
+    """The robot was parked, with its own sensors: contacts by way and by object."""
+    jobs = [full._replace(cold=True) for full in objects.cases("gate", repeats)]
+    ends = [
+        End(_cold_command(full), full, "", outcome) for full, outcome in played("cold", jobs, objects.play)
+    ]
+    return figures("cold", ends)
+
+
+def measure_drawn(_: int) -> list[Figure]:
+    """Half of the robots were parked, all have drawn sensors."""
+    ends = []
+    for seed, outcome in played("drawn", range(DRAWS), play):
+        ends.append(End(f"drawn {seed}", full_of(seed), drawn_words(seed), outcome))
+    cold = [end for end in ends if end.full.cold]
+    warm = [end for end in ends if not end.full.cold]
+    return [*figures("drawn, cold", cold), *figures("drawn, warm", warm)]
+
+
+def full_of(seed: int) -> Full:
+    """Which object stands where: each kind, way and start comes as often, one after the other."""
+    kind, rest = seed % len(objects.OBJECTS), seed // len(objects.OBJECTS)
+    way, rest = rest % len(objects.ANGLES), rest // len(objects.ANGLES)
+    share = objects.SHARES[rest // 2 % 2]
+    return Full("gate", list(objects.OBJECTS)[kind], objects.ANGLES[way], share, seed, cold=rest % 2 == 0)
+
+
+def conditions_of(seed: int) -> Conditions:
+    """What is drawn."""
+    random = np.random.default_rng([seed, 13])
+    sensors = Sensors.drawn(random)
+    brake, late_s = float(random.uniform(*BRAKES)), float(random.uniform(0.0, LATEST_S))
+    linear, angular = random.uniform(-MOST_DRIFT, MOST_DRIFT, 2).tolist()
+    slip = float(random.uniform(0.0, MOST_SLIP)) if random.integers(SLIPS) == 0 else 0.0
+    return Conditions(
+        faults=((0.0, Faults(brake_share=brake, slip_share=slip)),),
+        late_s=late_s,
+        sensors=sensors,
+        drift=Drift(linear_off=linear, angular_off=angular),
+    )
+
+
+def drawn_words(seed: int) -> str:
+    """The same in words."""
+    drawn = conditions_of(seed)
+    faults = drawn.faults[0][1]
+    return (
+        f"{drawn.sensors}; {1000 * drawn.late_s:.0f} ms late, brake {faults.brake_share:.2f}, "
+        f"slip {100 * faults.slip_share:.0f} %, drift {100 * drawn.drift.linear_off:+.1f} % "
+        f"{100 * drawn.drift.angular_off:+.1f} %"
+    )
+
+
+def build(seed: int) -> Case:
+    """The case."""
+    return replace(objects.build(full_of(seed)), conditions=conditions_of(seed))
+
+
+def play(seed: int) -> Outcome:
+    """Play one."""
+    full = full_of(seed)
+    return objects.outcome(build(seed), full.controller, full.seed)
+
+
+def figures(where: str, ends: Sequence[End]) -> list[Figure]:
+    """Contacts with what was seen, by way and by object, with their bound; those with what was not, apart."""
+    if not ends:
+        return []
+    shown = []
+    for angle, way in WAYS.items():
+        shown.append(_contacts(f"{where}, {way}", [end for end in ends if end.full.angle == angle]))
+    for thing in objects.OBJECTS:
+        shown.append(_contacts(f"{where}, {thing}", [end for end in ends if end.full.thing == thing]))
+    known = [end for end in ends if end.outcome.seen]
+    unseen = sum(bool(end.outcome.touched) for end in ends) - len(known)
+    percent = min(100.0 * at_most(len(known)) / len(ends), 100.0)
+    name_worst(where, ends)
+    return [
+        *shown,
+        Figure(f"{where}: contacts with what was seen or heard, of {len(ends)}", len(known), "", 0.0),
+        Figure(f"{where}: at most (95 %)", percent, "%"),
+        Figure(f"{where}: contacts with what no sensor can have seen, of {len(ends)}", unseen, ""),
+    ]
+
+
+def _contacts(name: str, ends: Sequence[End]) -> Figure:
+    known = sum(bool(end.outcome.seen) for end in ends)
+    return Figure(f"{name}: contacts with what was seen, of {len(ends)}", known, "", 0.0)
+
+
+def name_worst(where: str, ends: Sequence[End]) -> None:
+    """Say which runs were worst, how they are played again, and what was drawn for them."""
+    touched = [end for end in ends if end.outcome.touched]
+    worst = sorted(touched, key=lambda end: (not end.outcome.seen, -end.outcome.mps))
+    for end in worst[:WORST]:
+        full, outcome = end.full, end.outcome
+        known = f"seen by {outcome.seen}" if outcome.seen else "no sensor can have seen it"
+        progress(f"python -m benchmarks.world {end.command} --quiet")
+        start = "cold" if full.cold else "warm"
+        progress(
+            f"    {where}: {start}, {WAYS[full.angle]}, {outcome.touched} at {outcome.mps:.2f} m/s, {known}"
+        )
+        if end.drawn:
+            progress(f"    {end.drawn}")
+
+
+def _cold_command(full: Full) -> str:
+    return f'object "{full.thing}" {full.angle} {full.share} {full.seed} --cold'

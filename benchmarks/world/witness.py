@@ -1,0 +1,166 @@
+"""Whether any sensor could know of what the robot touched: by geometry, apart from what the gate made of it.
+
+The place that was touched counts, with all of the same thing that stands within 0.3 m of it, at any height below the
+robot's top. It was seen if a point of it was in the field of view, the range and the height of a working sensor, with
+nothing before it, at two measurements before the contact. A sonar's echo tells of nothing behind it, and a lost echo
+of nothing. The depth camera counts up to 4 m and above 5 cm: beyond, and below, obstacles and floor are one to any
+method. The laser counts up to 4 m as well: farther off a leg is thinner than the gap between its beams.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.world.truth import TOP_M, outline
+from robots.simulator.depth import FARTHEST_M as DEPTH_FARTHEST_M
+from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
+from robots.simulator.joints import camera_pose
+from robots.simulator.laser import in_world
+from robots.simulator.physics import Onlooker, Snapshot
+
+if TYPE_CHECKING:
+    from benchmarks.world.loop import Loop, Touch
+
+LASER, DEPTH = "laser", "depth"
+NEAR_M = 0.30  # from the contact
+REACH_M = 4.0
+FLOOR_M = 0.05
+LEVEL_M = 0.05  # between heights that are looked at
+SAME_M = 0.03  # what a ray meets so near to a point is that point
+ECHO_M = 0.05  # a sonar that tells this much less than a point's distance may mean it
+LOOKS = 2  # at which a point must have been in view
+
+Floats = NDArray[np.float64]
+
+
+class Look(NamedTuple):
+    """One measurement of a sensor that worked: the laser's, a sonar's (by frame), or the depth camera's.
+
+    `told` is the sonar's range, and the head's pan for the depth camera.
+    """
+
+    time_s: float
+    sensor: str
+    told: float
+    snapshot: Snapshot
+
+
+class Seen(NamedTuple):
+    """By which sensors a thing was seen, and how long before the contact first."""
+
+    sensors: tuple[str, ...]
+    before_s: float
+
+    def __str__(self) -> str:
+        return f"{', '.join(self.sensors)}, {self.before_s:.1f} s before"
+
+
+def seen(loop: Loop, touch: Touch) -> Seen | None:
+    """How what `touch` touched was seen before; None if no sensor can have."""
+    onlooker = Onlooker(loop.robot.physics)
+    onlooker.follow(loop.robot.physics.snapshot())
+    root, local = _touched(onlooker, touch)
+    times: dict[str, list[float]] = {}
+    for look in loop.looks:
+        if look.time_s < touch.time_s:
+            onlooker.follow(look.snapshot)
+            points = onlooker.data.xpos[root] + local @ onlooker.data.xmat[root].reshape(3, 3).T
+            if _in_view(loop, onlooker, look, points):
+                times.setdefault(look.sensor, []).append(look.time_s)
+    known = {sensor: looks[LOOKS - 1] for sensor, looks in times.items() if len(looks) >= LOOKS}
+    return Seen(tuple(known), touch.time_s - min(known.values())) if known else None
+
+
+def _touched(onlooker: Onlooker, touch: Touch) -> tuple[int, Floats]:
+    """The body that was touched, and points of it near the contact, in its own frame."""
+    model, data = onlooker.model, onlooker.data
+    geom = model.geom(touch.other).id
+    root = int(model.body_rootid[model.geom_bodyid[geom]])
+    # Walls and boxes all hang at the world itself: there a thing is one geometry.
+    mine = [geom] if root == 0 else np.flatnonzero(model.body_rootid[model.geom_bodyid] == root).tolist()
+    points = np.concatenate([_surface(model, data, each) for each in mine])
+    near = np.hypot(*(points[:, :2] - touch.at).T) < NEAR_M
+    local = (points[near] - data.xpos[root]) @ data.xmat[root].reshape(3, 3)
+    return root, local
+
+
+def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
+    """Points on the sides of an upright box or cylinder, at many heights up to the robot's top, (N, 3)."""
+    around = outline(model, data, geom)
+    is_round = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
+    upright = float(model.geom_size[geom][1 if is_round else 2])
+    middle = float(data.geom_xpos[geom][2])
+    bottom, top = middle - upright, min(middle + upright, TOP_M)
+    if bottom >= top:
+        return np.zeros((0, 3))
+    levels = np.linspace(bottom, top, max(2, math.ceil((top - bottom) / LEVEL_M) + 1))
+    return np.concatenate([np.column_stack((around, np.full(len(around), level))) for level in levels])
+
+
+def _in_view(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) -> bool:
+    """Whether the sensor had any of the points before it."""
+    if look.sensor == LASER:
+        origin, shown = _before_laser(loop, onlooker, points)
+    elif look.sensor == DEPTH:
+        origin, shown = _before_camera(loop, onlooker, look.told, points)
+    else:
+        origin, shown = _before_sonar(loop, onlooker, look, points)
+    if not len(shown):
+        return False
+    way = shown - origin
+    far = np.linalg.norm(way, axis=1)
+    met = onlooker.cast(origin, np.ascontiguousarray(way / far[:, None]))
+    return bool(((met < 0.0) | (met > far - SAME_M)).any())
+
+
+def _before_laser(loop: Loop, onlooker: Onlooker, points: Floats) -> tuple[Floats, Floats]:
+    mount = loop.robot.laser.mount
+    x, y, z, yaw = mount.pose
+    origin = np.array([*in_world(onlooker.pose, x, y), z])
+    levels = np.unique(points[:, 2])
+    spans = any(low <= z <= high for low, high in pairwise(levels) if high - low <= LEVEL_M + 1e-6)
+    if not spans:
+        return origin, np.zeros((0, 3))
+    height = levels[np.abs(levels - z).argmin()]
+    at_height = points[points[:, 2] == height]
+    at_height = np.column_stack((at_height[:, :2], np.full(len(at_height), z)))
+    way = at_height - origin
+    far = np.hypot(way[:, 0], way[:, 1])
+    bearing = np.arctan2(way[:, 1], way[:, 0]) - (onlooker.pose.yaw + yaw)
+    off = np.abs(np.remainder(bearing + math.pi, math.tau) - math.pi)
+    return origin, at_height[
+        (off < mount.half_angle) & (far > mount.shortest_m) & (far < min(mount.longest_m, REACH_M))
+    ]
+
+
+def _before_sonar(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) -> tuple[Floats, Floats]:
+    mount = next(sonar.mount for sonar in loop.robot.sonars if sonar.mount.frame == look.sensor)
+    x, y, z, yaw = mount.pose
+    origin = np.array([*in_world(onlooker.pose, x, y), z])
+    way = points - origin
+    far = np.linalg.norm(way, axis=1)
+    heading = onlooker.pose.yaw + yaw
+    along = way[:, 0] * math.cos(heading) + way[:, 1] * math.sin(heading)
+    heard = min(look.told + ECHO_M + 2.0 * mount.sigma_m, mount.longest_m)
+    return origin, points[(along > far * math.cos(mount.fov / 2.0)) & (far < heard)]
+
+
+def _before_camera(loop: Loop, onlooker: Onlooker, pan: float, points: Floats) -> tuple[Floats, Floats]:
+    camera = camera_pose(loop.joints(pan))
+    cos, sin = math.cos(onlooker.pose.yaw), math.sin(onlooker.pose.yaw)
+    to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    origin = np.array(
+        [*in_world(onlooker.pose, float(camera.origin[0]), float(camera.origin[1])), camera.origin[2]]
+    )
+    forward, left, up = ((points - origin) @ (to_world @ camera.axes)).T
+    nearest_m = loop.case.conditions.sensors.depth_nearest_m
+    shown = (forward > nearest_m) & (forward < min(DEPTH_FARTHEST_M, REACH_M)) & (points[:, 2] > FLOOR_M)
+    shown &= np.abs(left) < forward * WIDTH / 2.0 / FOCAL_PX
+    shown &= np.abs(up) < forward * HEIGHT / 2.0 / FOCAL_PX
+    return origin, points[shown]
