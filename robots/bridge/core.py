@@ -138,6 +138,7 @@ class Core:
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
+        self._run = 0  # of the robot
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
         self.orders = Orders(config, base, gate, records, self, publisher, announce)
 
@@ -320,12 +321,18 @@ class Core:
             self.halt("robot_offline", "the robot’s ROS master was lost", now_s)
 
     def odometry(
-        self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float
+        self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float, run: int = 0
     ) -> None:
-        """One odometry message; `wall_s` is this machine's time of day at arrival, for the clocks' skew."""
+        """One odometry message; `wall_s` is this machine's time of day at arrival, for the clocks' skew.
+
+        `run`: another number for another publisher, and for another run of the robot's master.
+        """
         if not all(math.isfinite(value) for value in (*pose, *velocity)):
             self.refused["odometry_not_finite"] += 1
             return
+        if run != self._run:
+            self._run = run
+            self._gate.forget(anew=True)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # frozen, or overtaken: as if nothing had come
         self._reported.odometry = (arrival_s, pose, velocity)

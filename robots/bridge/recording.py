@@ -1,8 +1,8 @@
 """Recordings of what a gate was told and what it answered, and playing them again.
 
 A file is gzip of frames, each a length (4 bytes, big-endian) and a msgpack value: first the gate's profile, then
-``[method, arguments, answer]`` for each call that told or asked the gate something (``observe_...`` and ``decide``), in
-order. Numbers are kept to the last bit, NaN and infinities too.
+``[method, arguments, answer]`` for each call that told or asked the gate something (``observe_...``, ``forget`` and
+``decide``), in order. Numbers are kept to the last bit, NaN and infinities too.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _frames(path: Path) -> Iterator[bytes]:
 
 
 def _methods() -> list[str]:
-    return [name for name in vars(Gate) if name.startswith("observe_") or name == "decide"]
+    return [name for name in vars(Gate) if name.startswith("observe_") or name in ("forget", "decide")]
 
 
 def _kinds(method: Callable[..., Any]) -> list[Any]:

@@ -82,6 +82,10 @@ class OpenGate:
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
+        self.forgot: list[bool] = []  # how often it was told to forget, and whether the robot began anew
+
+    def forget(self, anew: bool = False) -> None:
+        self.forgot.append(anew)
 
     def observe_operator(self, delay_s: float | None) -> None:
         self.operator_delay_s = delay_s

@@ -627,3 +627,10 @@ def test_each_arrival_asks_for_the_gate_to_be_prepared_while_somebody_has_contro
         bench.core.laser(scan)
         bench.core.range("sonar", 50.0, 101.5, 1.0)
         assert bench.news == (3 if granted else 0), "while nobody has control nothing is prepared"
+
+
+def test_another_run_of_the_robot_is_told_to_the_gate_once(bench):
+    for run, forgot in ((0, []), (1, [True]), (1, [True]), (3, [True, True])):
+        bench.stamp_s += 0.02
+        bench.core.odometry(bench.stamp_s, bench.now_s, Pose(0.0, 0.0, 0.0), STILL, 50.0, run)
+        assert bench.gate.forgot == forgot

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.trail import between
 from robots.bridge.gate.values import GateProfile, LaserScan, Limits, Pose, Velocity
 
 LASER = "/scan_raw"
@@ -58,14 +59,24 @@ class Feeder:
         self.clock_offset_s = clock_offset_s
         self.ranges = np.full(571, math.inf) if ranges is None else np.asarray(ranges)
         self.sonar_m = math.inf
+        self.pose = Pose(0.0, 0.0, 0.0)
         self.velocity = Velocity(0.0, 0.0, 0.0)
+        self._told: tuple[float, Pose] | None = None  # odometry of before
 
     @property
     def stamp_s(self) -> float:
         return self.now_s + self.clock_offset_s
 
     def odometry(self) -> None:
-        self.gate.observe_odometry(self.stamp_s, self.now_s, Pose(0.0, 0.0, 0.0), self.velocity)
+        """Of now, and on the way here ten times a second: a hole in it would begin everything anew."""
+        began_s, pose = self._told or (self.now_s, self.pose)
+        steps = max(math.ceil((self.now_s - began_s) / 0.1 - 1e-6), 1)
+        for step in range(1, steps + 1):
+            share = step / steps
+            now_s = self.now_s - (1.0 - share) * (self.now_s - began_s)
+            here = between(pose, self.pose, share)
+            self.gate.observe_odometry(now_s + self.clock_offset_s, now_s, here, self.velocity)
+        self._told = self.now_s, self.pose
 
     def scan(self, **changes) -> None:
         facts = {

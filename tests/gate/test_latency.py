@@ -136,6 +136,7 @@ def test_the_wait_never_counts_for_more_than_the_longest_delay_that_is_looked_fo
 def test_the_gate_reckons_with_what_it_measures_and_says_when_a_robot_is_late(tiago, delay_s):
     base = Base(delay_s)
     base.latency = tiago.gate.latency
+    base.now_s = tiago.now_s
     for vx in (0.5, 0.0) * ENOUGH:
         base.drive(vx, 0.0, 1.5)
     tiago.now_s = base.now_s

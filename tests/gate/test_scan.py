@@ -196,13 +196,20 @@ class TestTrail:
         assert self.trail().pose_at(5.5) is None
         assert self.trail().pose_at(4.9) is None
 
-    def test_a_jump_or_a_clock_set_back_begins_anew(self):
-        jumped = self.trail()
-        jumped.add(5.2, Pose(4.0, 0.0, 0.0), STILL)
-        assert jumped.pose_at(5.1) is None and jumped.pose_at(5.2).x == 4.0
-        set_back = self.trail()
-        set_back.add(2.0, Pose(0.2, 0.0, 0.0), STILL)
-        assert set_back.pose_at(5.1) is None and set_back.pose_at(2.0).x == 0.2
+    @pytest.mark.parametrize(
+        ("stamp_s", "x", "silent_s"),
+        [(5.2, 4.0, 0.02), (2.0, 0.18, 0.02), (5.5, 0.2, 0.32), (15.2, 20.0, 10.0), (5.2, 2.0, 10.0)],
+    )
+    def test_a_jump_a_clock_set_back_or_a_hole_is_another_frame(self, stamp_s, x, silent_s):
+        trail = self.trail()
+        assert not trail.goes_on(stamp_s, Pose(x, 0.0, 0.0), silent_s)
+        trail.forget()
+        trail.add(stamp_s, Pose(x, 0.0, 0.0), STILL)
+        assert trail.pose_at(5.1) is None and trail.pose_at(stamp_s).x == x and trail.resets == 1
+
+    @pytest.mark.parametrize(("stamp_s", "silent_s"), [(5.2, 0.02), (5.45, 0.29), (3605.0, 0.02), (5.2, 3.0)])
+    def test_it_goes_on_also_where_a_clock_is_set_on_or_messages_come_all_at_once(self, stamp_s, silent_s):
+        assert self.trail().goes_on(stamp_s, Pose(0.25, 0.0, 0.0), silent_s)
 
     def test_a_hole_in_the_odometry_is_not_bridged(self):
         trail = self.trail()

@@ -101,6 +101,10 @@ class DepthCamera:
         """A picture came that cannot be used, and why."""
         self.complaint = why
 
+    def forget(self) -> None:
+        """Forget what earlier pictures showed; what the newest one shows stays."""
+        self._memory.clear()
+
     def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
         shown = self._without_robot(frame.columns)
         self._seen = placed(shown.points, base)

@@ -9,6 +9,7 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
     invalid           the asked twist is not made of numbers: stop
     odometry_missing  no odometry has come yet: stop, then neutral
     odometry_stale    the newest odometry is older than 0.2 s: stop, then neutral
+    odometry_anew     the odometry began anew, and with it all that was seen: stop, then neutral
     scan_missing      a laser has sent nothing yet: stop, then neutral
     scan_stale        a laser's newest scan is older than 0.5 s: stop, then neutral
     scan_unpaired     a scan's stamp does not match the odometry's: stop, then neutral
@@ -89,6 +90,7 @@ class Gate:
         fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         self._trail = Trail(fastest, limits.turn_radps)
         self._odometry = Freshness()
+        self._is_anew = False  # another run began, and the stick was not in the middle since
         self._velocity = STILL
         self._commands = Commands()
         self.latency = Latency(limits, profile.parameters.latency_s)
@@ -119,13 +121,33 @@ class Gate:
         """Take odometry; whether it was new. Numbers that are none are as if nothing had come."""
         if not all(map(math.isfinite, (stamp_s, arrival_s, *pose, *velocity))):
             return False
+        silent_s = self._odometry.age_s(arrival_s) or 0.0
         if not self._odometry.advances(stamp_s, arrival_s):
             return False
+        if not self._trail.goes_on(stamp_s, pose, silent_s):
+            self.forget(anew=True)
         self._trail.add(stamp_s, pose, velocity)
         self._velocity = velocity
         self.latency.arrived("odometry", stamp_s, arrival_s)
         self.latency.moved(velocity, arrival_s)
         return True
+
+    def forget(self, anew: bool = False) -> None:
+        """What was seen before counts no more, only what the sensors show now.
+
+        `anew`: the robot or its odometry began anew. Nothing tells then where anything was, the arm too, and how late
+        the robot answers; the stick must return to the middle.
+        """
+        for parts in (self._memories, self._movers, self._sonars):
+            for part in parts.values():
+                part.forget()
+        if self._depth:
+            self._depth.forget()
+        if anew:
+            self._is_anew = True
+            self._trail.forget()
+            self._holds.forget_posture()
+            self.latency.forget()
 
     def observe_scan(self, scan: LaserScan) -> None:
         """Take a laser scan. Malformed or of an unknown source: as if nothing had come."""
@@ -243,10 +265,14 @@ class Gate:
             return Verdict(STILL, STILL, "invalid", "stopped: the command is not a number")
         possible = clamped(asked, self.profile)
         if is_still(possible):
+            self._is_anew = False
             return Verdict(STILL, asked, "idle", "")
         if fault := self._holds.fault(now_s):
             text = f"stopped: {fault.text}"
             return Verdict(STILL, asked, fault.code, text, fault.sensor, neutral=True)
+        if self._is_anew:
+            text = "stopped: the robot’s odometry began anew"
+            return Verdict(STILL, asked, "odometry_anew", text, "odometry", neutral=True)
         held = self._holds.held(asked, possible, everywhere, self.footprint, now_s)
         wanted = held.velocity
         if is_still(wanted):

@@ -76,6 +76,10 @@ class Holds:
         """Take where the arm is."""
         self._posture, self._posture_s = arm, arrival_s
 
+    def forget_posture(self) -> None:
+        """Where the arm is nobody has told yet."""
+        self._posture, self._posture_s = posture.UNKNOWN, -math.inf
+
     def fault(self, now_s: float) -> Fault | None:
         """Data without which the robot must not move."""
         age_s = self._odometry.age_s(now_s)

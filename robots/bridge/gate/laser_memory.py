@@ -47,6 +47,12 @@ class LaserMemory:
         self._memory.pass_through(told.through)
         self._revision += 1
 
+    def forget(self) -> None:
+        """Forget all that earlier scans saw."""
+        self._memory.clear()
+        self._points = NO_POINTS
+        self._revision += 1
+
     def revision(self, now_s: float) -> int:
         return self._revision
 

@@ -96,6 +96,11 @@ class Movers:
             self._looks.popleft()
         self._found = None
 
+    def forget(self) -> None:
+        """Nothing was seen before."""
+        self._looks.clear()
+        self._found = []
+
     def drift(self, points: Points) -> Points:
         """The velocity (m/s) of each point."""
         drift = np.zeros_like(points)

@@ -141,6 +141,12 @@ class Sonar:
         self._echoes.append(_Echo(stamp_s, arrival_s, points))
         self._forget(arrival_s)
 
+    def forget(self) -> None:
+        """Forget all but the newest reading."""
+        while len(self._echoes) > 1:
+            self._echoes.popleft()
+        self._revision += 1
+
     def watches(self, direction: float) -> bool:
         """Whether it looks out for a direction of travel in the base frame."""
         return abs(wrapped(direction - self._pose.yaw)) <= SONAR_WATCHES_RAD

@@ -12,6 +12,7 @@ KEPT = 200  # poses: 4 s at 50 Hz, and no sensor is used for longer than 0.5 s
 LARGEST_HOLE_S = 0.2  # between two poses that are interpolated, and beyond the newest
 JUMP_M = 0.3  # more than the base can have moved: the odometry was reset
 JUMP_RAD = 0.5
+SILENT_S = 0.3  # the dead-man's time: what is silent for longer may be another robot when it is back
 
 
 class Trail:
@@ -24,7 +25,7 @@ class Trail:
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
         self.revision = 0
-        self.resets = 0  # how often the pose jumped: what was known before is anywhere
+        self.resets = 0  # how often the frame became another one
 
     @property
     def newest(self) -> Pose | None:
@@ -32,23 +33,30 @@ class Trail:
         return self._poses[-1] if self._poses else None
 
     def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
-        """Take the newest pose.
-
-        A pose that jumped ends what was known before. A clock that was set back only ends what is known by its stamps.
-        """
-        passed_s = stamp_s - self._stamps[-1] if self._stamps else 0.0
-        jumped = bool(self._poses) and self._jumped(pose, max(passed_s, 0.0))
-        if jumped or passed_s <= 0.0:
-            self._stamps.clear()
-            self._poses.clear()
-        if jumped:
-            self.resets += 1
+        """Take the newest pose, which goes on from the last one."""
         self._stamps.append(stamp_s)
         self._poses.append(pose)
         self._velocity = velocity
         self.revision += 1
         if len(self._stamps) > 2 * KEPT:
             del self._stamps[:KEPT], self._poses[:KEPT]
+
+    def goes_on(self, stamp_s: float, pose: Pose, silent_s: float = math.inf) -> bool:
+        """Whether a pose that came `silent_s` after the last one is in the same frame.
+
+        It is not after a jump, a stamp that went back, or a hole: of a clock that was set on nobody heard a silence,
+        and of messages that came late all at once the stamps show none.
+        """
+        if not self._stamps:
+            return True
+        passed_s = min(stamp_s - self._stamps[-1], silent_s)
+        return 0.0 <= passed_s <= SILENT_S and not self._jumped(pose, passed_s)
+
+    def forget(self) -> None:
+        """The frame is another one: what was known before is anywhere."""
+        self._stamps.clear()
+        self._poses.clear()
+        self.resets += 1
 
     def pose_at(self, stamp_s: float) -> Pose | None:
         """The pose at a stamp, None if the odometry does not tell."""

@@ -46,6 +46,7 @@ from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.names import Names
 from robots.bridge.ros.posture import PostureTopics
 from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.runs import Runs
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.speech import SpeechTopics
 from robots.bridge.ros.tf import TfTopics
@@ -96,6 +97,7 @@ class RosBase:
         self._looking_up = Errands("motion")  # of its own: a list may take seconds
         self._watcher = MasterWatcher(self._master, self)
         self._described = False
+        self._runs = Runs()
         self._mail = Mailboxes(self._post, lambda: self._core.hurries, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
@@ -259,7 +261,8 @@ class RosBase:
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )
-        self._subscribe(topics.odometry, self._on_odometry)
+        # What the network held up comes all at once: what is left out of it is a hole, and memory ends there.
+        self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
@@ -296,6 +299,7 @@ class RosBase:
 
     def began_again(self) -> None:
         """The master was restarted, and maybe the robot with it."""
+        self._runs.begin()
         self._described = False
         self._describe()
         self._post(self._core.orders.refresh)
@@ -405,10 +409,10 @@ class RosBase:
     def _on_odometry(self, message: Any) -> None:
         arrival_s, wall_s = time.monotonic(), time.time()
         pose, velocity = planar(message)
-        stamp_s = message.header.stamp.to_sec()
+        stamp_s, run = message.header.stamp.to_sec(), self._runs.of(message._connection_header)
         self._mail.post(
             "odometry",
-            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s),
+            lambda: self._core.odometry(stamp_s, arrival_s, pose, velocity, wall_s, run),
             ODOMETRY_WAITS,
             can_wait=True,
         )

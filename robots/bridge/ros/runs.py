@@ -1,0 +1,26 @@
+"""Which run of the robot tells of its odometry: it may be another one, though its name and address are the same."""
+
+from __future__ import annotations
+
+from collections import deque
+
+KNOWN = 4  # of the newest connections: two nodes that publish in turn are no new ones each time
+
+
+class Runs:
+    """Numbers them. `begin` and `of` may be called on different threads."""
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._headers: deque[object] = deque(maxlen=KNOWN)
+
+    def begin(self) -> None:
+        """The robot's master was started anew."""
+        self._number += 1
+
+    def of(self, header: object) -> int:
+        """The run of a message with this connection header; rospy makes one for each connection to a publisher."""
+        if not any(header is known for known in self._headers):
+            self._headers.append(header)
+            self._number += 1
+        return self._number

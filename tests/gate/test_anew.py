@@ -1,0 +1,103 @@
+"""A robot, or an odometry, that begins anew: what was seen and measured before counts no more."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.posture import AT_HOME
+from robots.bridge.gate.values import STILL, Pose
+from tests.gate.conftest import SONARS, Feeder, tiago_profile
+
+
+@pytest.fixture
+def haunted() -> Feeder:
+    """A TIAGo that remembers something 0.3 m to its right and behind, where its laser does not look any more."""
+    feeder = Feeder(tiago_profile(has_arm=True))
+    feeder.gate.observe_posture(AT_HOME, feeder.now_s)
+    feeder.sonar_m = 0.3
+    feeder.pose = Pose(0.0, 0.0, math.radians(-30))
+    feeder.ranges[5:130] = 0.6
+    for yaw in (-30.0, 0.0, 30.0):
+        feeder.pose = Pose(0.0, 0.0, math.radians(yaw))
+        for _ in range(10):
+            feeder.now_s += 0.05
+            feeder.all()
+        feeder.ranges = np.full(571, math.inf)
+    return feeder
+
+
+def known(feeder: Feeder) -> dict[str, int]:
+    """How many points each source knows of."""
+    obstacles = feeder.gate.obstacles(feeder.now_s)
+    counts = np.bincount(obstacles.source, minlength=len(obstacles.names))
+    return {name: count for name, count in zip(obstacles.names, counts.tolist(), strict=True) if count}
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "clock_s", "x", "run"),
+    [
+        (10.0, 0.0, 0.0, 0),  # silence, and the robot did not move
+        (10.0, 0.0, 20.0, 0),
+        (0.4, 0.0, 0.0, 0),
+        (0.05, 0.0, 0.0, 1),  # another publisher, or another run of the master
+        (0.05, -2.0, 0.0, 0),  # stamps that go back
+        (0.05, 0.0, 1.0, 0),  # a jump
+    ],
+)
+def test_when_odometry_begins_anew_so_does_the_memory(haunted, silent_s, clock_s, x, run):
+    gate = haunted.gate
+    assert known(haunted)["/scan_raw, remembered"] > 10
+    gate.latency._in_force_s = 0.6  # measured under load
+    haunted.decide()
+    haunted.now_s += silent_s
+    pose = haunted.pose._replace(x=x)
+    if run:
+        gate.forget(anew=True)
+    gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, pose, STILL)
+    assert known(haunted) == {}
+    assert gate.latency.in_force_s(haunted.now_s) == pytest.approx(0.2)
+    haunted.clock_offset_s = clock_s
+    haunted.scan()
+    verdict = haunted.decide(0.5)
+    assert (verdict.velocity, verdict.code, verdict.neutral) == (STILL, "odometry_anew", True)
+    assert verdict.text == "stopped: the robot’s odometry began anew"
+    assert any(hold.code == "arm_away" for hold in verdict.limits), "where the arm is nobody told yet"
+    haunted.decide()
+    gate.observe_posture(AT_HOME, haunted.now_s)
+    assert haunted.decide(0.5).code == "free"
+
+
+@pytest.mark.parametrize(("silent_s", "clock_s"), [(0.29, 0.0), (0.05, 3600.0)])
+def test_a_short_silence_or_a_clock_that_is_set_on_forgets_nothing(haunted, silent_s, clock_s):
+    before = known(haunted)["/scan_raw, remembered"]
+    haunted.now_s += silent_s
+    haunted.gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, haunted.pose, STILL)
+    haunted.clock_offset_s = clock_s
+    haunted.scan()
+    assert known(haunted)["/scan_raw, remembered"] == pytest.approx(before, abs=2)
+
+
+def test_messages_that_were_held_up_and_come_all_at_once_leave_no_hole(haunted):
+    before = known(haunted)["/scan_raw, remembered"]
+    for late_s in np.arange(0.02, 1.0, 0.02):
+        stamp_s = haunted.now_s + late_s
+        haunted.gate.observe_odometry(stamp_s, haunted.now_s + 1.0, haunted.pose, STILL)
+    haunted.now_s += 1.0
+    haunted.scan()
+    assert known(haunted)["/scan_raw, remembered"] == pytest.approx(before, abs=2)
+
+
+def test_what_the_sensors_show_now_is_not_forgotten(haunted):
+    haunted.ahead_at(1.0)
+    haunted.now_s += 0.05
+    haunted.all()
+    before = known(haunted)
+    haunted.gate.forget()
+    left = known(haunted)
+    assert "/scan_raw, remembered" in before and "/scan_raw, remembered" not in left
+    assert left["/scan_raw"] == before["/scan_raw"]
+    assert all(left[name] > 0 for name in SONARS)
+    assert haunted.decide(0.1).code == "free", "nothing began anew: the stick need not return to the middle"
