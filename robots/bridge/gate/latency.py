@@ -5,15 +5,20 @@ accelerations would have done with these commands, each of them late by d; the d
 base that is slower than its profile says counts as later, which errs on the safe side; one that does something else (a
 joystick in somebody's hand has the say, wheels slip) fits badly and is no measurement.
 
+Until the robot has answered once, and while it lets us wait for longer than it was measured to take, any delay fits
+what was seen, so the longest is reckoned with. The answer itself, late as it was, counts until the measurement is done.
+
 Between two such changes a link may grow slow: every message still comes, one a period, but each of them later. That
 shows in the stamps, whatever the robot's clock says: arrival less stamp rises above the least that it was. Where
-commands alone come later, their acknowledgements do too: they take longer than the least that they took.
+commands alone come later, their acknowledgements do too: they take longer than the least that they took. The age of the
+newest odometry, by its stamp, counts at every moment: what is seen is so much older, be it late or silent.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +26,11 @@ from numpy.typing import NDArray
 from robots.bridge.gate.values import Limits, Velocity
 
 ADDED_S = 0.05  # on top of what 95 % of the measurements keep: one period of the gate
-SHARE = 0.95
 LEAST_S = 0.10  # however quick the robot is: a period of the gate, and one of the laser's that is carried by odometry
-KEPT = 40  # measurements
+KEPT = 12  # measurements
+FADES_S = 0.015  # each later measurement takes so much off an earlier one, down to the median
+FADES = 0.005  # and each second, in seconds
+FORGOTTEN_S = 60.0  # of rest, after which the measurements say nothing of a robot that drives off
 ENOUGH = 8  # with fewer the assumed latency is kept, if it is longer
 
 LONGEST_S = 0.8  # delays are looked for up to this
@@ -31,10 +38,13 @@ _STEP_S = 0.01
 _WINDOW_S = 1.2  # of odometry that is compared
 _CHANGE = (0.12, 0.30)  # m/s, rad/s: what is enough of a change
 _RESPONSE = (0.03, 0.08)  # m/s, rad/s: from here on the base has begun to obey
+_SURPRISE_S = 0.08  # who waits for so much longer than was measured does not know for how long
 _MISFIT = 0.2  # of the change: a worse fit is no measurement
 
-LATELY_S = 0.5  # of these the quickest message counts: one that is late by itself is jitter
+LATELY_S = 0.2  # of these the quickest message counts: one that is late by itself is jitter
+LEAST_MESSAGES = 3
 JITTER_S = 0.02  # of the quickest
+USUAL = 0.1  # what the newest gap between two stamps counts for in the usual one
 # Seconds a second: so slowly a lasting delay is taken for what is usual, and a clock that runs slow for one in step.
 ACCEPTED = 0.002
 MOST_BACKLOG_S = 1.0
@@ -57,9 +67,12 @@ class Latency:
             _Axis(self._limits.linear_mps2, _CHANGE[0], _RESPONSE[0]),
             _Axis(self._limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
         )
-        self._measured: deque[float] = deque(maxlen=KEPT)
-        self._in_force_s = self._assumed_s
-        self._backlogs: dict[str, Backlog] = {}
+        self._measured: deque[Sample] = deque(maxlen=KEPT)  # when, and how long
+        self._answered = False
+        self._answer_s = 0.0  # the last late one, until it is measured
+        self._rests_since_s: float | None = None
+        self._odometry = Backlog()
+        self._backlogs = {"odometry": self._odometry}
         self._commands = Backlog()
         self._later_s = 0.0  # than at best, by the newest arrivals
 
@@ -75,36 +88,69 @@ class Latency:
 
     def sent(self, velocity: Velocity, now_s: float) -> None:
         """A twist was published."""
+        if any(velocity):
+            self._rests_since_s = None
+        elif self._rests_since_s is None:
+            self._rests_since_s = now_s
+        elif now_s - self._rests_since_s > FORGOTTEN_S:
+            self._measured.clear()
+            self._answered, self._answer_s = False, 0.0
         for axis, value in zip(self._axes, (velocity.vx, velocity.w), strict=True):
             axis.sent(value, now_s)
 
     def moved(self, velocity: Velocity, now_s: float) -> None:
         """Odometry arrived."""
+        expected_s = self._expected_s(now_s)
         for axis, value in zip(self._axes, (velocity.vx, velocity.w), strict=True):
-            measured_s = axis.moved(value, now_s)
-            if measured_s is not None:
-                self._measured.append(measured_s)
-                self._in_force_s = self._from_measurements()
+            seen = axis.moved(value, now_s)
+            if seen.answer_s is not None and seen.answer_s <= LONGEST_S:
+                self._answered = self._answered or seen.is_exact
+                if seen.answer_s > expected_s:
+                    self._answer_s = seen.answer_s
+            if seen.measured_s is not None:
+                self._measured.append((now_s, seen.measured_s))
+                self._answered, self._answer_s = True, 0.0
 
     @property
     def measured_s(self) -> float | None:
-        """What the robot was measured to take, p95 and 50 ms; None while too little was measured."""
-        return self._in_force_s if len(self._measured) >= ENOUGH else None
+        """What the robot was measured to take, the slowest of late and 50 ms; None while too little was measured."""
+        return self._from_measurements(self._measured[-1][0]) if len(self._measured) >= ENOUGH else None
 
     def in_force_s(self, now_s: float) -> float:
-        """The latency to reckon with: measured, else assumed; longer while the robot lets us wait for longer, and
-        while its messages come later than at best.
+        """The latency to tell: measured, else assumed; longer while the robot lets us wait for longer, and while its
+        messages come later than at best.
         """
-        waited_s = max(axis.waited_s(now_s) for axis in self._axes)
-        return max(self._in_force_s, min(waited_s, LONGEST_S)) + self._later_s
+        return max(self._expected_s(now_s), min(self._waited_s(now_s), LONGEST_S)) + self._lateness_s(now_s)
+
+    def worst_s(self, now_s: float) -> float:
+        """The latency to reckon with: the longest that fits what was seen, at least `in_force_s`."""
+        if self._answered and self._waited_s(now_s) < self._expected_s(now_s) + _SURPRISE_S:
+            return self.in_force_s(now_s)
+        return max(LONGEST_S + self._lateness_s(now_s), self.in_force_s(now_s))
+
+    def _waited_s(self, now_s: float) -> float:
+        return max(axis.waited_s(now_s) for axis in self._axes)
+
+    def _expected_s(self, now_s: float) -> float:
+        """By what it did before."""
+        return max(self._from_measurements(now_s), self._answer_s)
+
+    def _lateness_s(self, now_s: float) -> float:
+        return max(self._later_s, self._odometry.age_s(now_s))
 
     def _reckon_backlogs(self) -> None:
-        later_s = max((backlog.later_s for backlog in self._backlogs.values()), default=0.0)
+        later_s = max(backlog.later_s for backlog in self._backlogs.values())
         self._later_s = max(BOTH_WAYS * later_s, self._commands.later_s)
 
-    def _from_measurements(self) -> float:
-        late_s = float(np.quantile(self._measured, SHARE, method="higher")) + ADDED_S
-        return max(late_s, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
+    def _from_measurements(self, now_s: float) -> float:
+        """The slowest measurement, faded, and 50 ms; no less than the median of all."""
+        if not self._measured:
+            return self._assumed_s
+        newest = len(self._measured) - 1
+        late_s = sorted(late_s for _, late_s in self._measured)[len(self._measured) // 2]
+        for number, (at_s, one_s) in enumerate(self._measured):
+            late_s = max(late_s, one_s - FADES_S * (newest - number) - FADES * max(now_s - at_s, 0.0))
+        return max(late_s + ADDED_S, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
 
 
 class Backlog:
@@ -114,6 +160,7 @@ class Backlog:
         self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
         self._best_s = math.inf
         self._stamp_s = -math.inf
+        self._gap_s = 0.0  # between stamps, usually
         self.later_s = 0.0  # by how much even the quickest of late came later than the best one, jitter apart
 
     def arrived(self, stamp_s: float, arrival_s: float) -> None:
@@ -121,18 +168,32 @@ class Backlog:
         if stamp_s < self._stamp_s:
             self._lately.clear()
             self._best_s = math.inf
+        elif self._lately:
+            self._gap_s += USUAL * (min(stamp_s - self._stamp_s, LATELY_S) - self._gap_s)
         self._stamp_s = stamp_s
         self.took(arrival_s - stamp_s, arrival_s)
+
+    def age_s(self, now_s: float) -> float:
+        """How much older than usual at this moment the newest message is, by its stamp."""
+        return min(max(now_s - self._stamp_s - self._best_s - self._gap_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
     def took(self, after_s: float, now_s: float) -> None:
         """Something came so long after it was sent, by one clock or by two that keep step."""
         passed_s = now_s - self._lately[-1][0] if self._lately else 0.0
         self._lately.append((now_s, after_s))
-        while now_s - self._lately[0][0] > LATELY_S:
+        while now_s - self._lately[0][0] > LATELY_S and len(self._lately) > LEAST_MESSAGES:
             self._lately.popleft()
         self._best_s = min(self._best_s + ACCEPTED * max(passed_s, 0.0), after_s)
         quickest_s = min(after_s for _, after_s in self._lately)
         self.later_s = min(max(quickest_s - self._best_s - JITTER_S, 0.0), MOST_BACKLOG_S)
+
+
+class _Seen(NamedTuple):
+    """What a sample of odometry told of one axis."""
+
+    answer_s: float | None = None  # so long after the command the base began to obey, or longer
+    is_exact: bool = False  # nothing sent before can have been what it obeyed
+    measured_s: float | None = None  # the delay of which this sample completes the measurement
 
 
 class _Axis:
@@ -147,7 +208,13 @@ class _Axis:
         self._odometry: list[Sample] = []  # since the change
         self._speed: float | None = None
         self._since_s: float | None = None  # the change began
-        self._obeyed = True
+        self._steady: float | None = None  # the speed that the base has kept since it last changed
+        self._asked = 0.0
+        self._asked_s: float | None = (
+            None  # since when something else is asked than the base does, and nothing comes
+        )
+        self._other_s = -math.inf  # when something else than the steady speed was last asked
+        self._is_exact = False
 
     def sent(self, value: float, now_s: float) -> None:
         last = self._commands[-1][1] if self._commands else self._before
@@ -157,29 +224,54 @@ class _Axis:
         while len(self._commands) > 1 and self._commands[0][0] < horizon_s:
             self._before = self._commands.popleft()[1]
         if self._since_s is None and self._speed is not None and abs(value - self._speed) > self._change:
-            self._begin(self._speed, now_s)
+            self._since_s = now_s
+            self._odometry = [(now_s, self._speed)]
+        self._ask(value, now_s)
 
-    def moved(self, value: float, now_s: float) -> float | None:
-        """The delay that this sample completes the measurement of, if it does."""
+    def moved(self, value: float, now_s: float) -> _Seen:
+        """What this sample tells."""
         self._speed = value
+        answer = self._answer(value, now_s)
         if self._since_s is None:
-            return None
+            return answer
         self._odometry.append((now_s, value))
-        if abs(value - self._odometry[0][1]) > self._response:
-            self._obeyed = True
         if now_s - self._since_s < _WINDOW_S:
-            return None
+            return answer
         self._since_s = None
-        return best_delay(self._commands, self._before, self._odometry, self._acceleration, self._change)
+        delay_s = best_delay(self._commands, self._before, self._odometry, self._acceleration, self._change)
+        return answer._replace(measured_s=delay_s)
 
     def waited_s(self, now_s: float) -> float:
-        """How long the base has done nothing yet about a change."""
-        return 0.0 if self._since_s is None or self._obeyed else now_s - self._since_s
+        """How long the base has done nothing yet about a change. One that goes on for too long is not obeyed at all."""
+        if self._asked_s is None or self._steady is None or abs(self._asked - self._steady) <= self._change:
+            return 0.0
+        waited_s = now_s - self._asked_s
+        return waited_s if waited_s < _WINDOW_S else 0.0
 
-    def _begin(self, speed: float, now_s: float) -> None:
-        self._since_s = now_s
-        self._obeyed = False
-        self._odometry = [(now_s, speed)]
+    def _ask(self, value: float, now_s: float) -> None:
+        self._asked = value
+        if self._steady is None or abs(value - self._steady) <= self._response:
+            self._asked_s = None
+            return
+        if self._asked_s is None:
+            self._asked_s = now_s
+            self._is_exact = now_s - self._other_s > LONGEST_S
+        self._other_s = now_s
+
+    def _answer(self, value: float, now_s: float) -> _Seen:
+        before = self._steady
+        if before is None:
+            self._steady = value
+            return _Seen()
+        if abs(value - before) <= self._response:
+            return _Seen()
+        obeys = self._asked_s is not None and (value - before) * (self._asked - before) > 0.0
+        seen = (
+            _Seen(now_s - self._asked_s, self._is_exact) if obeys and self._asked_s is not None else _Seen()
+        )
+        self._steady, self._asked_s = value, None
+        self._ask(self._asked, now_s)
+        return seen
 
 
 def best_delay(
