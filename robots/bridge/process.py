@@ -145,22 +145,33 @@ class Bridge:
     async def _tick_until_ended(self) -> None:
         loop = asyncio.get_running_loop()
         due_s = time.monotonic()
+        rested = True
         while not self._ended:
-            self._soon(self._base.hear)  # and commands, which after a stall count before their absence does
-            await asyncio.sleep(0.0)
             now_s = time.monotonic()
-            self._core.tick(now_s, now_s - due_s)
+            rested = not rested and not self._core.publishing(
+                now_s
+            )  # half as often while nothing is sent to the base
+            if not rested:
+                self._soon(
+                    self._base.hear
+                )  # and commands, which after a stall count before their absence does
+                await asyncio.sleep(0.0)
+                now_s = time.monotonic()
+                self._tick(now_s, now_s - due_s)
             self._beat(now_s)
-            grant = self._core.grants.current
-            self._base.look(grant is not None)
-            self._maps.look(grant.fence if grant else None, now_s)
-            self._soon(self._show)
-            self._soon(self._collect)
             due_s = max(due_s, now_s - TICK_S) + TICK_S  # after a stall: on from here, no catching up
             alarm = loop.call_at(due_s, self._wake.set)
             await self._wake.wait()
             self._wake.clear()
             alarm.cancel()
+
+    def _tick(self, now_s: float, late_s: float) -> None:
+        self._core.tick(now_s, late_s)
+        grant = self._core.grants.current
+        self._base.look(grant is not None)
+        self._maps.look(grant.fence if grant else None, now_s)
+        self._soon(self._show)
+        self._soon(self._collect)
 
     def _beat(self, now_s: float) -> None:
         """Tell the watchdog that this loop runs, and what it does."""
