@@ -480,7 +480,8 @@ class Core:
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
             self._need_neutral(*self._why_silent(self._asking, now_s))
-        self._asking, asked = self._wanted(grant, now_s) if grant else (None, STILL)
+        awaited = self._awaited(now_s)
+        self._asking, asked = self._wanted(grant, awaited is None, now_s) if grant else (None, STILL)
         refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
@@ -490,6 +491,8 @@ class Core:
                 self._need_neutral(verdict.code, verdict.text)
         if refusal and refusal.code in _HALTING:
             self._need_neutral(refusal.code, _HALTING[refusal.code])
+        if self._asking and awaited:
+            self._need_neutral(awaited.code, awaited.text)
         if told := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
         if self.stop_state.state == "clear":
@@ -514,10 +517,21 @@ class Core:
             self._unrecorded = unrecorded(why, self.orders.under_way)
             self.orders.unrecorded(self._unrecorded, now_s)
 
-    def _wanted(self, grant: Grant, now_s: float) -> tuple[Stick | None, Velocity]:
+    def _awaited(self, now_s: float) -> wire.NeutralNeeded | None:
+        """The part of the robot that must be back before a stick in the middle counts, or before one that is out does.
+
+        Else a stick that is pushed while a sensor is silent would drive off by itself once it is back.
+        """
+        if self._phase(now_s)[0] != "online":
+            return wire.NeutralNeeded("robot_offline", "the robot was away")
+        fault = self._gate.fault(now_s)
+        return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
+
+    def _wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[Stick | None, Velocity]:
         """What the holder asks for, and by which: the page's stick, or, where that rests, a twist.
 
-        One that is in the middle has done what it owes, and so has another that was not out when it was last seen.
+        One that is in the middle, if that counts, has done what it owes, and so has another that was not out when it
+        was last seen.
         """
         limits, steering = self.config.gate.limits, self.config.reverse_steering
         wanted = {
@@ -527,7 +541,7 @@ class Core:
         }
         for stick, velocity in wanted.items():
             stick.is_out = velocity != STILL
-        if STILL in wanted.values():
+        if middle_counts and STILL in wanted.values():
             for stick in (self._stick, self._twists):
                 if not stick.is_out:
                     stick.owes = None

@@ -16,6 +16,7 @@ from robots.bridge.config import Allowed, BridgeConfig, HeadSource, LinkAddress,
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.holds import Fault
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.values import (
@@ -79,6 +80,7 @@ class OpenGate:
         self.pictured: list[tuple[float, float]] = []  # by its depth camera
         self.health: list[SensorHealth] = []
         self.says: Callable[[Velocity], Verdict] | None = None
+        self.misses: Fault | None = None  # data without which nothing moves
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
@@ -100,7 +102,12 @@ class OpenGate:
     def limits(self, _now_s: float) -> tuple[Hold, ...]:
         return ()
 
+    def fault(self, _now_s: float) -> Fault | None:
+        return self.misses
+
     def decide(self, asked: Velocity, _sent: Velocity, _now_s: float) -> Verdict:
+        if asked != STILL and self.misses:
+            return Verdict(STILL, asked, self.misses.code, f"stopped: {self.misses.text}", neutral=True)
         if asked != STILL and self.says:
             return self.says(asked)
         return Verdict(asked, asked, "idle" if asked == STILL else "free", "")

@@ -5,7 +5,8 @@ import itertools
 import msgspec
 import pytest
 
-from robots.bridge.core import RosStatus
+from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
+from robots.bridge.gate.holds import Fault
 from robots.bridge.gate.values import STILL, Hold, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.store import Persisted
 from robots.wire import Grant
@@ -415,6 +416,49 @@ def test_a_stop_by_missing_sensor_data_asks_for_a_neutral_stick(bench):
     assert bench.last == STILL
     bench.gate.says = None
     assert bench.stick(0.5).code == "neutral_needed"
+
+
+def silence_of_the_laser(bench):
+    bench.gate.misses = Fault("scan_stale", "laser is 0.6 s old", "laser")
+
+
+def silence_of_odometry(bench):
+    bench.now_s += ODOMETRY_ONLINE_S + 0.1
+    bench.core.tick(bench.now_s)
+
+
+def all_is_back(bench):
+    bench.gate.misses = None
+    bench.pass_time(0.05)
+
+
+@pytest.mark.parametrize("goes", [silence_of_the_laser, silence_of_odometry])
+def test_a_stick_at_rest_counts_only_once_the_sensor_is_back(bench, goes):
+    bench.granted().driving()
+    goes(bench)
+    bench.stick(0.5)
+    bench.stick(0.0)
+    bench.stick(0.5)
+    all_is_back(bench)
+    assert bench.stick(0.5).code == "neutral_needed"
+    bench.pass_time(0.2)
+    assert bench.last == STILL
+    bench.stick(0.0)
+    bench.driving()
+
+
+@pytest.mark.parametrize("goes", [silence_of_the_laser, silence_of_odometry])
+def test_a_stick_pushed_while_a_sensor_is_silent_does_not_drive_off_when_it_is_back(bench, goes):
+    """Also where nothing was owed, and the push waits for its record when the sensor comes back."""
+    bench.granted()
+    goes(bench)
+    bench.sink.open.clear()
+    bench.stick(0.5)
+    bench.sink.open.set()
+    bench.recorded()
+    all_is_back(bench)
+    assert bench.stick(0.5).code == "neutral_needed"
+    assert bench.last == STILL
 
 
 def test_odometry_that_is_not_a_number_is_counted_and_not_used(bench):

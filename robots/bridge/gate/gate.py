@@ -43,7 +43,7 @@ from robots.bridge.gate.corridors import Corridors
 from robots.bridge.gate.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.health import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
-from robots.bridge.gate.holds import Holds
+from robots.bridge.gate.holds import Fault, Holds
 from robots.bridge.gate.laser_memory import LaserMemory
 from robots.bridge.gate.latency import Latency
 from robots.bridge.gate.movers import MOVER, Movers
@@ -216,6 +216,14 @@ class Gate:
         """The limits that hold whatever is asked, for who shows or records them: no command waits for it."""
         return self._holds.standing(self._holds.everywhere(self.latency.in_force_s(now_s), now_s), now_s)
 
+    def fault(self, now_s: float) -> Fault | None:
+        """Why nothing that is asked for moves the robot, and nothing goes on by itself afterwards: data is missing."""
+        if fault := self._holds.fault(now_s):
+            return fault
+        return (
+            Fault("odometry_anew", "the robot’s odometry began anew", "odometry") if self._is_anew else None
+        )
+
     def standstill(self, now_s: float) -> bool | None:
         """Whether odometry says that the robot stands; None while it is too old to tell."""
         if not self._odometry.within(ODOMETRY_STALE_S, now_s):
@@ -267,12 +275,8 @@ class Gate:
         if is_still(possible):
             self._is_anew = False
             return Verdict(STILL, asked, "idle", "")
-        if fault := self._holds.fault(now_s):
-            text = f"stopped: {fault.text}"
-            return Verdict(STILL, asked, fault.code, text, fault.sensor, neutral=True)
-        if self._is_anew:
-            text = "stopped: the robot’s odometry began anew"
-            return Verdict(STILL, asked, "odometry_anew", text, "odometry", neutral=True)
+        if fault := self.fault(now_s):
+            return Verdict(STILL, asked, fault.code, f"stopped: {fault.text}", fault.sensor, neutral=True)
         held = self._holds.held(asked, possible, everywhere, self.footprint, now_s)
         wanted = held.velocity
         if is_still(wanted):
