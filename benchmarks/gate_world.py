@@ -1,7 +1,9 @@
 """Whether the gate keeps a simulated robot from everything: physics decides, beside the cone method and nav2's monitor.
 
-Everything runs in one process per core, faster than real time; see `benchmarks.world`. FLEET_BENCH_REPEATS seeds of
-each case (30), FLEET_BENCH_PARTS names the parts to run.
+Everything runs in one process per core, faster than real time; see `benchmarks.world`. The default takes some four
+minutes on two cores. FLEET_BENCH_REPEATS seeds of each case (1; figures.md has 30), FLEET_BENCH_DRAWS runs with drawn
+sensors (160; two of each object, way and start), FLEET_BENCH_METRES of random stick (120), FLEET_BENCH_PARTS names the
+parts to run.
 """
 
 from __future__ import annotations
@@ -9,9 +11,9 @@ from __future__ import annotations
 import os
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world import clutter, crossing, doors, drawn, faults, late, objects
+from benchmarks.world import clutter, crossing, doors, drawn, faults, late, leaving, objects
 
-REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "30"))
+REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "1"))
 PARTS = {
     "cold": drawn.measure_cold,
     "drawn": drawn.measure_drawn,
@@ -20,6 +22,7 @@ PARTS = {
     "late": late.measure,
     "doors": doors.measure,
     "crossing": crossing.measure,
+    "leaving": leaving.measure,
     "clutter": clutter.measure,
 }
 ASKED = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()

@@ -19,10 +19,11 @@ from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.objects import Full, Outcome
 from benchmarks.world.play import at_most, played
 from benchmarks.world.sensors import SLIPS, Sensors
+from benchmarks.world.witness import count, worst_first
 from robots.simulator.faults import Faults
 from robots.simulator.odometry import Drift
 
-DRAWS = int(os.environ.get("FLEET_BENCH_DRAWS", "240"))
+DRAWS = int(os.environ.get("FLEET_BENCH_DRAWS", "160"))
 WORST = int(os.environ.get("FLEET_BENCH_WORST", "10"))  # runs that are named
 WAYS = {0: "ahead", 45: "on an arc", 90: "turning", 135: "on an arc in reverse", 180: "in reverse"}
 LATEST_S = 0.4
@@ -113,35 +114,29 @@ def figures(where: str, ends: Sequence[End]) -> list[Figure]:
         shown.append(_contacts(f"{where}, {way}", [end for end in ends if end.full.angle == angle]))
     for thing in objects.OBJECTS:
         shown.append(_contacts(f"{where}, {thing}", [end for end in ends if end.full.thing == thing]))
-    known = [end for end in ends if end.outcome.seen]
-    unseen = sum(bool(end.outcome.touched) for end in ends) - len(known)
-    percent = min(100.0 * at_most(len(known)) / len(ends), 100.0)
+    met = count(end.outcome.touched for end in ends)
+    percent = min(100.0 * at_most(met.known) / len(ends), 100.0)
     name_worst(where, ends)
     return [
         *shown,
-        Figure(f"{where}: contacts with what was seen or heard, of {len(ends)}", len(known), "", 0.0),
+        Figure(f"{where}: contacts with what was seen or heard, of {len(ends)}", met.known, "", 0.0),
         Figure(f"{where}: at most (95 %)", percent, "%"),
-        Figure(f"{where}: contacts with what no sensor can have seen, of {len(ends)}", unseen, ""),
+        Figure(f"{where}: contacts with what was seen too late, of {len(ends)}", met.late, ""),
+        Figure(f"{where}: contacts with what no sensor can have seen, of {len(ends)}", met.unseen, ""),
     ]
 
 
 def _contacts(name: str, ends: Sequence[End]) -> Figure:
-    known = sum(bool(end.outcome.seen) for end in ends)
+    known = count(end.outcome.touched for end in ends).known
     return Figure(f"{name}: contacts with what was seen, of {len(ends)}", known, "", 0.0)
 
 
 def name_worst(where: str, ends: Sequence[End]) -> None:
     """Say which runs were worst, how they are played again, and what was drawn for them."""
-    touched = [end for end in ends if end.outcome.touched]
-    worst = sorted(touched, key=lambda end: (not end.outcome.seen, -end.outcome.mps))
-    for end in worst[:WORST]:
-        full, outcome = end.full, end.outcome
-        known = f"seen by {outcome.seen}" if outcome.seen else "no sensor can have seen it"
+    met = [(end.outcome.touched, end) for end in ends if end.outcome.touched]
+    for contact, end in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
         progress(f"python -m benchmarks.world {end.command} --quiet")
-        start = "cold" if full.cold else "warm"
-        progress(
-            f"    {where}: {start}, {WAYS[full.angle]}, {outcome.touched} at {outcome.mps:.2f} m/s, {known}"
-        )
+        progress(f"    {where}: {'cold' if end.full.cold else 'warm'}, {WAYS[end.full.angle]}, {contact}")
         if end.drawn:
             progress(f"    {end.drawn}")
 

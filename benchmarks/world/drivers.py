@@ -51,20 +51,23 @@ class Approach:
 
 
 class Restless:
-    """Adversarial: any stick, often a full one, for a moment; after a look around."""
+    """Adversarial: any stick, often a full one, for a moment, half of its way in reverse; after a look around."""
 
     _LOOK_AROUND_S = 4.0
+    _REVERSE = 0.78  # of the time: reverse is slower, and this makes half of the way
 
-    def __init__(self, random: np.random.Generator) -> None:
+    def __init__(self, random: np.random.Generator, *, looks: bool = True) -> None:
         self._random = random
+        self._looks_until_s = self._LOOK_AROUND_S if looks else 0.0
         self._stick = RELEASED
         self._until_s = 0.0
 
     def hold(self, seen: Seen) -> Stick | None:
-        if seen.time_s < self._LOOK_AROUND_S:
+        if seen.time_s < self._looks_until_s:
             return Stick(0.0, 1.0, 1.0, trying=False)
         if seen.time_s >= self._until_s:
-            self._stick = self._drawn()
+            drawn, back = self._drawn(), self._random.random() < self._REVERSE
+            self._stick = drawn._replace(x=-abs(drawn.x) if back else abs(drawn.x))
             self._until_s = seen.time_s + float(self._random.uniform(0.2, 2.5))
         return self._stick
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
-from benchmarks.world.loop import PERIOD_S, Trace
+from benchmarks.world.loop import PERIOD_S, Moment, Trace
 from benchmarks.world.truth import Truth
 from robots.bridge.gate.values import STILL, Limits, Velocity
 
@@ -15,6 +15,8 @@ FREE_M = 2.0  # of free way, in which the asked speed is expected
 FALSE_STOP = 0.3  # below this share of the reachable speed
 REACHABLE = 0.3  # of the asked twist; before that, nothing is judged
 LEAST_MPS, LEAST_RADPS = 0.05, 0.3  # of the asked twist
+STANDS_MPS, STANDS_RADPS = 0.02, 0.05
+LEAST_WAY_M = 0.3  # with less to go, nobody is stuck
 EVERY = 4  # of the decisions are judged
 
 
@@ -25,6 +27,8 @@ class Keeping(NamedTuple):
     wide_share: float = 0.0  # sum of published / reachable in them
     free: int = 0  # moments in which the way to stop in is free
     false_stops: int = 0
+    tried: int = 0  # moments in which the stick asked for something
+    stuck: int = 0  # of them, the robot stood and was held though there was a free way, or only a turn
 
     @property
     def lost_percent(self) -> float:
@@ -35,6 +39,11 @@ class Keeping(NamedTuple):
     def false_stop_percent(self) -> float:
         """Of the moments in which the way is free."""
         return 100.0 * self.false_stops / self.free if self.free else math.nan
+
+    @property
+    def stuck_percent(self) -> float:
+        """Of the time in which the stick asks for something."""
+        return 100.0 * self.stuck / self.tried if self.tried else math.nan
 
 
 def together(parts: Iterable[Keeping]) -> Keeping:
@@ -52,6 +61,8 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
     reached, was_free = STILL, False
     for number, (before, moment) in enumerate(pairwise(trace.moments)):
         asked = moment.asked
+        if number % EVERY == 0 and moment.trying and _is_worth_judging(asked):
+            moments.append(Keeping(tried=1, stuck=int(is_stuck(moment, truth, limits))))
         reached = _stepped(reached if was_free else before.sent, asked, limits)
         if number % EVERY and was_free:
             continue
@@ -64,6 +75,18 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
         wide = free_m >= FREE_M
         moments.append(Keeping(int(wide), min(share, 1.0) if wide else 0.0, 1, int(share < FALSE_STOP)))
     return together(moments)
+
+
+def is_stuck(moment: Moment, truth: Truth, limits: Limits) -> bool:
+    """Whether a standing robot is held though it could go a little way, or turn as it is asked to."""
+    moves = abs(moment.moving.vx) > STANDS_MPS or abs(moment.moving.w) > STANDS_RADPS
+    if moves or moment.sent != STILL:
+        return False
+    asked = moment.asked
+    if abs(asked.w) >= LEAST_RADPS:  # nothing is in the way of a disc that turns
+        return True
+    needed_m = max(_needed_m(asked, limits), LEAST_WAY_M)
+    return truth.free_m(moment.pose, asked, FREE_M, from_near=True) >= needed_m
 
 
 def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:

@@ -148,6 +148,7 @@ class Trace:
     moments: list[Moment] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)
     way_m: float = 0.0
+    reverse_m: float = 0.0  # of the way
     arrived: bool = False
     time_s: float = 0.0
 
@@ -271,7 +272,9 @@ class Loop:
     def _look(self, now_s: float) -> None:
         """What the robot touches, and how far it came."""
         moving = self.robot.physics.velocity
-        self.trace.way_m += math.hypot(moving.vx, moving.vy) * TICK_S
+        way_m = math.hypot(moving.vx, moving.vy) * TICK_S
+        self.trace.way_m += way_m
+        self.trace.reverse_m += way_m if moving.vx < 0.0 else 0.0
         if not self.robot.physics.data.ncon:
             self._touching.clear()
             return

@@ -19,6 +19,7 @@ from robots.simulator.scene import ROBOT_GROUP
 RADIUS_M = 0.27
 ASIDE_M = 0.05  # a way that is nearer to something than this does not count as free
 TOP_M = 1.15  # of the robot
+_NEARER_M = 0.005  # what the way out of a narrow place may come nearer
 _STEP_M = 0.03  # between points, and between poses
 Floats = NDArray[np.float64]
 
@@ -37,8 +38,11 @@ class Truth:
         ]
         self.points: Floats = np.concatenate(outlines) if outlines else np.zeros((0, 2))
 
-    def free_m(self, pose: Pose, twist: Velocity, longest_m: float) -> float:
-        """How far the robot could go on with `twist` before it comes near something. A turn goes nowhere."""
+    def free_m(self, pose: Pose, twist: Velocity, longest_m: float, *, from_near: bool = False) -> float:
+        """How far the robot could go on with `twist` before it comes near something. A turn goes nowhere.
+
+        With `from_near`, a way is free as well that begins near something and comes no nearer.
+        """
         if not twist.vx or not len(self.points):
             return longest_m
         near = np.abs(self.points - (pose.x, pose.y)).max(axis=1) < longest_m + RADIUS_M + ASIDE_M
@@ -51,7 +55,10 @@ class Truth:
         x = pose.x + np.concatenate(([0.0], np.cumsum(forward * _STEP_M * np.cos(middle[1:]))))
         y = pose.y + np.concatenate(([0.0], np.cumsum(forward * _STEP_M * np.sin(middle[1:]))))
         distance = np.hypot(x[:, None] - points[:, 0], y[:, None] - points[:, 1])
-        met = np.flatnonzero((distance < RADIUS_M + ASIDE_M).any(axis=1))
+        reach_m = RADIUS_M + ASIDE_M
+        if from_near and distance.size:
+            reach_m = min(reach_m, float(distance[0].min()) - _NEARER_M)
+        met = np.flatnonzero((distance < reach_m).any(axis=1))
         return float(way[met[0]]) if len(met) else longest_m
 
 

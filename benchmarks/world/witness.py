@@ -4,12 +4,14 @@ The place that was touched counts, with all of the same thing that stands within
 robot's top. It was seen if a point of it was in the field of view, the range and the height of a working sensor, with
 nothing before it, at two measurements before the contact. A sonar's echo tells of nothing behind it, and a lost echo
 of nothing. The depth camera counts up to 4 m and above 5 cm: beyond, and below, obstacles and floor are one to any
-method. The laser counts up to 4 m as well: farther off a leg is thinner than the gap between its beams.
+method. The laser counts up to 4 m as well: farther off a leg is thinner than the gap between its beams. What was seen
+for less than half a second is counted apart: a leg that comes between two sonars' cones is heard when it is beside one.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -35,6 +37,7 @@ LEVEL_M = 0.05  # between heights that are looked at
 SAME_M = 0.03  # what a ray meets so near to a point is that point
 ECHO_M = 0.05  # a sonar that tells this much less than a point's distance may mean it
 LOOKS = 2  # at which a point must have been in view
+IN_TIME_S = 0.5  # before the contact: what is seen later leaves no time to stop
 
 Floats = NDArray[np.float64]
 
@@ -56,6 +59,11 @@ class Seen(NamedTuple):
 
     sensors: tuple[str, ...]
     before_s: float
+
+    @property
+    def in_time(self) -> bool:
+        """Whether there was time to stop."""
+        return self.before_s >= IN_TIME_S
 
     def __str__(self) -> str:
         return f"{', '.join(self.sensors)}, {self.before_s:.1f} s before"
@@ -164,3 +172,50 @@ def _before_camera(loop: Loop, onlooker: Onlooker, pan: float, points: Floats) -
     shown &= np.abs(left) < forward * WIDTH / 2.0 / FOCAL_PX
     shown &= np.abs(up) < forward * HEIGHT / 2.0 / FOCAL_PX
     return origin, points[shown]
+
+
+class Contact(NamedTuple):
+    """The first of a run: part and thing, how fast, and how the thing was seen before."""
+
+    what: str
+    mps: float
+    seen: Seen | None
+
+    def __str__(self) -> str:
+        known = f"seen by {self.seen}" if self.seen else "no sensor can have seen it"
+        return f"{self.what} at {self.mps:.2f} m/s, {known}"
+
+
+class Count(NamedTuple):
+    """Contacts by what was known of the thing beforehand."""
+
+    known: int  # in time
+    late: int
+    unseen: int
+
+
+def known_in_time(contact: Contact | None) -> bool:
+    """Whether there was a contact with what a sensor had seen in time."""
+    return contact is not None and contact.seen is not None and contact.seen.in_time
+
+
+def count(contacts: Iterable[Contact | None]) -> Count:
+    """How many there were."""
+    met = [contact for contact in contacts if contact]
+    known = sum(known_in_time(contact) for contact in met)
+    unseen = sum(contact.seen is None for contact in met)
+    return Count(known, len(met) - known - unseen, unseen)
+
+
+def first_contact(loop: Loop) -> Contact | None:
+    """How a run that was played ended; None: without a contact."""
+    if not loop.trace.touches:
+        return None
+    touch = loop.trace.touches[0]
+    speed = math.hypot(touch.robot.vx, touch.robot.vy)
+    return Contact(f"{touch.part} / {touch.other}", speed, seen(loop, touch))
+
+
+def worst_first(contact: Contact) -> tuple[bool, bool, float]:
+    """To sort by: seen in time, then late, then not at all; the fastest first."""
+    return not known_in_time(contact), contact.seen is None, -contact.mps

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from benchmarks.world import doors, objects
-from benchmarks.world.judge import kept
-from benchmarks.world.loop import Case, Moment, Trace
+from benchmarks.world import clutter, doors, drawn, leaving, objects
+from benchmarks.world.drivers import FullStick, Restless
+from benchmarks.world.judge import is_stuck, kept
+from benchmarks.world.loop import Case, Conditions, Loop, Moment, Seen, Touch, Trace
 from benchmarks.world.play import at_most, loop_of
+from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.truth import Truth
+from benchmarks.world.witness import seen
 from robots.bridge.gate.values import STILL, Velocity
 from robots.simulator.base import Twist
 from robots.simulator.body import TIAGO
+from robots.simulator.faults import Faults
 from robots.simulator.physics import Physics, Pose
-from robots.simulator.worlds import Box, World
+from robots.simulator.worlds import Box, Chair, Table, World
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 AHEAD = Velocity(1.0, 0.0, 0.0)
@@ -105,3 +110,199 @@ def test_every_case_leaves_room_where_it_begins():
 def test_bounds_are_poissons():
     assert at_most(0) == pytest.approx(3.0, abs=0.005)
     assert at_most(1) == pytest.approx(4.744, abs=0.005)
+
+
+# --- what sensors can have seen ------------------------------------------------------------------
+
+
+def touched(
+    world: World, other: str, *, reverse: bool = True, faults: Faults | None = None
+) -> tuple[Loop, Touch]:
+    """Nobody holds back the robot, until it touches `other`."""
+    x = -1.0 if reverse else 1.0
+    wrong = ((0.0, faults),) if faults else ()
+    case = Case(world, ORIGIN, lambda _: FullStick(x, 0.0, 1.0), 15.0, conditions=Conditions(faults=wrong))
+    loop = loop_of(case, "none", 1)
+    loop.controller.looks = True
+    touch = loop.play().touches[0]
+    assert touch.other == other
+    return loop, touch
+
+
+def world_of(**things) -> World:
+    return World(name="w", size=(-9.0, -9.0, 9.0, 9.0), **things)
+
+
+def leg_at(x: float, y: float) -> Box:
+    return Box(name="leg", at=(x, y), size=(0.04, 0.04, 0.7))
+
+
+def test_a_sonar_has_heard_a_leg_behind_the_robot():
+    known = seen(*touched(world_of(boxes=[leg_at(-0.8, 0.0)]), "leg"))
+    assert known is not None
+    assert known.sensors == ("base_sonar_02_link",)
+    assert known.before_s > 1.0
+
+
+def test_a_leg_between_two_sonars_is_heard_too_late():
+    known = seen(*touched(world_of(boxes=[leg_at(-0.7, 0.24)]), "leg"))
+    assert known is not None
+    assert not known.in_time
+
+
+def test_nobody_has_seen_a_table_top_behind_the_robot():
+    desk = Table(name="desk", at=(-0.9, 0.0), size=(0.7, 1.4), legs=False)
+    assert seen(*touched(world_of(tables=[desk]), "desk top")) is None
+
+
+def test_the_camera_has_seen_a_table_top_ahead_unless_it_was_dead():
+    desk = world_of(tables=[Table(name="desk", at=(2.5, 0.0), size=(0.7, 1.4), legs=False)])
+    known = seen(*touched(desk, "desk top", reverse=False))
+    assert known is not None
+    assert known.sensors == ("depth",)
+    assert seen(*touched(desk, "desk top", reverse=False, faults=Faults(depth_dead=True))) is None
+
+
+def test_the_legs_of_a_chair_tell_of_its_seat():
+    known = seen(
+        *touched(world_of(chairs=[Chair(name="chair", at=(2.0, 0.0))]), "chair leg 2", reverse=False)
+    )
+    assert known is not None
+    assert "laser" in known.sensors
+
+
+def test_a_dead_laser_has_seen_nothing():
+    leg = world_of(boxes=[leg_at(2.0, 0.0)])
+    known = seen(*touched(leg, "leg", reverse=False, faults=Faults(laser_dead=True)))
+    assert known is not None
+    assert known.sensors == ("depth",)
+
+
+# --- what is drawn -------------------------------------------------------------------------------
+
+
+def test_drawn_runs_have_each_object_way_and_start():
+    fulls = [drawn.full_of(seed) for seed in range(80)]
+    assert len({(full.thing, full.angle, full.cold) for full in fulls}) == 80
+
+
+def test_what_is_drawn_stays_within_its_bounds_and_the_same_for_a_seed():
+    for seed in range(200):
+        conditions = drawn.conditions_of(seed)
+        assert conditions == drawn.conditions_of(seed)
+        sensors, faults = conditions.sensors, conditions.faults[0][1]
+        assert math.radians(15) <= sensors.sonar_fov <= math.radians(60)
+        assert 0.01 <= sensors.sonar_sigma_m <= 0.05
+        assert 5.0 <= sensors.laser_hz <= 25.0
+        assert math.radians(180) <= 2 * sensors.laser_half <= math.radians(270)
+        assert 5.0 <= sensors.depth_hz <= 30.0
+        assert 0.0 <= conditions.late_s <= 0.4
+        assert 0.6 <= faults.brake_share <= 1.2
+        assert abs(conditions.drift.linear_off) <= 0.05
+
+
+def test_sensors_measure_as_often_and_as_coarsely_as_drawn():
+    sensors = Sensors(
+        sonar_fov=1.0, laser_hz=20.0, laser_step=math.radians(1.0), depth_size=(80, 60), depth_hz=30.0
+    )
+    case = Case(
+        world_of(),
+        ORIGIN,
+        lambda _: FullStick(0.0, 0.0, 1.0),
+        4.0,
+        9.0,
+        conditions=Conditions(sensors=sensors),
+    )
+    loop = loop_of(case, "gate", 0)
+    scans, pictures = [], []
+    loop.controller.scan = lambda stamp_s, at_s, ranges: scans.append(len(ranges))
+    loop.controller.depth = lambda stamp_s, at_s, metres, to_base: pictures.append(metres.shape)
+    loop.play()
+    assert len(scans) == pytest.approx(80, abs=3)
+    assert set(scans) == {221}
+    assert len(pictures) == pytest.approx(120, abs=6)
+    assert set(pictures) == {(60, 80)}
+    assert loop.robot.sonars[0].mount.fov == 1.0
+    assert set(loop.controller.gate.profile.sonar_fov.values()) == {1.0}
+
+
+def test_a_robot_that_was_parked_stands_until_its_stick_is_pushed():
+    case = objects.build(objects.Full("none", "person", 180, 1.0, 3, cold=True))
+    assert case.start == ORIGIN
+    trace = loop_of(case, "none", 3).play()
+    assert all(moment.sent.vx <= 0.0 and moment.sent.w == 0.0 for moment in trace.moments)
+    assert trace.touches[0].other.startswith("person")
+
+
+def test_the_standard_sensors_are_a_tiagos():
+    assert STANDARD.body() is TIAGO
+    assert (
+        len(
+            loop_of(Case(world_of(), ORIGIN, lambda _: FullStick(0, 0, 1), 1.0), "none", 0).robot.laser.angles
+        )
+        == 666
+    )
+
+
+# --- stuck, and free again -----------------------------------------------------------------------
+
+
+def held(asked: Velocity, pose: Pose = ORIGIN, moving: Twist = Twist(), sent: Velocity = STILL) -> Moment:  # noqa: B008
+    return Moment(1.0, pose, moving, asked, sent, "obstacle", "", 0.1, True)
+
+
+def test_who_is_held_with_a_free_way_or_a_turn_is_stuck():
+    limits = loop_of(Case(world_of(), ORIGIN, lambda _: FullStick(0, 0, 1), 1.0), "none", 0).limits
+    truth = Truth(box_at(0.42, 0.0))  # its face 5 cm before the hull
+    back, turn = Velocity(-0.2, 0.0, 0.0), Velocity(0.0, 0.0, 1.0)
+    assert is_stuck(held(back), truth, limits)
+    assert is_stuck(held(turn), truth, limits)
+    assert not is_stuck(held(AHEAD), truth, limits)
+    assert not is_stuck(held(back, moving=Twist(-0.1, 0.0, 0.0)), truth, limits)
+    assert not is_stuck(held(back, sent=back), truth, limits)
+
+
+def test_a_way_back_out_of_a_narrow_place_is_free():
+    truth = Truth(box_at(0.0, 0.40))  # 3 cm beside the hull
+    assert truth.free_m(ORIGIN, AHEAD, 2.0) == 0.0
+    assert truth.free_m(ORIGIN, AHEAD, 2.0, from_near=True) == 2.0
+    assert truth.free_m(Pose(-0.5, 0.0, 0.0), AHEAD, 2.0, from_near=True) < 0.6
+
+
+def leaves(gaps_m: list[float], sent_mps: list[float]) -> leaving.Outcome:
+    """Every second one decision; what stands there goes from second 2 on."""
+    found = [
+        Moment(float(n), ORIGIN, Twist(), AHEAD, Velocity(mps, 0.0, 0.0), "", "why", gap_m, True)
+        for n, (gap_m, mps) in enumerate(zip(gaps_m, sent_mps, strict=True))
+    ]
+    return leaving.until_again(Trace(found), 2.0)
+
+
+def test_seconds_count_from_when_the_way_is_free_until_it_drives():
+    assert leaves([1.0, 0.1, 0.1, 0.6, 0.8, 1.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.4]).again_s == 2.0
+    assert leaves([0.1, 0.1, 0.6, 0.6], [0.0, 0.0, 0.4, 1.0]).again_s == 0.0
+    assert leaves([0.1, 0.1, 0.6, 0.6], [0.0, 0.0, 0.0, 0.0]) == leaving.Outcome(math.inf, "why")
+    assert leaves([1.0, 0.6, 0.6, 0.6], [1.0, 1.0, 1.0, 1.0]).again_s is None  # nothing held it
+
+
+def test_a_chair_is_pulled_away():
+    case = leaving.build("chair pulled away ahead", 1)
+    loop = loop_of(case, "none", 1)
+    physics = loop.robot.physics
+    before_m = physics.clearance_m()
+    physics.place_furniture("chair", 6.0, 6.0)
+    physics.step(Twist(), 1)
+    assert before_m < 2.5
+    assert physics.clearance_m() == 3.0
+    assert physics.cast(np.array([0.0, 0.0, 0.2]), np.array([[1.0, 0.0, 0.0]])) == [-1.0]
+
+
+def test_random_stick_drives_as_far_back_as_ahead_and_every_second_one_begins_cold():
+    random = Restless(np.random.default_rng(1), looks=False)
+    sticks = [random.hold(Seen(0.05 * n, ORIGIN)) for n in range(40_000)]
+    back = sum(-min(stick.x * stick.share, 0.0) and min(-stick.x * stick.share, 0.2) for stick in sticks)
+    ahead = sum(max(stick.x * stick.share, 0.0) for stick in sticks)
+    assert 0.7 < back / ahead < 1.4
+    parked, looking = (clutter.build(seed).driver(np.random.default_rng(1)) for seed in (1, 0))
+    assert looking.hold(Seen(1.0, ORIGIN)).trying is False
+    assert parked.hold(Seen(1.0, ORIGIN)).trying is True

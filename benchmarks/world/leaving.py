@@ -1,0 +1,141 @@
+"""What stood in the way goes away while the stick is held: seconds until the robot may drive again.
+
+It counts from the moment when nothing is nearer to the hull than half a metre any more. A run in which the robot was
+not held, or touched something before, says nothing of this.
+
+Behind the robot no sensor looks as high as what laser and camera saw of a thing before: there no limit is set.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.harness import Figure, progress, quantile
+from benchmarks.world import crossing, objects
+from benchmarks.world.loop import Case, Leaving, Trace
+from benchmarks.world.play import loop_of, played
+from robots.bridge.gate.planar import wrapped
+
+GONE_M = 0.5  # from the hull
+PATIENCE_S = 20.0  # after it began to go
+AWAY_M = 3.0
+AGAIN_S = 1.0
+DRIVES_MPS = 0.1  # or this share of what is asked
+DRIVES_SHARE = 0.3
+
+
+class Kind(NamedTuple):
+    """What leaves, in which direction of the stick it stood, from when on it goes, and what was seen of it before."""
+
+    thing: str
+    angle: int
+    since_s: float
+    cold: bool
+
+
+KINDS = {
+    "person who stood ahead": Kind("person", 0, 8.0, cold=True),
+    "chair pulled away ahead": Kind("chair", 0, 8.0, cold=True),
+    "person who came up behind": Kind("person", 180, 12.0, cold=True),
+    "chair pulled away behind": Kind("chair", 180, 12.0, cold=True),
+    "person who was passed, behind": Kind("person", 180, 20.0, cold=False),
+    "chair seen before, behind": Kind("chair", 180, 20.0, cold=False),
+}
+CROSSED = "person who crossed"
+
+
+class Left(NamedTuple):
+    """Which case."""
+
+    kind: str
+    seed: int
+
+
+class Outcome(NamedTuple):
+    """Seconds until it drives again: infinite if it does not, None if it was not held; and what held it."""
+
+    again_s: float | None
+    held_by: str = ""
+
+
+def measure(repeats: int) -> list[Figure]:
+    """The longest and the median by kind, and how many robots never drove again."""
+    seeds = 3 * repeats
+    jobs = [Left(kind, seed) for kind in (CROSSED, *KINDS) for seed in range(seeds)]
+    done = list(played("leaving", jobs, play))
+    figures = []
+    for kind in (CROSSED, *KINDS):
+        mine = [(left, end) for left, end in done if left.kind == kind and end.again_s is not None]
+        again_s = [end.again_s for _, end in mine if end.again_s is not None]
+        limited = kind == CROSSED or KINDS[kind].cold
+        came_s = [min(seconds, PATIENCE_S) for seconds in again_s]
+        figures += [
+            Figure(f"{kind}, gone: longest until it drives again, of {len(mine)}", max(came_s, default=math.nan), "s",
+                AGAIN_S if mine and limited else None),
+            Figure(f"{kind}, gone: p50 until it drives again", quantile(came_s, 0.5), "s"),
+            Figure(f"{kind}, gone: not within {PATIENCE_S:.0f} s", again_s.count(math.inf), "",
+                0.0 if limited else None),
+        ]  # fmt: skip
+        _name_worst(mine)
+    return figures
+
+
+def _name_worst(done: list[tuple[Left, Outcome]]) -> None:
+    left, end = max(done, key=lambda pair: pair[1].again_s or 0.0, default=(None, Outcome(0.0)))
+    if left is not None and (end.again_s or 0.0) > AGAIN_S:
+        progress(
+            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}  # {end.again_s:.1f} s, {end.held_by}'
+        )
+
+
+def play(left: Left) -> Outcome:
+    """Play one."""
+    case = build(left.kind, left.seed)
+    trace = loop_of(case, "gate", left.seed).play()
+    return until_again(trace, case.leaving.since_s if case.leaving else 0.0)
+
+
+def until_again(trace: Trace, since_s: float) -> Outcome:
+    """How long the robot was held after the way was free. `since_s` is when what is in the way began to go."""
+    if trace.touches:
+        return Outcome(None)
+    gone_s, was_held = math.inf, False
+    held_by = ""
+    for moment in trace.moments:
+        if not moment.trying:
+            continue
+        drives = abs(moment.sent.vx) >= min(DRIVES_MPS, DRIVES_SHARE * abs(moment.asked.vx))
+        near = moment.gap_m < GONE_M
+        if near:
+            was_held = was_held or not drives
+            gone_s = math.inf
+        elif was_held and moment.time_s >= since_s:
+            gone_s = min(gone_s, moment.time_s)
+            if drives:
+                return Outcome(moment.time_s - gone_s, held_by)
+            held_by = moment.text
+    if not was_held:
+        return Outcome(None)
+    return Outcome(math.inf, held_by) if gone_s < math.inf else Outcome(None)
+
+
+def build(kind: str, seed: int) -> Case:
+    """The case. What stands aside goes aside, or straight away from the robot."""
+    if kind == CROSSED:
+        case = crossing.build(objects.SHARES[seed % 2], seed)
+        return replace(case, longest_s=case.longest_s + PATIENCE_S - 2.5)
+    thing, angle, since_s, cold = KINDS[kind]
+    case = objects.build(objects.Full("gate", thing, angle, objects.SHARES[seed % 2], seed, cold=cold))
+    random = np.random.default_rng([seed, 57])
+    one = case.world.people[0] if case.world.people else case.world.chairs[0]
+    aside = float(random.choice((-1.0, 0.0, 1.0))) * math.pi / 2.0 + float(random.uniform(-0.2, 0.2))
+    heading = wrapped((0.0 if angle == 0 else math.pi) + aside)
+    way = (AWAY_M * math.cos(heading), AWAY_M * math.sin(heading))
+    leaving = Leaving(one.name, since_s, one.at, way, float(random.uniform(0.6, 1.2)))
+    return replace(
+        case, leaving=leaving, longest_s=since_s + PATIENCE_S, at_rest_s=math.inf, tries_s=math.inf
+    )
