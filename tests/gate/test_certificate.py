@@ -171,7 +171,7 @@ class World:
                 gate.observe_scan(scan)
         if tick % 7 == 0:
             for name in gates[0].profile.sonar_poses:
-                range_m = float(random.uniform(0.2, 3.0))
+                range_m = float(random.uniform(0.2, 9.0))
                 for gate in gates:
                     gate.observe_range(name, now_s, now_s, range_m, 1.0)
         arm = AT_HOME if tick % 400 < 300 else Posture(at_home=False, discs=((0.5, 0.1, 0.1),))

@@ -57,6 +57,9 @@ class World:
     beams: int = 572
     delay_s: float = 0.1
     noise_m: float = 0.01
+    sonar_cone: float = 0.5
+    sonar_noise_m: float = 0.0
+    lost_echoes: float = 0.0
     velocity: Velocity = STILL
     steps: int = 0
     least_gap_m: float = math.inf
@@ -66,7 +69,12 @@ class World:
         self.random = np.random.default_rng(self.seed)
         self.queue = deque([STILL] * round(self.delay_s / STEP_S))
         self.sent = STILL
-        self.ends = np.array(self.segments, dtype=float).reshape(-1, 2, 2)
+        self.heard = set()  # names of the sonars that had an echo
+        self.put(self.segments)
+
+    def put(self, segments):
+        """From now on this is what stands there."""
+        self.ends = np.array(segments, dtype=float).reshape(-1, 2, 2)
 
     @property
     def now_s(self):
@@ -92,8 +100,14 @@ class World:
             self._scan(stamp_s)
         if self.steps % SONAR_STEPS == 0:
             for name, mount in self.profile.sonar_poses.items():
-                cone = np.linspace(-0.25, 0.25, 21)
+                cone = np.linspace(-self.sonar_cone / 2, self.sonar_cone / 2, 21)
                 nearest = float(self._rays(mount, cone).min())
+                if nearest < 1.0:
+                    self.heard.add(name)
+                if self.lost_echoes and self.random.random() < self.lost_echoes:
+                    nearest = math.inf
+                elif self.sonar_noise_m:
+                    nearest = max(nearest + self.random.normal(0.0, self.sonar_noise_m), 0.02)
                 self.gate.observe_range(name, stamp_s, self.now_s, nearest, 1.0)
 
     def _scan(self, stamp_s):

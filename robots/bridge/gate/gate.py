@@ -59,6 +59,7 @@ from robots.bridge.gate.restraint import (
     restrain,
 )
 from robots.bridge.gate.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
+from robots.bridge.gate.sonar_memory import SonarMemory
 from robots.bridge.gate.sources import Laser, Sonar, Source
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import (
@@ -100,9 +101,10 @@ class Gate:
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
             for name, pose in profile.scan_poses.items()
         }
+        self._echoes = SonarMemory(self.footprint)
         self._sonars = {
-            name: Sonar(name, "sonar", Pose(*pose), profile.sonar_fov[name])
-            for name, pose in profile.sonar_poses.items()
+            name: Sonar(number, name, Pose(*pose), profile.sonar_fov[name], self._echoes)
+            for number, (name, pose) in enumerate(profile.sonar_poses.items())
         }
         self._memories = {name: LaserMemory(laser) for name, laser in self._lasers.items()}
         self._movers = {name: Movers() for name in self._lasers}
@@ -112,7 +114,7 @@ class Gate:
         )
         depth, depth_memory = ((self._depth,), (self._depth.remembered,)) if self._depth else ((), ())
         self._sensors: tuple[Source, ...] = (*self._lasers.values(), *self._sonars.values(), *depth)
-        self._sources = (*self._sensors, *self._memories.values(), *depth_memory)
+        self._sources = (*self._sensors, *self._memories.values(), self._echoes, *depth_memory)
         self._cache = ObstacleCache(self._sources, self._trail)
 
     # --- what comes in ------------------------------------------------------------------------
@@ -155,6 +157,9 @@ class Gate:
         if laser and laser.observe(scan):
             self.latency.arrived(scan.source, scan.stamp_s, scan.arrival_s)
             self._memories[scan.source].learn(self._trail, scan.arrival_s)
+            base = self._trail.pose_at(scan.stamp_s)
+            if not self.profile.has_depth and laser.sweep is not None and base is not None:
+                self._echoes.scan(laser.sweep, laser.pose, base)
             self._look_for_movers(laser)
 
     def observe_range(
@@ -162,12 +167,17 @@ class Gate:
     ) -> None:
         """Take a sonar's range; at or above `max_range_m` is free. Malformed or unknown: as if nothing had come."""
         if sonar := self._sonars.get(source):
-            sonar.observe(stamp_s, arrival_s, range_m, max_range_m)
+            sonar.observe(stamp_s, arrival_s, range_m, max_range_m, self._trail)
 
     def observe_depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """Take a depth camera's picture."""
         if self._depth:
+            before_s = self._depth.freshness.stamp_s
             self._depth.observe(frame, stamp_s, arrival_s, self._trail)
+            taken_s = self._depth.freshness.stamp_s
+            base = None if taken_s is None or taken_s == before_s else self._trail.pose_at(taken_s)
+            if base is not None:
+                self._echoes.look(frame, base)
 
     def observe_bad_depth(self, why: str) -> None:
         """A depth camera's picture came that cannot be used."""

@@ -6,17 +6,16 @@ Whatever knows of obstacles (a laser, a sonar, a memory, a depth camera) is one 
 from __future__ import annotations
 
 import math
-from collections import deque
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from robots.bridge.gate import scan
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import LASER_LATE_S, SONAR_STALE_S, Freshness
-from robots.bridge.gate.planar import NO_POINTS, Points, joined, placed, seen_from, wrapped
+from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.sonar_memory import Reading, SonarMemory
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import Kind, LaserScan, Pose, SensorHealth
 
-SONAR_MEMORY_S = 0.5
 # most beams this near to the direction of travel must measure something
 LASER_WATCHES_RAD = math.radians(20.0)
 SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
@@ -103,43 +102,42 @@ class Laser:
         return SensorHealth(self.name, "scan", not text, self.freshness.age_s(now_s), text)
 
 
-class _Echo(NamedTuple):
-    stamp_s: float
-    arrival_s: float
-    points: Points
-
-
 class Sonar:
-    """A range sensor: what it met within the last half second."""
+    """A range sensor. `memory` keeps what it heard."""
 
     kind: Kind = "sonar"
 
-    def __init__(self, name: str, word: str, pose: Pose, fov: float) -> None:
+    def __init__(self, number: int, name: str, pose: Pose, fov: float, memory: SonarMemory) -> None:
         self.name = name
-        self.word = word
+        self.word = "sonar"
         self.freshness = Freshness()
+        self._number = number
         self._pose = pose
         self._fov = fov
-        self._echoes: deque[_Echo] = deque()
+        self._memory = memory
         self._range_m: float | None = None
         self._complaint = ""
-        self._revision = 0
 
-    def observe(self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float) -> None:
+    def observe(
+        self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float, trail: Trail
+    ) -> None:
         """Take a range. One that makes no sense is none; its complaint is kept for `health`."""
         try:
             check_times(stamp_s, arrival_s)
-            points = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
+            arc = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
         except scan.Malformed as error:
             self._complaint = str(error)
             return
         if not self.freshness.advances(stamp_s, arrival_s):
             return
-        self._range_m = max(range_m, 0.0) if len(points) else None
+        self._range_m = max(range_m, 0.0) if len(arc) else None
         self._complaint = ""
-        self._revision += 1
-        self._echoes.append(_Echo(stamp_s, arrival_s, points))
-        self._forget(arrival_s)
+        base = trail.pose_at(stamp_s) or trail.newest  # an echo with a wrong stamp still is one
+        if base is not None:
+            free_m = max(min(range_m, max_range_m), 0.0)
+            self._memory.take(
+                Reading(self._number, self._pose, self._fov, arc, free_m), base, trail, arrival_s
+            )
 
     def forget(self) -> None:
         """Forget all but the newest reading."""
@@ -156,17 +154,10 @@ class Sonar:
         return self._range_m if self.freshness.within(SONAR_STALE_S, now_s) else None
 
     def revision(self, now_s: float) -> int:
-        self._forget(now_s)
-        return self._revision
-
-    def _forget(self, now_s: float) -> None:
-        while self._echoes and now_s - self._echoes[0].arrival_s > SONAR_MEMORY_S:
-            self._echoes.popleft()
-            self._revision += 1
+        return self._memory.revision(now_s)
 
     def points(self, trail: Trail, now_s: float) -> Points:
-        remembered = [carried(echo.points, echo.stamp_s, trail) for echo in self._echoes]
-        return joined(remembered)
+        return self._memory.heard(self._number, trail)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint)

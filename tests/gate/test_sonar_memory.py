@@ -1,0 +1,143 @@
+"""Whatever a sonar heard is kept clear of until a sensor that covers the place shows it free."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robots.bridge.gate.values import STILL, Pose, Velocity
+from tests.gate.conftest import tiago_profile
+from tests.gate.world import World, leg, wall
+
+REVERSE = Velocity(-0.2, 0.0, 0.0)
+FAR = wall(50, 0, 50, 1)
+HULL_M = 0.27
+
+
+def legs(*places):
+    return [segment for place in places for segment in leg(*place)]
+
+
+def shins(x, y):
+    return legs((x, y - 0.1, 0.08), (x, y + 0.1, 0.08))
+
+
+def chair(x, y):
+    return legs((x, y - 0.2, 0.03), (x, y + 0.2, 0.03), (x - 0.4, y - 0.2, 0.03), (x - 0.4, y + 0.2, 0.03))
+
+
+BEHIND = {
+    "leg": leg(-0.59, 0.0),
+    "leg to the side": leg(-0.57, 0.06),
+    "thin leg at the rim": leg(-0.67, 0.1, 0.02),
+    "leg of a sonar at the corner": leg(-0.52, 0.17),
+    "shins": shins(-0.85, 0.04),
+    "shins near by": shins(-0.5, 0.1),
+    "chair": chair(-0.9, 0.05),
+    "chair on one side": chair(-0.62, 0.22),
+    "leg 0.7 m behind": leg(-1.0, 0.13, 0.03),
+}
+
+
+def full_reverse(world, seconds=10.0):
+    """Parked before what nobody saw coming, then full stick. False: no sonar heard it."""
+    world.drive(STILL, 4.0)
+    heard = bool(world.heard)
+    world.drive(REVERSE, seconds)
+    return heard
+
+
+@pytest.mark.parametrize("degrees", [15, 28.6, 60])
+@pytest.mark.parametrize("thing", BEHIND)
+def test_what_a_sonar_heard_is_not_touched_though_its_cone_loses_it(thing, degrees):
+    world = World(tiago_profile(), BEHIND[thing], sonar_cone=math.radians(degrees))
+    if full_reverse(world):
+        assert world.least_gap_m > 0.0
+        assert world.gate.standstill(world.now_s)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("thing", ["leg", "leg to the side", "shins", "shins near by", "leg 0.7 m behind"])
+def test_noise_and_lost_echoes_do_not_let_the_robot_creep(thing, seed):
+    world = World(tiago_profile(), BEHIND[thing], seed, sonar_noise_m=0.03, lost_echoes=0.3)
+    if full_reverse(world, 20.0):
+        assert world.least_gap_m > 0.0
+
+
+def test_who_has_left_does_not_hold_the_robot():
+    world = World(tiago_profile(), shins(-0.8, 0.04))
+    full_reverse(world)
+    at = world.pose.x
+    world.put(FAR)
+    world.drive(REVERSE, 1.5)
+    assert world.pose.x < at - 0.03, "it drives again within a second"
+    world.drive(REVERSE, 5.0)
+    assert world.pose.x < at - 0.5, "and goes on"
+
+
+def test_who_passed_behind_a_parked_robot_does_not_hold_it():
+    world = World(tiago_profile(), FAR)
+    for step in range(21):
+        world.put(shins(-0.8, 1.0 - 0.1 * step))
+        world.drive(STILL, 0.1)
+    world.put(FAR)
+    world.drive(STILL, 1.0)
+    world.drive(REVERSE, 4.0)
+    assert world.pose.x < -0.3
+
+
+def test_driving_away_and_turning_stay_allowed():
+    world = World(tiago_profile(), BEHIND["shins near by"])
+    full_reverse(world)
+    verdict = world.drive(Velocity(0.0, 0.0, 1.0), 1.0)
+    assert verdict.velocity.w == pytest.approx(1.0)
+    world.drive(Velocity(0.0, 0.0, -1.0), 1.0)
+    world.drive(STILL, 1.0)
+    verdict = world.drive(Velocity(0.3, 0.0, 0.0), 1.0)
+    assert verdict.code == "free"
+    assert verdict.velocity.vx == pytest.approx(0.3)
+
+
+def test_what_was_heard_is_said_to_be_remembered_once_the_sonar_is_silent_about_it():
+    world = World(tiago_profile(), BEHIND["leg to the side"], sonar_cone=math.radians(15))
+    full_reverse(world)
+    text = world.drive(REVERSE, 0.1).text
+    assert "sonar" in text and "behind" in text
+
+
+def test_the_middle_of_another_cone_clears_and_its_rim_does_not():
+    world = World(tiago_profile(), leg(-0.95, 0.0, 0.2))
+    world.drive(STILL, 1.0)
+    world.put(FAR)
+    world.drive(lambda world: Velocity(0.4, 0.0, 0.0), 0.5)  # away from where it was heard
+    world.drive(STILL, 2.0)
+    places = world.gate.obstacles(world.now_s).points
+    assert len(places), "the rim of the cone tells nothing"
+    assert (abs(places[:, 1]) > 0.08).all()
+
+
+def test_out_of_reach_is_forgotten():
+    world = World(tiago_profile(), leg(-0.95, 0.0, 0.2))
+    world.drive(STILL, 1.0)
+    world.put(FAR)
+    world.drive(Velocity(1.0, 0.0, 0.0), 2.5)
+    assert not len(world.gate.obstacles(world.now_s).points)
+
+
+def test_after_a_jump_of_the_odometry_nothing_is_remembered():
+    world = World(tiago_profile(), leg(-0.95, 0.0, 0.2))
+    world.drive(STILL, 1.0)
+    world.put(FAR)
+    world.pose = Pose(3.0, 0.0, 0.0)
+    world.drive(STILL, 0.3)
+    assert not len(world.gate.obstacles(world.now_s).points)
+
+
+def test_a_laser_clears_what_it_looks_through_on_a_robot_without_depth_camera():
+    """Turn round and look: the laser sees that who stood there has left."""
+    world = World(tiago_profile(), shins(-0.9, 0.0))
+    world.drive(STILL, 2.0)
+    world.put(FAR)
+    world.drive(lambda world: Velocity(0.0, 0.0, 2.0 if world.pose.yaw < math.pi - 0.3 else 0.0), 3.0)
+    assert not len(world.gate.obstacles(world.now_s).points)
