@@ -11,8 +11,8 @@ way, and then the sonar is silent. So silence about a place is told apart from n
   only, below seats and drawers: it has a say where the robot has no depth camera, since there it is trusted with the
   whole way ahead anyhow.
 
-Echoes get lost: nothing heard counts for less than something heard farther off. Near standstill the smallest of the
-last readings stays, so noise does not let the robot creep.
+Echoes get lost: nothing heard counts for less than something heard farther off, and less still from a sonar that just
+had an echo again. Near standstill the smallest of the last readings stays, so noise does not let the robot creep.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ NOISE_M = 0.08  # ranges that differ by less may be of one thing
 SURE_SHARE = 0.6  # of the cone about its axis, where whatever stands is surely heard
 SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
 SAME_PLACE_RAD = 0.002
+UNSTEADY_S = 20.0  # a sonar that lost an echo lately and had it again: then its silences count half
 SURELY_HEARD = 3  # times from one place: what stands there is no echo of the rim
 GONE = 6.0  # what shows a place free, in all and in a row, until it is forgotten:
 FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5
@@ -81,6 +82,7 @@ class SonarMemory:
         self._travelled_m = 0.0
         self._now_s = -math.inf
         self._things = 0
+        self._unsteady_s: dict[int, float] = {}  # when each sonar last had a lost echo again
         self._resets = 0
         self._revision = 0
 
@@ -123,7 +125,8 @@ class SonarMemory:
         eye = put(reading.mount, base)
         distance, off = self._seen_from(eye)
         echo = len(reading.arc) > 0
-        counts = FARTHER_COUNTS if echo else NOTHING_COUNTS
+        unsteady = now_s - self._unsteady_s.get(reading.sonar, -math.inf) < UNSTEADY_S
+        counts = (FARTHER_COUNTS if echo else NOTHING_COUNTS) / (1.0 + unsteady)
         self._clear(reading, distance, off, self._heard_from(reading.sonar, eye), counts)
         if echo:
             self._add(reading, eye, placed(reading.arc, base), now_s)
@@ -204,7 +207,10 @@ class SonarMemory:
         free = (distance < reading.free_m - NOISE_M) & (same_place | (off < SURE_SHARE * half))
         table[PASSES, free] += counts
         if len(reading.arc):
-            table[PASSES, (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= half)] = 0.0
+            heard = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= half)
+            if (table[PASSES, heard & same_place] > 0.0).any():
+                self._unsteady_s[reading.sonar] = self._now_s
+            table[PASSES, heard] = 0.0
         gone = table[PASSES] >= GONE
         if not gone.any():
             return
