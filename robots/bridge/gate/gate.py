@@ -140,9 +140,10 @@ class Gate:
         `anew`: the robot or its odometry began anew. Nothing tells then where anything was, the arm too, and how late
         the robot answers; the stick must return to the middle.
         """
-        for parts in (self._memories, self._movers, self._sonars):
+        for parts in (self._memories, self._movers):
             for part in parts.values():
                 part.forget()
+        self._echoes.forget()
         if self._depth:
             self._depth.forget()
         if anew:

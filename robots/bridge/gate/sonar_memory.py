@@ -151,6 +151,10 @@ class SonarMemory:
         self._table[PASSES, free] += FARTHER_COUNTS
         self._keep(self._table[PASSES] < GONE)
 
+    def forget(self) -> None:
+        """Forget what is heard no longer."""
+        self._keep(self._lately())
+
     def clear(self) -> None:
         """Forget everything."""
         self._keep(np.zeros(self._table.shape[1], dtype=np.bool_))

@@ -139,12 +139,6 @@ class Sonar:
                 Reading(self._number, self._pose, self._fov, arc, free_m), base, trail, arrival_s
             )
 
-    def forget(self) -> None:
-        """Forget all but the newest reading."""
-        while len(self._echoes) > 1:
-            self._echoes.popleft()
-        self._revision += 1
-
     def watches(self, direction: float) -> bool:
         """Whether it looks out for a direction of travel in the base frame."""
         return abs(wrapped(direction - self._pose.yaw)) <= SONAR_WATCHES_RAD
