@@ -21,6 +21,7 @@ from robots.bridge.config import CLOCK_SKEW_S, BridgeConfig
 from robots.bridge.findings import (
     BRIDGE,
     CallbackFound,
+    DescriptionFound,
     DriveFound,
     Findings,
     HostFound,
@@ -99,7 +100,8 @@ def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
 
 def plan_for(config: BridgeConfig) -> Plan:
     """Everything that the robot's description says is there."""
-    return Plan(config.master_uri, config.topics.drive, list(_listened(config)))
+    topics = config.topics
+    return Plan(config.master_uri, topics.drive, list(_listened(config)), arm=topics.arm)
 
 
 def _listened(config: BridgeConfig) -> Iterator[Listened]:
@@ -146,6 +148,8 @@ def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
     yield _clock(findings.topics)
     for listened, topic in zip(_listened(config), findings.topics, strict=True):
         yield _topic(listened, topic)
+    if findings.description is not None:
+        yield _description(findings.description)
     if findings.drive is not None:
         yield from _drive(config, findings.drive)
 
@@ -252,6 +256,21 @@ _UNREADABLE = gettext_noop("See the answers on names above.")
 _UNKNOWN = gettext_noop("Choose one of the types that the profile’s help text names.")
 _OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
 _SILENT = gettext_noop("Is the sensor switched on and its driver well (rostopic hz)?")
+
+
+def _description(found: DescriptionFound) -> Check:
+    name = _("description of the arm")
+    lacking = [*found.links, *found.joints]
+    if found.error is not None:
+        text = _("/robot_description cannot be used: %s.") % found.error
+        return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
+    if lacking:
+        text = _("/robot_description lacks %s.") % _and(lacking)
+        advice = _(
+            "A hand of 0.25 m is reckoned with there. Load the whole description, or correct the profile’s arm."
+        )
+        return Check(name, WARN, text, advice)
+    return Check(name, OK, _("/robot_description has all links and joints of the arm."))
 
 
 def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:

@@ -6,7 +6,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
-from robots.bridge.config import Topic
+from robots.bridge.config import ArmSource, Topic
 
 CALLER = "/fleet_check"  # the name under which the probe asks
 BRIDGE = "/fleet_bridge"  # a bridge's, the same from every console: the second one is refused
@@ -35,6 +35,7 @@ class Plan(Struct, frozen=True):
     drive: Topic
     listened: list[Listened]
     listen_s: float = 2.0
+    arm: ArmSource | None = None  # that the robot's description should have
 
 
 class HostFound(Struct, frozen=True):
@@ -77,6 +78,14 @@ class DriveFound(Struct, frozen=True):
     type: str | None
 
 
+class DescriptionFound(Struct, frozen=True):
+    """What the robot's description lacks of the arm; `error`: there is none that can be used."""
+
+    links: list[str] = []
+    joints: list[str] = []
+    error: str | None = None
+
+
 class Findings(Struct, frozen=True):
     """All of it. `master_error` None: the master answers; otherwise the rest is empty."""
 
@@ -85,3 +94,4 @@ class Findings(Struct, frozen=True):
     callback: CallbackFound | None = None
     topics: list[TopicFound] = []
     drive: DriveFound | None = None
+    description: DescriptionFound | None = None  # of a robot with an arm

@@ -6,7 +6,7 @@ Metres and radians.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -51,6 +51,32 @@ class Tree:
     def moving(self, links: Sequence[str]) -> set[str]:
         """The joints that move any of `links`. BadDescription if a link hangs on nothing."""
         return {joint.name for link in links for joint in self._chain(link) if joint.kind != "fixed"}
+
+    def __contains__(self, link: object) -> bool:
+        """Whether this link hangs on another one."""
+        return link in self._above
+
+    def moved_by(self, joints: Collection[str]) -> list[str]:
+        """The links that any of these joints moves; those of one branch in a row, the upper ones first."""
+        below: dict[str, list[str]] = {}
+        for link, joint in self._above.items():
+            below.setdefault(joint.parent, []).append(link)
+        moved: list[str] = []
+        left = [link for link, joint in self._above.items() if joint.name in joints]
+        left.reverse()
+        known = set[str]()
+        while left:
+            link = left.pop()
+            if link not in known:
+                known.add(link)
+                moved.append(link)
+                left += reversed(below.get(link, []))
+        return moved
+
+    def ends(self, links: Sequence[str]) -> list[bool]:
+        """Which of `links` have none of the others hanging on them."""
+        carrying = {self._above[link].parent for link in links}
+        return [link not in carrying for link in links]
 
     def places(self, links: Sequence[str], positions: Mapping[str, Position]) -> Matrix:
         """Where the links' origins are in the frame of the root, (N, 3); with joints that move, (moments, N, 3).

@@ -22,6 +22,7 @@ from robots.bridge.gate.depth import (
     top_m,
 )
 from robots.bridge.gate.depth_camera import frame_of
+from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.scan import Malformed
 from robots.bridge.gate.values import DepthView, Limits, Pose, Velocity
 from robots.bridge.recording import Recorder, replay
@@ -448,6 +449,48 @@ def test_the_robots_own_arm_is_no_obstacle():
     looker.to_base = camera(-0.9)
     looker.stand(0.3)
     assert looker.nearest_by("depth") < 0.35, "the camera does see it"
+
+
+def test_what_is_seen_while_the_arm_moves_is_not_remembered_within_its_reach():
+    """The hand that `wave` leaves in the picture, of which nobody knows where it is, held the robot for good."""
+    hand, shelf = ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8)), ((1.3, -0.6, 0.2), (1.7, 0.6, 0.3))
+    looker = Looker([FLOOR, hand, shelf], has_arm=True)
+    looker.to_base = camera(-0.9)
+    moves = Posture(at_home=False, discs=((0.2, 0.0, 0.1),), reach=(0.1, 0.0, 0.9))
+    for told in (None, UNKNOWN, moves):
+        if told is not None:
+            looker.gate.observe_posture(told, looker.now_s)
+        looker.stand(0.4)
+        assert looker.nearest_by("depth") == pytest.approx(0.55, abs=0.1)
+    looker.boxes = [FLOOR]
+    looker.gate.observe_posture(AT_HOME, looker.now_s)
+    looker.to_base = camera(LOOK_AHEAD, pan=1.2)  # what was there nobody can see now
+    looker.stand(0.3)
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.3, abs=0.05), (
+        "the hand is gone, the shelf is not"
+    )
+
+
+def test_what_is_seen_once_the_arm_rests_is_remembered_within_its_reach():
+    looker = Looker([FLOOR, ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8))], has_arm=True)
+    looker.to_base = camera(-0.9)
+    looker.gate.observe_posture(UNKNOWN._replace(reach=(0.1, 0.0, 0.9)), looker.now_s)
+    for _ in range(15):
+        looker.gate.observe_posture(AT_HOME, looker.now_s)
+        looker.stand(0.1)
+    looker.to_base = camera(LOOK_AHEAD, pan=1.2)
+    looker.stand(0.1)
+    assert looker.nearest_by("depth, remembered") == pytest.approx(0.55, abs=0.1)
+
+
+def test_about_the_ends_of_the_arm_the_camera_sees_the_robot_itself():
+    looker = Looker([FLOOR, ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8))], has_arm=True)
+    looker.to_base = camera(-0.9)
+    arm = Posture(at_home=False, discs=((0.45, 0.0, 0.09),), ends=((0.45, 0.0, 0.32),))
+    looker.gate.observe_posture(arm, looker.now_s)
+    looker.stand(0.3)
+    assert looker.nearest_by("depth") == math.inf
+    assert looker.gate.footprint.reach(0.0) == pytest.approx(0.54), "the hull is the arm alone"
 
 
 # --- what the camera vouches for ---------------------------------------------------------------------

@@ -12,7 +12,14 @@ import pytest
 
 from fleet.accounts.models import User
 from robots.bridge.config import BridgeConfig
-from robots.bridge.findings import CallbackFound, DriveFound, Findings, HostFound, TopicFound
+from robots.bridge.findings import (
+    CallbackFound,
+    DescriptionFound,
+    DriveFound,
+    Findings,
+    HostFound,
+    TopicFound,
+)
 from robots.checks import Check, judge, plan_for, run_checks
 from robots.models import Robot
 from robots.selectors import bridge_config
@@ -54,6 +61,26 @@ def with_topic(findings: Findings, what: str, **changes: Any) -> Findings:
 def test_a_robot_that_is_well_gets_nothing_but_ok(config: BridgeConfig, well: Findings) -> None:
     assert {check.level for check in judge(config, well)} == {"ok"}
     assert all(not check.advice for check in judge(config, well))
+
+
+@pytest.mark.parametrize(
+    ("found", "level", "says"),
+    [
+        (DescriptionFound(), "ok", "all links and joints"),
+        (
+            DescriptionFound(["gripper_grasping_frame"], ["arm_7_joint"]),
+            "warn",
+            "gripper_grasping_frame and arm_7_joint",
+        ),
+        (DescriptionFound(error="there is none"), "warn", "there is none"),
+    ],
+)
+def test_what_the_description_lacks_of_the_arm_is_named(
+    config: BridgeConfig, well: Findings, found: DescriptionFound, level: str, says: str
+) -> None:
+    description = answer(config, msgspec.structs.replace(well, description=found), "description of the arm")
+    assert description.level == level and says in description.text
+    assert bool(description.advice) == (level != "ok")
 
 
 def test_without_a_master_there_is_one_answer(config: BridgeConfig) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import math
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from actionlib_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
@@ -14,7 +16,11 @@ from robots.bridge.config import ArmSource
 from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.sweep import Motion
 from robots.bridge.ros import posture
-from robots.bridge.ros.posture import PostureTopics
+from robots.bridge.ros.posture import HAND_M, PostureTopics
+from robots.bridge.urdf import Tree
+from robots.simulator.body import BODIES
+from robots.simulator.frames import urdf
+from robots.simulator.joints import HOME, JOINTS
 
 ARM = ArmSource(
     home={"shoulder": 0.0, "elbow": 2.5},
@@ -22,6 +28,7 @@ ARM = ArmSource(
     postures={"offer": [(0.5, 0.0, 0.1)]},
 )
 OFFERED = Posture(at_home=False, discs=((0.5, 0.0, 0.1),))
+NOWHERE = UNKNOWN._replace(reach=(0.0, 0.0, ARM.reach_m + posture.END_M))
 DESCRIPTION = """<robot name="r">
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/></joint>
   <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
@@ -81,33 +88,90 @@ def test_a_posture_is_told_ten_times_a_second_however_often_joints_are(arm):
 def test_a_joint_that_is_nowhere_leaves_the_arm_unknown(arm, position, described):
     arm.topics.describe(DESCRIPTION if described else None)
     assert arm.after(shoulder=0.0, elbow=2.5) == AT_HOME
-    assert arm.after(1.0, shoulder=position, elbow=2.5) == UNKNOWN
+    assert arm.after(1.0, shoulder=position, elbow=2.5) == NOWHERE
     wave = Motion(("shoulder",), ((1.0,),))
     assert arm.topics.sweep(wave, arm.now_s) == ((0.0, 0.0, ARM.reach_m),)
 
 
 def test_a_motion_that_ended_as_it_should_leaves_the_arm_where_the_table_says(arm):
     arm.begun("a", "offer")
-    assert arm.after(shoulder=1.0, elbow=0.0) == UNKNOWN
+    assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE
     arm.ended("a")
     assert arm.after(shoulder=1.0, elbow=0.0) == OFFERED
     arm.begun("b", "offer")
     arm.ended("b", GoalStatus.ABORTED)
-    assert arm.after(shoulder=1.0, elbow=0.0) == UNKNOWN
+    assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE
 
 
 @pytest.mark.parametrize("lost", ["", "never heard of again"])
 def test_a_goal_whose_end_nobody_can_tell_spoils_no_later_one(arm, lost):
     arm.begun(lost, "offer")
     arm.ended("/play_motion-1-100.0")
-    assert arm.after(shoulder=1.0, elbow=0.0) == UNKNOWN
+    assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE
     arm.begun("b", "offer")
     arm.ended("b")
     assert arm.after(shoulder=1.0, elbow=0.0) == OFFERED
+
+
+def test_what_is_seen_while_the_arm_moves_may_be_the_arm(arm):
+    arm.topics.describe(DESCRIPTION)
+    moving = [arm.after(shoulder=0.1 * step, elbow=0.0).reach for step in range(5)]
+    assert moving == [(0.0, 0.0, ARM.reach_m + posture.END_M)] * 5
+    resting = [arm.after(shoulder=0.4, elbow=0.001 * step).reach for step in range(5)]
+    assert resting == [None] * 5
+
+
+def test_a_gripper_of_which_no_joint_is_told_leaves_the_arm_where_it_is(arm):
+    finger = """<joint name="grip" type="prismatic"><parent link="hand"/><child link="finger"/>
+      <origin xyz="0.1 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+    arm.topics.describe(DESCRIPTION.replace("</robot>", finger))
+    known = arm.after(shoulder=0.0, elbow=0.0)
+    assert max(x for x, _, _ in known.discs) == pytest.approx(0.8)
+    told = arm.after(shoulder=0.0, elbow=0.0, grip=0.05)
+    assert max(x for x, _, _ in told.discs) == pytest.approx(0.9)
+    assert len(told.ends) == 1 and told.ends[0][:2] == pytest.approx((0.9, 0.05))
+
+
+TIAGO = ArmSource(
+    home={f"arm_{number}_joint": HOME[f"arm_{number}_joint"] for number in range(1, 8)},
+    links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
+)
+
+
+@pytest.mark.parametrize("lacks_hand", [True, False])
+def test_the_hand_is_part_of_the_arm_also_where_the_description_lacks_it(arm, lacks_hand):
+    """After `wave` the hand that nobody knew of was an obstacle for good."""
+    whole = urdf(BODIES["tiago"], "tiago-1")
+    hand = ElementTree.fromstring(whole)  # noqa: S314 - our own
+    for joint in hand.findall("joint"):
+        if joint.find("child").get("link") == "gripper_grasping_frame":
+            hand.remove(joint)
+    arm.topics = PostureTopics(TIAGO, lambda arm_, _: arm.told.append(arm_))
+    arm.topics.describe(ElementTree.tostring(hand, encoding="unicode") if lacks_hand else whole)
+    random = np.random.default_rng(3)
+    for _ in range(30):
+        joints = HOME | {joint: random.uniform(JOINTS[joint].low, JOINTS[joint].high) for joint in TIAGO.home}
+        told = arm.after(**joints)
+        x, y, _ = Tree(whole).places(["gripper_grasping_frame"], joints)[0]
+        assert told.discs is not None
+        discs = np.array([*told.discs, *told.ends])
+        assert (np.hypot(discs[:, 0] - x, discs[:, 1] - y) < discs[:, 2]).any()
+        if lacks_hand:
+            assert any(radius > HAND_M for _, _, radius in told.discs), "the hull has it too"
+
+
+def test_of_an_arm_of_a_thousand_links_some_are_looked_at(arm):
+    more = "".join(
+        f'<joint name="j{n}" type="fixed"><parent link="hand"/><child link="f{n}"/></joint>'
+        for n in range(1000)
+    )
+    arm.topics.describe(DESCRIPTION.replace("</robot>", f"{more}</robot>"))
+    assert len(arm.topics._moved) == posture.MOST_LINKS
+    assert arm.after(shoulder=0.0, elbow=0.0).discs
 
 
 def test_the_end_of_an_older_goal_tells_nothing_of_where_the_newest_leaves_the_arm(arm):
     arm.begun("a", "offer")
     arm.begun("b", "wave")
     arm.ended("a")
-    assert arm.after(shoulder=1.0, elbow=0.0) == UNKNOWN
+    assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE

@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.bridge.gate.depth import (
     Columns,
@@ -26,6 +27,7 @@ from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, Layer, Memory
 from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from, wrapped
+from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
@@ -65,6 +67,7 @@ class DepthCamera:
     def __init__(self, view: DepthView, footprint: Footprint) -> None:
         self.footprint = footprint
         self.body = footprint  # with the arm, if it reaches out: the camera sees it
+        self.arm_reach: Disc | None = None  # where what is seen may be the arm, and is not remembered
         self.freshness = Freshness()
         self.remembered = DepthMemory(self)
         self._view = view
@@ -108,8 +111,10 @@ class DepthCamera:
     def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
         shown = self._without_robot(frame.columns)
         self._seen = placed(shown.points, base)
-        self._memory.see(self._seen, base, moved_s)
-        self._spans.note(self._seen, shown.low, shown.high)
+        no_arm = self._cannot_be_arm(shown.points)
+        kept = self._seen.T[:, no_arm].T
+        self._memory.see(kept, base, moved_s)
+        self._spans.note(kept, shown.low[no_arm], shown.high[no_arm])
         remembered = self._memory.points(moved_s)
         from_base = placed(remembered, seen_from(ORIGIN, base))
         columns = Columns(from_base, *self._spans.of(remembered))
@@ -121,6 +126,13 @@ class DepthCamera:
             return columns
         kept = self.body.gaps(columns.points) >= self._view.own_m
         return Columns(columns.points.T[:, kept].T, columns.low[kept], columns.high[kept])
+
+    def _cannot_be_arm(self, points: Points) -> NDArray[np.bool_]:
+        if self.arm_reach is None:
+            return np.ones(len(points), dtype=np.bool_)
+        x, y, reach_m = self.arm_reach
+        far: NDArray[np.bool_] = np.hypot(points[:, 0] - x, points[:, 1] - y) > reach_m
+        return far
 
     def _forget_another_frame(self, trail: Trail) -> None:
         """After a jump of the odometry what was remembered is anywhere."""

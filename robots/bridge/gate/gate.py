@@ -87,6 +87,7 @@ class Gate:
         self.profile = profile
         self.footprint = self._base = footprint_of(profile)
         self.arm_discs: tuple[posture.Disc, ...] = ()  # what of the arm reaches out of the base
+        self._arm_ends: tuple[posture.Disc, ...] = ()
         limits = profile.limits
         fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         self._trail = Trail(fastest, limits.turn_radps)
@@ -174,6 +175,7 @@ class Gate:
         """Take a depth camera's picture."""
         if self._depth:
             before_s = self._depth.freshness.stamp_s
+            self._depth.arm_reach = self._holds.arm_reach(arrival_s)
             self._depth.observe(frame, stamp_s, arrival_s, self._trail)
             taken_s = self._depth.freshness.stamp_s
             base = None if taken_s is None or taken_s == before_s else self._trail.pose_at(taken_s)
@@ -196,12 +198,15 @@ class Gate:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""
         self._holds.observe_posture(arm, arrival_s)
         radius_m = self._base.reach(0.0)
-        discs = posture.beyond(arm.discs or (), radius_m)
-        if discs != self.arm_discs:
-            self.arm_discs = discs
-            self.footprint = Discs(((0.0, 0.0, radius_m), *discs)) if discs else self._base
+        discs, ends = posture.beyond(arm.discs or (), radius_m), posture.beyond(arm.ends, radius_m)
+        if (discs, ends) != (self.arm_discs, self._arm_ends):
+            self.arm_discs, self._arm_ends = discs, ends
+            self.footprint = self._with_base(discs)
             if self._depth:
-                self._depth.body = self.footprint
+                self._depth.body = self._with_base((*discs, *ends))
+
+    def _with_base(self, discs: tuple[posture.Disc, ...]) -> Footprint:
+        return Discs(((0.0, 0.0, self._base.reach(0.0)), *discs)) if discs else self._base
 
     def observe_acknowledgement(self, took_s: float, now_s: float) -> None:
         """Take how long the robot's machine took to acknowledge a twist, there and back."""

@@ -71,10 +71,24 @@ class Holds:
         self._depth = depth
         self._posture = posture.UNKNOWN
         self._posture_s = -math.inf
+        self._arm_moved: tuple[posture.Disc, float] | None = None  # within which reach, and when last
 
     def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
         """Take where the arm is."""
         self._posture, self._posture_s = arm, arrival_s
+        if arm.reach is not None:
+            self._arm_moved = arm.reach, arrival_s
+
+    def arm_reach(self, now_s: float) -> posture.Disc | None:
+        """Where what is seen may be the arm: it moved a moment ago, or nobody tells where it is. None: nowhere."""
+        if not self._profile.has_arm:
+            return None
+        arm = self._posture
+        if now_s - self._posture_s > posture.KNOWN_S or not (arm.at_home or arm.discs is not None):
+            return arm.reach or posture.ANYWHERE
+        if self._arm_moved and now_s - self._arm_moved[1] <= posture.LATELY_S:
+            return self._arm_moved[0]
+        return None
 
     def forget_posture(self) -> None:
         """Where the arm is nobody has told yet."""

@@ -13,17 +13,25 @@ SPACING = 1.5  # between the middles of two discs, in radii of the arm
 AWAY_MPS = 0.2  # while the arm is away from home and nobody knows where
 UNDER_M = 0.05  # deeper within an arm's disc than this: below or above the arm
 KNOWN_S = 0.5  # a posture older than this is unknown
+LATELY_S = 1.0  # a picture that comes now may show where the arm was so long ago
 
 Disc = tuple[float, float, float]
 
 
 class Posture(NamedTuple):
-    """Where the arm is: at home, away with known discs (x, y, radius; base frame, metres), or away and unknown."""
+    """Where the arm is: at home, away with known discs (x, y, radius; base frame, metres), or away and unknown.
+
+    `ends`: about the arm's ends, what a camera sees there may be the robot itself. `reach`: the arm moves, or nobody
+    knows where it is, and may be seen anywhere in there.
+    """
 
     at_home: bool
     discs: tuple[Disc, ...] | None = None
+    ends: tuple[Disc, ...] = ()
+    reach: Disc | None = None
 
 
+ANYWHERE: Disc = (0.0, 0.0, 1.2)  # an arm of which nothing is told
 AT_HOME = Posture(at_home=True, discs=())
 UNKNOWN = Posture(at_home=False)
 
@@ -39,9 +47,8 @@ def discs_along(line: NDArray[np.float64], radius_m: float) -> tuple[Disc, ...]:
     """Discs that cover an arm of this radius along a line of link origins (N, 2 or 3; base frame), seen from above."""
     kept: list[NDArray[np.float64]] = []
     for middle in middles_along(line[:, :2], radius_m):
-        if (
-            not kept or np.hypot(*(middle - kept[-1])) > radius_m / 4.0
-        ):  # links above one another are one disc
+        # links above one another are one disc
+        if not kept or np.hypot(*(np.array(kept) - middle).T).min() > radius_m / 4.0:
             kept.append(middle)
     radius = covering_m(radius_m)
     return tuple((float(x), float(y), radius) for x, y in kept)

@@ -39,17 +39,27 @@ class Intruder(NamedTuple):
 
 
 def swept(
-    motion: Motion, present: Mapping[str, float], links_at: LinksAt, radius_m: float
+    motion: Motion,
+    present: Mapping[str, float],
+    links_at: LinksAt,
+    radius_m: float,
+    ends: Sequence[int] = (),
+    end_m: float = 0.0,
 ) -> tuple[Disc, ...]:
     """The discs of an arm of this radius on its way from where it is through all points of the motion, joints in step.
 
+    It may reach `end_m` farther from the links with the numbers `ends`: what is there nobody described.
     KeyError: `present` lacks a joint.
     """
     joints = np.array([[present[joint] for joint in motion.joints], *motion.points])
     moments = np.concatenate([_between(begin, end) for begin, end in pairwise(joints)])
     lines = links_at({**present, **dict(zip(motion.joints, moments.T, strict=True))})[..., :2]
     jumps = np.hypot(*np.moveaxis(np.diff(lines, axis=0), -1, 0))
-    return thinned(middles_along(lines, radius_m), covering_m(radius_m) + float(jumps.max()) / 2.0)
+    between_m = float(jumps.max()) / 2.0
+    discs = thinned(middles_along(lines, radius_m), covering_m(radius_m) + between_m)
+    if end_m == 0.0:
+        return discs
+    return discs + thinned(lines[:, ends].reshape(-1, 2), radius_m + end_m + between_m)
 
 
 def _between(begin: Floats, end: Floats) -> Floats:

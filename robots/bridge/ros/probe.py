@@ -22,9 +22,11 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 import msgspec
 from rosgraph.network import get_host_name
 
+from robots.bridge.config import ArmSource
 from robots.bridge.findings import (
     CALLER,
     CallbackFound,
+    DescriptionFound,
     DriveFound,
     Findings,
     HostFound,
@@ -35,8 +37,10 @@ from robots.bridge.findings import (
 from robots.bridge.ros.master import Master, MasterError, SystemState
 from robots.bridge.ros.tcpros import Conversation, first_told
 from robots.bridge.ros.types import UnknownTypeError, message_class
+from robots.bridge.urdf import BadDescription, Tree
 
 CALLBACK_S = 2.0
+DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
 NODE_S = 3.0  # a robot that is busy is not one that is silent
 HEAD = 512  # bytes of a message that are looked at: its std_msgs/Header
 
@@ -54,7 +58,11 @@ def probe(plan: Plan) -> Findings:
         callback = pool.submit(_callback, master)
         topics = list(pool.map(lambda asked: _topic(asked, state, uris, plan.listen_s), plan.listened))
         return Findings(
-            hosts=hosts.result(), callback=callback.result(), topics=topics, drive=_drive(plan, state)
+            hosts=hosts.result(),
+            callback=callback.result(),
+            topics=topics,
+            drive=_drive(plan, state),
+            description=_description(plan.arm, plan.master_uri) if plan.arm else None,
         )
 
 
@@ -62,6 +70,20 @@ def _drive(plan: Plan, state: SystemState) -> DriveFound:
     topic = plan.drive.name
     return DriveFound(
         state.publishers.get(topic, []), state.subscribers.get(topic, []), state.types.get(topic)
+    )
+
+
+def _description(arm: ArmSource, master_uri: str) -> DescriptionFound:
+    try:
+        told = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
+        if not isinstance(told, str):
+            return DescriptionFound(error="there is none")
+        tree = Tree(told)
+    except (MasterError, BadDescription) as error:
+        return DescriptionFound(error=str(error))
+    return DescriptionFound(
+        links=[link for link in arm.links if link not in tree],
+        joints=[joint for joint in arm.home if not tree.moved_by([joint])],
     )
 
 
