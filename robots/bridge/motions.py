@@ -171,15 +171,17 @@ class Motions(Goals[Piece]):
         self._current = Goal(asker, number, now_s, Piece(name, title), action)
         return self._current
 
-    def told(self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float) -> None:
-        """What the arm sweeps by the points that the robot has now; None: it has no such motion."""
+    def told(
+        self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
+    ) -> None:
+        """What the arm sweeps by the points that the robot has now; None: it has no such motion, maybe for `why`."""
         if goal is not self._current:
             return
         goal.what.space = space
         if space is None:
             name = goal.what.name
             text = f"The robot has no motion “{name}”."
-            self.deny(Refusal("unknown_motion", text, "robot", {"motion": name}), now_s)
+            self.deny(why or Refusal("unknown_motion", text, "robot", {"motion": name}), now_s)
 
     @property
     def due(self) -> bool:

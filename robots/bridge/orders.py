@@ -61,7 +61,8 @@ class Performer(Player, Voice, Switch, Arm, Protocol):
     def sweep(self, motion: str, action: str, then: Swept) -> None:
         """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them.
 
-        Returns at once. Where the points are others than those of the list, the list is read again.
+        Returns at once. Where the points are others than those of the list, the list is read again. Where nobody took
+        the action's goals at the last survey, `Choices.surveyed` hears first who does now.
         """
 
 
@@ -310,7 +311,8 @@ class Orders:
     def _play(self, order: wire.Play, asker: Asker, now_s: float) -> None:
         """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
         refusal = self.motions.refuse(now_s) or self._why_no_motion(asker, None, now_s)
-        if refusal is not None:
+        # Who listened at the last survey is seconds old: a robot that has just come may have joined since.
+        if refusal is not None and refusal.code != "no_listener":
             asker.answer(refusal)
             return
         action = self.choices.topic("motions")
@@ -318,7 +320,7 @@ class Orders:
         goal = self.motions.begin(order.motion, title, action, asker, now_s)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
-            self.motions.told(goal, space, now_s)
+            self.motions.told(goal, space, now_s, self.choices.refuse("motions", action))
             self._watch_motion(now_s)
 
         self._performer.sweep(order.motion, action, swept)

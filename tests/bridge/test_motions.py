@@ -304,6 +304,24 @@ def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
     assert bench.base.played == []
 
 
+def test_an_action_that_joined_after_the_last_survey_is_asked_and_one_that_did_not_is_told(bench):
+    bench.base.asked = []
+    bench.core.orders.choices.surveyed({}, bench.now_s)
+    answers = bench.ask(wire.Play(1, "wave"))
+    settled(bench)
+    assert answers == []
+    kind = "play_motion_msgs/PlayMotionActionGoal"
+    bench.core.orders.choices.surveyed({"/play_motion/goal": kind}, bench.now_s)
+    bench.base.asked.pop()()
+    assert answers == [None]
+    [(goal_id, _)] = bench.base.played
+    ends(bench, goal_id, "succeeded")
+    bench.core.orders.choices.surveyed({}, bench.now_s)
+    answers = bench.ask(wire.Play(1, "a motion that only the action would know"))
+    bench.base.asked.pop()()
+    assert [refusal.code for refusal in answers] == ["no_listener"]
+
+
 def test_points_that_come_before_the_record_wait_for_it(bench):
     bench.sink.open.clear()
     answers = bench.ask(wire.Play(1, "wave"))

@@ -33,14 +33,14 @@ def robot(ros, simulator):
     return simulator(pose="3.8,2.2,0", seed=1)
 
 
-def started(master, folder):
+def started(master, folder, action="/play_motion"):
     """The process of a TIAGo's bridge, with an arm."""
     config = tiago_config(master, folder)
     topics = msgspec.structs.replace(
         config.topics,
         arm=ARM,
         joint_states=Topic("/joint_states", "sensor_msgs/JointState"),
-        motions=Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
+        motions=Topic(action, "play_motion_msgs/PlayMotionAction"),
     )
     gate = msgspec.structs.replace(config.gate, has_arm=True, has_depth=False)
     return BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
@@ -249,3 +249,26 @@ def test_the_list_is_read_again_by_itself_when_the_robots_motions_begin_anew(ros
                 )
         finally:
             rospy.set_param("/play_motion/motions/open", told)
+
+
+def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):
+    """The bridge surveys the robot every two seconds: the action is there, and the last survey does not have it."""
+    goals, results = (
+        message_class(f"play_motion_msgs/PlayMotionAction{part}") for part in ("Goal", "Result")
+    )
+    process = started(rosmaster, tmp_path, "/late_play")
+    hand = process.link()
+    try:
+        hand.state_until(drivable, "a robot that sees")
+        hand.take_control(1)
+        assert asked(hand, "nod").code == "no_listener"
+        motion = {"joints": ["head_1_joint"], "points": [{"positions": [0.0]}]}
+        rospy.set_param("/late_play/motions/nod", motion)
+        with ros.listen("/late_play/goal", goals) as inbox:
+            result = rospy.Publisher("/late_play/result", results, queue_size=1)
+            assert ask(hand, "nod") is None
+            assert inbox.next().goal.motion_name == "nod"
+            result.unregister()
+    finally:
+        hand.close()
+        process.stop()

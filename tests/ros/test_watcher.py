@@ -134,6 +134,25 @@ def test_a_base_that_takes_another_type_is_not_said_not_to_listen(bridges, rosma
     hand.close()
 
 
+@pytest.mark.parametrize(
+    ("hangs", "words"), [(False, "its process has ended"), (True, "it does not answer at http")]
+)
+def test_a_dead_node_is_not_blamed_on_type_or_address(bridges, rosmaster, hangs, words):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        uri = f"http://127.0.0.1:{server.getsockname()[1]}/"
+        if not hangs:
+            server.close()
+        base = Master(rosmaster.uri, "/base")
+        base.register("registerSubscriber", "/dead_vel", "geometry_msgs/Twist", uri)
+        try:
+            hand = bridges(rosmaster, drive=Topic("/dead_vel", "geometry_msgs/Twist")).link()
+            state = hand.state_until(lambda state: words in state.text, words)
+            assert state.text.startswith("/base should listen to /dead_vel, and ")
+            hand.close()
+        finally:
+            base.call("unregisterSubscriber", "/dead_vel", uri)
+
+
 def test_a_bridge_that_could_join_but_half_ends_so_that_a_fresh_one_joins(bridges, rosmaster):
     bridge = bridges(rosmaster, speech=Topic("/tts", "std_msgs/Bool"))  # a voice that nobody can speak with
     assert bridge.process.wait(PATIENCE_S) == EXIT_NOT_JOINED

@@ -260,3 +260,19 @@ def node_alive(uri: str, node: str) -> bool | None:
         if isinstance(why, socket.gaierror):
             return True  # for all that is known: only the robot can call it
         return None if isinstance(why, OSError) and not isinstance(why, ConnectionRefusedError) else False
+
+
+def why_silent(uri: str) -> str:
+    """Why a node that a master has at this XML-RPC address does not listen, in words: it has ended, or hangs.
+
+    "" if it answers; a host's name that is not known here tells nothing of the node.
+    """
+    try:
+        Master(uri, BRIDGE).alive()
+    except MasterError as error:
+        why = error.__cause__
+        if isinstance(why, ConnectionRefusedError):
+            return "its process has ended: start it again (the master still has its name)"
+        if isinstance(why, OSError) and not isinstance(why, socket.gaierror):
+            return f"it does not answer at {uri}: it hangs, or this computer cannot reach it"
+    return ""

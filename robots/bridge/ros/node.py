@@ -22,6 +22,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from robots.bridge.choices import goal_topic
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.findings import BRIDGE, watchdog_name
@@ -41,7 +42,7 @@ from robots.bridge.ros.convert import laser_scan, planar
 from robots.bridge.ros.depth import DepthTopics
 from robots.bridge.ros.echoes import Echoes
 from robots.bridge.ros.errands import Errands, Seldom
-from robots.bridge.ros.master import Master, MasterError, SystemState, is_own
+from robots.bridge.ros.master import Master, MasterError, SystemState, is_own, why_silent
 from robots.bridge.ros.motions import MotionTopics
 from robots.bridge.ros.names import Names
 from robots.bridge.ros.posture import PostureTopics
@@ -91,6 +92,9 @@ class RosBase:
         self._speech: SpeechTopics | None = None
         self._names = Names()
         self._is_unconnected = False  # whoever listens to the drive topic
+        self._listened: dict[
+            str, str
+        ] = {}  # topics that the robot listened to at the last survey, and their types
         self._connecting = Errands("topics")
         self._reading = Errands("motions")
         self._joined = Seldom(self._read_joined, JOINED_GAP_S)
@@ -161,6 +165,8 @@ class RosBase:
 
     def _sweep(self, motion: str, action: str, then: Swept) -> None:
         """On the thread for it."""
+        if goal_topic(Topic(action, "Action")).name not in self._listened:
+            self._tell_listened(self._master.system_state())
         space = None
         with suppress(KeyError):
             if self._motions is not None:
@@ -307,11 +313,14 @@ class RosBase:
     def surveyed(self, system: SystemState) -> None:
         """Tell how the robot is; ask it for what it did not tell yet: it may have come after its master."""
         self.tell(self._survey(system))
-        listened = _listened(system)
-        self._post(lambda: self._core.orders.choices.surveyed(listened, time.monotonic()))
+        self._tell_listened(system)
         self._describe()
         if self._motions and not any(self._motions.repertoire.values()):
             self.read_motions()
+
+    def _tell_listened(self, system: SystemState) -> None:
+        self._listened = listened = _listened(system)
+        self._post(lambda: self._core.orders.choices.surveyed(listened, time.monotonic()))
 
     def tell(self, status: RosStatus) -> None:
         """How the connection to the master is."""
@@ -396,8 +405,13 @@ class RosBase:
         before, self._is_unconnected = self._is_unconnected, bool(listening) and not self.listeners
         if not (before and self._is_unconnected):
             return ""
+        node = listening[0]
+        uri = self._master.node_uri(node)
+        why = uri and why_silent(uri)
+        if why:
+            return f"{node} should listen to {drive.name}, and {why}."
         return (
-            f"{listening[0]} listens to {drive.name} and does not connect: it takes no {drive.type}, "
+            f"{node} listens to {drive.name} and does not connect: it takes no {drive.type}, "
             "or cannot reach this computer at its advertised address."
         )
 
