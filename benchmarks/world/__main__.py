@@ -45,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     fault.add_argument("share", type=float)
     door = part.add_parser("door", help="a competent driver passes a door")
     door.add_argument("width", type=float, choices=list(doors.DOORS))
+    door.add_argument("--depth", default="640x480", help="size of the depth pictures, such as 96x72")
     person = part.add_parser("crossing", help="a person walks across the way")
     person.add_argument("share", type=float)
     part.add_parser("drawn", help="one object, with sensors, delays, brakes and wheels drawn by the seed")
@@ -72,7 +73,8 @@ def _case(asked: argparse.Namespace) -> Case:
     if asked.part == "leaving":
         return leaving.build(asked.kind, asked.seed)
     if asked.part == "door":
-        return doors.build(asked.width, asked.seed)
+        columns, rows = asked.depth.split("x")
+        return doors.build(asked.width, asked.seed, (int(columns), int(rows)))
     if asked.part == "crossing":
         return crossing.build(asked.share, asked.seed)
     return clutter.build(asked.seed)

@@ -8,15 +8,17 @@ import numpy as np
 
 from benchmarks.harness import Figure
 from benchmarks.world.drivers import Follower
-from benchmarks.world.loop import Case
+from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
+from benchmarks.world.sensors import DEPTH_SIZES, STANDARD, Sensors
 from robots.simulator.physics import Pose
 from robots.simulator.worlds import Wall, World
 
 AT_M = 2.0
 LONGEST_S = 40.0
 # Width in metres: the share of the speed at which a competent driver takes it, and the ratio of times allowed.
-DOORS = {0.90: (0.5, 1.02), 0.80: (0.5, 1.02), 0.70: (0.4, 1.03), 0.64: (0.3, 1.15)}
+DOORS = {0.90: (0.5, 1.02), 0.80: (0.5, 1.02), 0.70: (0.4, 1.03), 0.64: (0.3, 1.10)}
+RATES_HZ = (5.0, 10.0, 15.0, 30.0)  # of depth pictures
 CONTROLLERS = ("none", "gate", "cone", "monitor")
 
 
@@ -26,6 +28,7 @@ class Passage(NamedTuple):
     controller: str
     width_m: float
     seed: int
+    size: tuple[int, int] = STANDARD.depth_size  # of depth pictures, which other controllers do not look at
 
 
 class Outcome(NamedTuple):
@@ -38,25 +41,41 @@ class Outcome(NamedTuple):
 
 def measure(repeats: int) -> list[Figure]:
     """Time with the gate by time without it, over the courses that are driven without a contact when nobody helps."""
+    seeds = range(max(repeats, 3))
     jobs = [
-        Passage(name, width, seed)
+        Passage(name, width, seed, size)
         for width in DOORS
         for name in CONTROLLERS
-        for seed in range(max(repeats, 5))
+        for size in (DEPTH_SIZES if name == "gate" else (STANDARD.depth_size,))
+        for seed in seeds
     ]
     done = dict(played("doors", jobs, play))
     figures = []
-    for width, (_, limit) in DOORS.items():
-        seeds = [seed for seed in range(max(repeats, 5)) if _good(done[Passage("none", width, seed)])]
-        alone_s = sum(done[Passage("none", width, seed)].time_s for seed in seeds)
+    for width in DOORS:
+        driven = [seed for seed in seeds if _good(done[Passage("none", width, seed)])]
+        alone_s = sum(done[Passage("none", width, seed)].time_s for seed in driven)
         for name in CONTROLLERS[1:]:
-            outcomes = [done[Passage(name, width, seed)] for seed in seeds]
-            ours, where = name == "gate", f"door of {width:.2f} m, {name}"
-            ratio = sum(outcome.time_s for outcome in outcomes) / alone_s if seeds else float("nan")
-            stuck = sum(not _good(outcome) for outcome in outcomes)
-            figures.append(Figure(f"{where}: time / time without", ratio, "", limit if ours else None))
-            figures.append(Figure(f"{where}: not through of {len(seeds)}", stuck, "", 0.0 if ours else None))
+            mine = {
+                size: [done[job] for seed in driven if (job := Passage(name, width, seed, size)) in done]
+                for size in DEPTH_SIZES
+            }
+            figures += _figures(name, width, {size: ends for size, ends in mine.items() if ends}, alone_s)
     return figures
+
+
+def _figures(
+    name: str, width: float, by_size: dict[tuple[int, int], list[Outcome]], alone_s: float
+) -> list[Figure]:
+    """The time with each size of depth pictures, and how many were stuck with any."""
+    ours, where = name == "gate", f"door of {width:.2f} m, {name}"
+    figures = []
+    for (columns, rows), ends in by_size.items():
+        ratio = sum(end.time_s for end in ends) / alone_s
+        sized = f"{where}, depth {columns}x{rows}" if ours else where
+        figures.append(Figure(f"{sized}: time / time without", ratio, "", DOORS[width][1] if ours else None))
+    ends = [end for some in by_size.values() for end in some]
+    stuck = sum(not _good(end) for end in ends)
+    return [*figures, Figure(f"{where}: not through of {len(ends)}", stuck, "", 0.0 if ours else None)]
 
 
 def _good(outcome: Outcome) -> bool:
@@ -65,12 +84,13 @@ def _good(outcome: Outcome) -> bool:
 
 def play(passage: Passage) -> Outcome:
     """Play one."""
-    trace = loop_of(build(passage.width_m, passage.seed), passage.controller, passage.seed).play()
+    case = build(passage.width_m, passage.seed, passage.size)
+    trace = loop_of(case, passage.controller, passage.seed).play()
     return Outcome(bool(trace.touches), trace.arrived, trace.time_s)
 
 
-def build(width_m: float, seed: int) -> Case:
-    """The case: from one side, a little off, through the middle of the door."""
+def build(width_m: float, seed: int, size: tuple[int, int] = STANDARD.depth_size) -> Case:
+    """The case: from one side, a little off, through the middle of the door. The camera's rate goes with the seed."""
     random = np.random.default_rng([seed, 33])
     share, _ = DOORS[width_m]
     half = width_m / 2.0
@@ -86,4 +106,5 @@ def build(width_m: float, seed: int) -> Case:
         lambda _: Follower(points, share),
         longest_s=LONGEST_S,
         at_rest_s=LONGEST_S,
+        conditions=Conditions(sensors=Sensors(depth_size=size, depth_hz=RATES_HZ[seed % len(RATES_HZ)])),
     )
