@@ -25,7 +25,7 @@ def main() -> int:
     if not asked.quiet:
         _print_moments(trace)
     if asked.part == "drawn":
-        print(drawn.full_of(asked.seed), drawn.drawn_words(asked.seed), sep="\n")
+        print(drawn.full_of(asked.seed), drawn.words_of(asked.seed), sep="\n")
     _print_end(loop, trace)
     return 1 if trace.touches else 0
 
@@ -46,6 +46,9 @@ def _parser() -> argparse.ArgumentParser:
     door = part.add_parser("door", help="a competent driver passes a door")
     door.add_argument("width", type=float, choices=list(doors.DOORS))
     door.add_argument("--depth", default="640x480", help="size of the depth pictures, such as 96x72")
+    door.add_argument(
+        "--drawn", action="store_true", help="sensors, delays, brakes and wheels drawn by the seed"
+    )
     person = part.add_parser("crossing", help="a person walks across the way")
     person.add_argument("share", type=float)
     part.add_parser("drawn", help="one object, with sensors, delays, brakes and wheels drawn by the seed")
@@ -74,7 +77,7 @@ def _case(asked: argparse.Namespace) -> Case:
         return leaving.build(asked.kind, asked.seed)
     if asked.part == "door":
         columns, rows = asked.depth.split("x")
-        return doors.build(asked.width, asked.seed, (int(columns), int(rows)))
+        return doors.build(asked.width, asked.seed, (int(columns), int(rows)), drawn=asked.drawn)
     if asked.part == "crossing":
         return crossing.build(asked.share, asked.seed)
     return clutter.build(asked.seed)

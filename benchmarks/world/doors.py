@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.harness import Figure
+from benchmarks.harness import Figure, progress
+from benchmarks.world.drawn import conditions_of, words_of
 from benchmarks.world.drivers import Follower
 from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
@@ -18,6 +20,7 @@ AT_M = 2.0
 LONGEST_S = 40.0
 # Width in metres: the share of the speed at which a competent driver takes it, and the ratio of times allowed.
 DOORS = {0.90: (0.5, 1.02), 0.80: (0.5, 1.02), 0.70: (0.4, 1.03), 0.64: (0.3, 1.10)}
+WIDE_M = 0.70  # nobody is stuck in so wide a door, whatever is drawn
 RATES_HZ = (5.0, 10.0, 15.0, 30.0)  # of depth pictures
 CONTROLLERS = ("none", "gate", "cone", "monitor")
 
@@ -29,6 +32,7 @@ class Passage(NamedTuple):
     width_m: float
     seed: int
     size: tuple[int, int] = STANDARD.depth_size  # of depth pictures, which other controllers do not look at
+    drawn: bool = False  # sensors, delays, brakes, slip and drift, by the seed
 
 
 class Outcome(NamedTuple):
@@ -49,6 +53,12 @@ def measure(repeats: int) -> list[Figure]:
         for size in (DEPTH_SIZES if name == "gate" else (STANDARD.depth_size,))
         for seed in seeds
     ]
+    jobs += [
+        Passage(name, width, seed, drawn=True)
+        for width in DOORS
+        for name in ("none", "gate")
+        for seed in seeds
+    ]
     done = dict(played("doors", jobs, play))
     figures = []
     for width in DOORS:
@@ -60,7 +70,29 @@ def measure(repeats: int) -> list[Figure]:
                 for size in DEPTH_SIZES
             }
             figures += _figures(name, width, {size: ends for size, ends in mine.items() if ends}, alone_s)
+        figures += _drawn_figures(width, done)
     return figures
+
+
+def _drawn_figures(width: float, done: dict[Passage, Outcome]) -> list[Figure]:
+    """How it goes with what a seed draws, where a driver gets through alone."""
+    alone = [job for job, end in done.items() if job.drawn and job[:2] == ("none", width) and _good(end)]
+    ends = [done[job._replace(controller="gate")] for job in alone]
+    where = f"door of {width:.2f} m, gate, drawn"
+    limit = 0.0 if width >= WIDE_M else None
+    through = [job for job in alone if _good(done[job._replace(controller="gate")])]
+    helped_s = sum(done[job._replace(controller="gate")].time_s for job in through)
+    ratio = helped_s / sum(done[job].time_s for job in through) if through else math.nan
+    for job in alone:
+        if not _good(done[job._replace(controller="gate")]):
+            progress(
+                f"python -m benchmarks.world door {width} {job.seed} --drawn --quiet  # {words_of(job.seed)}"
+            )
+    return [
+        Figure(f"{where}: time / time without", ratio, ""),
+        Figure(f"{where}: contacts of {len(ends)}", sum(end.touched for end in ends), "", 0.0),
+        Figure(f"{where}: not through of {len(ends)}", len(ends) - len(through), "", limit),
+    ]
 
 
 def _figures(
@@ -84,12 +116,14 @@ def _good(outcome: Outcome) -> bool:
 
 def play(passage: Passage) -> Outcome:
     """Play one."""
-    case = build(passage.width_m, passage.seed, passage.size)
+    case = build(passage.width_m, passage.seed, passage.size, drawn=passage.drawn)
     trace = loop_of(case, passage.controller, passage.seed).play()
     return Outcome(bool(trace.touches), trace.arrived, trace.time_s)
 
 
-def build(width_m: float, seed: int, size: tuple[int, int] = STANDARD.depth_size) -> Case:
+def build(
+    width_m: float, seed: int, size: tuple[int, int] = STANDARD.depth_size, *, drawn: bool = False
+) -> Case:
     """The case: from one side, a little off, through the middle of the door. The camera's rate goes with the seed."""
     random = np.random.default_rng([seed, 33])
     share, _ = DOORS[width_m]
@@ -100,11 +134,14 @@ def build(width_m: float, seed: int, size: tuple[int, int] = STANDARD.depth_size
     ]
     start = Pose(0.0, float(random.uniform(-0.3, 0.3)), float(random.uniform(-0.3, 0.3)))
     points = [(AT_M - 0.7, 0.0), (AT_M + 0.5, 0.0), (AT_M + 1.5, 0.0)]
+    rate_hz = RATES_HZ[seed % len(RATES_HZ)]
+    sized = Conditions(sensors=Sensors(depth_size=size, depth_hz=rate_hz))
+    conditions = conditions_of(seed) if drawn else sized
     return Case(
         World(name="door", size=(-4.0, -4.0, 6.0, 4.0), walls=walls),
         start,
         lambda _: Follower(points, share),
         longest_s=LONGEST_S,
         at_rest_s=LONGEST_S,
-        conditions=Conditions(sensors=Sensors(depth_size=size, depth_hz=RATES_HZ[seed % len(RATES_HZ)])),
+        conditions=conditions,
     )

@@ -54,7 +54,7 @@ def measure_drawn(_: int) -> list[Figure]:
     """Half of the robots were parked, all have drawn sensors."""
     ends = []
     for seed, outcome in played("drawn", range(DRAWS), play):
-        ends.append(End(f"drawn {seed}", full_of(seed), drawn_words(seed), outcome))
+        ends.append(End(f"drawn {seed}", full_of(seed), words_of(seed), outcome))
     cold = [end for end in ends if end.full.cold]
     warm = [end for end in ends if not end.full.cold]
     return [*figures("drawn, cold", cold), *figures("drawn, warm", warm)]
@@ -83,7 +83,7 @@ def conditions_of(seed: int) -> Conditions:
     )
 
 
-def drawn_words(seed: int) -> str:
+def words_of(seed: int) -> str:
     """The same in words."""
     drawn = conditions_of(seed)
     faults = drawn.faults[0][1]

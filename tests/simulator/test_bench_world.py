@@ -306,3 +306,8 @@ def test_random_stick_drives_as_far_back_as_ahead_and_every_second_one_begins_co
     parked, looking = (clutter.build(seed).driver(np.random.default_rng(1)) for seed in (1, 0))
     assert looking.hold(Seen(1.0, ORIGIN)).trying is False
     assert parked.hold(Seen(1.0, ORIGIN)).trying is True
+
+
+def test_a_door_has_the_pictures_that_are_asked_for_or_what_is_drawn():
+    assert doors.build(0.7, 3, (96, 72)).conditions.sensors == Sensors(depth_size=(96, 72), depth_hz=30.0)
+    assert doors.build(0.7, 3, drawn=True).conditions == drawn.conditions_of(3)
