@@ -313,25 +313,25 @@ class SonarPose(Struct, frozen=True):
     name: str
     x: float
     y: float
-    yaw: float
-    fov: float
+    yaw: float  # of the cone's axis
+    fov: float  # the whole cone's angle
 
 
 class RobotFacts(Struct, frozen=True):
     """What a page needs to know of a robot once."""
 
-    slug: str
-    name: str
-    profile: str
-    practice: bool
-    holonomic: bool
+    slug: str  # as in addresses
+    name: str  # for people
+    profile: str  # its kind, for people
+    practice: bool  # a simulated one
+    holonomic: bool  # it can slide: `y` of `Drive` counts
     limits: Limits
     footprint: list[tuple[float, float]]  # convex outline, base frame, counter-clockwise
-    default_share: float
-    max_share: float
-    reverse_steering: ReverseSteering
-    drive_topic: str
-    sonars: list[SonarPose]
+    default_share: float  # `share` of `Drive` that a page begins with
+    max_share: float  # a larger share counts as this
+    reverse_steering: ReverseSteering  # car: the turn is mirrored in reverse
+    drive_topic: str  # where velocities go if nobody chooses otherwise
+    sonars: list[SonarPose]  # in the order of `Scan.sonar_cm`
     stick: str  # what its stick passes on the way to the gate, in words
     has_head: bool = False  # one that can be asked to look ahead
 
@@ -339,9 +339,9 @@ class RobotFacts(Struct, frozen=True):
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
     """Answer to `Hello`, and again whenever the robot was edited or the person's rights changed."""
 
-    protocol: int
-    you: str
-    role: Role
+    protocol: int  # a page of another number must be loaded anew
+    you: str  # your name
+    role: Role  # yours on this robot: it rules what you may do
     robot: RobotFacts
 
 
@@ -369,11 +369,11 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     session: str | None = None  # control session id
     remaining_s: float | None = None  # of the term
     resumable_s: float | None = None
-    requests: list[Request] = []  # to the holder, and to those who may take over
+    requests: list[Request] = []  # who asks for control: to the holder, and to those who may take over
     asking: int | None = None  # this connection's own request
-    may_take_over: bool = False
-    may_clear: bool = False
-    refusal: Refusal | None = None
+    may_take_over: bool = False  # this person may say `TakeOver`
+    may_clear: bool = False  # this person may say `Clear`
+    refusal: Refusal | None = None  # why `Take` would be refused
 
 
 Level = Literal["info", "warning", "error"]
@@ -666,10 +666,10 @@ class Scan(Struct, frozen=True):
 
 
 class View(Struct, frozen=True, tag_field="t", tag="view"):
-    """One picture of the robot for its viewers."""
+    """One picture of the robot for its viewers. The next one comes after `Ack`."""
 
     state: State
-    scan: Scan | None
+    scan: Scan | None  # None: nothing is drawn
 
 
 # --- the robot's topics: page or application <-> web process <-> bridge <-> inspector ------------

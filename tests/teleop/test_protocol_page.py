@@ -10,6 +10,7 @@ import pytest
 from websockets.asyncio.server import serve
 
 from robots import wire
+from script.stack import messages
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
 
@@ -30,6 +31,10 @@ PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
 def test_every_message_is_named(kinds):
     tags = {kind.__struct_config__.tag for kind in kinds}
     assert {tag for tag in tags if f"`{tag}`" not in PAGE} == set()
+
+
+def test_the_reference_is_as_the_messages_are():
+    assert messages.PAGE.read_text() == messages.page(), "run script/messages"
 
 
 def test_every_rule_has_a_row_of_its_codes():

@@ -1,0 +1,195 @@
+"""Writes docs/protocol-messages.md from `robots.wire`: every message, field by field.
+
+Types and defaults come from the structs, words from their docstrings and from the comments beside fields.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import io
+import re
+import tokenize
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from uuid import UUID
+
+import msgspec
+from msgspec import Meta, Struct, structs
+
+from robots import wire
+
+PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
+HEAD = """# Messages, field by field
+
+Written by `script/messages` from [robots/wire.py](../robots/wire.py): change that, then run it. How they are used is
+in [protocol.md](protocol.md). Each is one JSON object whose `t` is its name here. A field without a default must be
+there. A field that is not known is passed over, and a report may leave out a field that has its default. Units are SI
+unless the name says otherwise.
+"""
+DOORS: Mapping[str, Any] = {
+    "A robot's page says to the console": wire.BrowserMessage,
+    "The console says to a robot's page": wire.BrowserReport,
+    "Whoever looks at topics says to the console": wire.TopicsMessage,
+    "The console says to whoever looks at topics": wire.TopicsReport,
+    "The fleet page says to the console": wire.FleetMessage,
+    "The console says to the fleet page": wire.FleetReport,
+    "The web process says to the bridge": wire.LinkRequest,
+    "The bridge says to the web process": wire.LinkReport,
+}
+WORDS = {
+    bool: "true or false",
+    int: "whole number",
+    float: "number",
+    str: "text",
+    UUID: "UUID",
+    Any: "any value",
+    msgspec.Raw: "a message, handed on untouched",
+    NoneType: "null",
+}
+
+Kind = type[Struct]
+
+
+def page() -> str:
+    """The text of the page."""
+    told: dict[Kind, str] = {}  # the door under which a message is described
+    sections = [HEAD]
+    for door, union in DOORS.items():
+        kinds = _kinds(union)
+        before = [kind for kind in kinds if kind in told]
+        sections.append(f"## {door}\n")
+        for kind in kinds:
+            if kind not in told:
+                told[kind] = door
+                sections.append(_section(kind))
+        if before:
+            sections.append(f"As above: {', '.join(map(_link, before))}.\n")
+    sections.append("## Parts of messages\n")
+    sections += [
+        _section(kind) for kind in _structs() if kind not in told and not kind.__name__.startswith("_")
+    ]
+    return "\n".join(sections)
+
+
+def _kinds(union: Any) -> list[Kind]:
+    return [kind for part in get_args(union) for kind in (get_args(part) or (part,))]
+
+
+def _structs() -> Iterator[Kind]:
+    """All that `wire` defines, in its order."""
+    for kind in vars(wire).values():
+        if inspect.isclass(kind) and issubclass(kind, Struct) and kind.__module__ == wire.__name__:
+            yield kind
+
+
+def _name(kind: Kind) -> str:
+    """A message's tag; where several share it, the struct's own name beside it. A part's name."""
+    tag = kind.__struct_config__.tag
+    if tag is None:
+        return f"`{kind.__name__}`"
+    shared = sum(other.__struct_config__.tag == tag for other in _structs()) > 1
+    return f"`{tag}` ({kind.__name__})" if shared else f"`{tag}`"
+
+
+def _link(kind: Kind) -> str:
+    name = _name(kind)
+    return f"[{name}](#{re.sub(r'[^a-z0-9_ -]', '', name.lower()).replace(' ', '-')})"
+
+
+def _section(kind: Kind) -> str:
+    lines = [f"### {_name(kind)}\n", f"{_words_of(kind)}\n"]
+    comments, hints = _comments(kind), get_type_hints(kind, include_extras=True)
+    fields = structs.fields(kind)
+    if not fields:
+        return "\n".join([*lines, "No fields.\n"])
+    lines += ["| field | type | default | |", "|---|---|---|---|"]
+    for field in fields:
+        cells = [f"`{field.name}`", _type(hints[field.name]), _default(field), comments.get(field.name, "")]
+        lines.append(re.sub(" +", " ", f"| {' | '.join(cells)} |"))
+    return "\n".join([*lines, ""])
+
+
+def _words_of(kind: Kind) -> str:
+    """Its docstring, as readers of JSON know it."""
+    return _renamed(inspect.getdoc(kind) or "")
+
+
+def _renamed(text: str) -> str:
+    """With messages and null called as on the wire."""
+    text = re.sub(r"\bNone\b", "null", text)
+    tags = {kind.__name__: kind.__struct_config__.tag for kind in _structs()}
+    return re.sub(r"`(\w+)`", lambda found: f"`{tags.get(found[1]) or found[1]}`", text)
+
+
+def _default(field: structs.FieldInfo) -> str:
+    default = field.default
+    if default is msgspec.NODEFAULT and field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
+    return "" if default is msgspec.NODEFAULT else f"`{msgspec.json.encode(default).decode()}`"
+
+
+def _type(hint: Any) -> str:
+    """A type in words."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _bounded(arguments[0], arguments[1:])
+    if origin in (Union, UnionType):
+        return " or ".join(map(_type, arguments))
+    if origin is Literal:
+        return ", ".join(f"`{value}`" for value in arguments)
+    if origin is list:
+        return f"list of {_type(arguments[0])}"
+    if origin is tuple:
+        return f"[{', '.join(map(_type, arguments))}]"
+    if origin is not None and issubclass(origin, Mapping):
+        return f"object, {_type(arguments[0])} to {_type(arguments[1])}"
+    return WORDS[hint] if hint in WORDS else _link(hint)
+
+
+def _figure(bound: float) -> str:
+    return "2^53 - 1" if bound == 2**53 - 1 else f"{bound:g}"
+
+
+def _bounded(hint: Any, bounds: tuple[Meta, ...]) -> str:
+    words = [_type(hint)]
+    for meta in bounds:
+        unit = " characters" if hint is str else " entries" if get_origin(hint) is list else ""
+        low, high = (meta.min_length, meta.max_length) if unit else (meta.ge, meta.le)
+        if low is not None and high is not None:
+            words.append(f"{_figure(low)} to {_figure(high)}{unit}")
+        elif high is not None:
+            words.append(
+                f"{f'above {meta.gt:g}, ' if meta.gt is not None else ''}at most {_figure(high)}{unit}"
+            )
+        elif low is not None:
+            words.append(f"at least {_figure(low)}{unit}")
+        if meta.pattern:
+            pattern = meta.pattern.replace("|", "\\|")
+            words.append(f"of the form `{pattern}`")
+    return ", ".join(words)
+
+
+def _comments(kind: Kind) -> dict[str, str]:
+    """The comment beside each field, by its name."""
+    source = inspect.getsource(kind)
+    comments = {
+        token.start[0]: token.string.lstrip("# ")
+        for token in tokenize.generate_tokens(io.StringIO(source).readline)
+        if token.type == tokenize.COMMENT
+    }
+    return {
+        node.target.id: " ".join(
+            _renamed(comments[line])
+            for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+            if line in comments
+        )
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    }
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())
