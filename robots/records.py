@@ -59,6 +59,7 @@ ENDS = {
     "publish.start": ("publish.end", "unknown"),
     "topic.choose": ("topic.choose", "unknown"),
     "head.look_ahead": ("head.look_ahead", "unknown"),
+    "memory.forget": ("memory.forget", "unknown"),
 }
 _EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
 

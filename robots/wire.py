@@ -172,6 +172,13 @@ class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
     seq: Seq = 0
 
 
+class Forget(Struct, frozen=True, tag_field="t", tag="forget"):
+    """Forget what was seen before; what the sensors show now stays. Only while the robot stands still."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
 class Play(Struct, frozen=True, tag_field="t", tag="play"):
     """Perform a recorded motion."""
 
@@ -259,6 +266,7 @@ BrowserMessage = (
     | HandOver
     | Drive
     | LookAhead
+    | Forget
     | Play
     | PlayCancel
     | Say
@@ -272,7 +280,7 @@ BrowserMessage = (
     | Ack
     | Ping
 )
-Order = LookAhead | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop
+Order = LookAhead | Forget | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop
 
 
 class StopRobot(Struct, frozen=True, tag_field="t", tag="stop"):

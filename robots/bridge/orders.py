@@ -92,7 +92,10 @@ class Orders:
         self._records = records
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
-        self._looks: list[Asked] = []  # ahead, being put on record
+        self._gate = gate
+        # what is being put on record, to be done at once then; and the rules that may forbid it, beside those of all
+        self._asked: dict[str, list[Asked]] = {"head.look_ahead": [], "memory.forget": []}
+        self._why_not = {"head.look_ahead": self._why_no_look, "memory.forget": self._why_not_forget}
 
     def take(self, order: wire.Order, link: int, now_s: float, answer: Reply) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
@@ -108,7 +111,9 @@ class Orders:
             case wire.Play():
                 self._play(order, asker, now_s)
             case wire.LookAhead():
-                self._look_ahead(asker, now_s)
+                self._ask("head.look_ahead", asker, now_s)
+            case wire.Forget():
+                self._ask("memory.forget", asker, now_s)
             case wire.Say():
                 self._say(order, asker, now_s)
             case wire.Choose():
@@ -167,17 +172,19 @@ class Orders:
         self.choices.tick({"speech": self.speaking.topics(now_s)}, now_s)
         self.catalogue.tell()
         self._move_head(sent, now_s)
+        if self._granted("memory.forget", now_s):
+            self._gate.forget()
 
     def stopped(self, by: str, now_s: float) -> None:
         """The emergency stop was pressed."""
-        self._forget_looks(now_s)
+        self._deny_asked(now_s)
         self.publishings.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
 
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
         """Nothing can be recorded. A text that is being said already is said to its end."""
-        self._forget_looks(now_s, refusal)
+        self._deny_asked(now_s, refusal)
         self.publishings.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
         self.speaking.deny(refusal, now_s)
@@ -185,7 +192,7 @@ class Orders:
 
     def page_left(self, now_s: float) -> None:
         """Who asked is gone: what has not begun will not, whoever comes back. `tick` bears what runs for a while."""
-        self._forget_looks(now_s, LEFT)
+        self._deny_asked(now_s, LEFT)
         self.publishings.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
         self.speaking.deny(LEFT, now_s)
@@ -193,7 +200,7 @@ class Orders:
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""
-        self._forget_looks(now_s)
+        self._deny_asked(now_s)
         self.publishings.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
         if self.speaking.waiting:
@@ -202,34 +209,53 @@ class Orders:
 
     def close(self, now_s: float) -> None:
         """The bridge ends."""
-        self._forget_looks(now_s, ENDED)
+        self._deny_asked(now_s, ENDED)
         self.publishings.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
         self.speaking.close(ENDED, now_s)
         self.choices.close(ENDED, now_s)
 
-    # --- head -----------------------------------------------------------------------------------------
+    # --- what is done at once -------------------------------------------------------------------------
 
-    def _look_ahead(self, asker: Asker, now_s: float) -> None:
-        """Put it on record; the head is turned, and the question answered, once that is done."""
-        refusal = self._rules.why_not_begin(asker, now_s) or self._why_no_look(now_s)
+    def _ask(self, kind: str, asker: Asker, now_s: float) -> None:
+        """Put it on record; it is done, and the question answered, once that is there."""
+        refusal = self._rules.why_not_begin(asker, now_s) or self._why_not[kind](now_s)
         if refusal is not None:
             asker.answer(refusal)
             return
-        number = self._records.request(asker.holder, "head.look_ahead", {}, now_s)
-        self._looks.append(Asked(asker, number, now_s))
+        number = self._records.request(asker.holder, kind, {}, now_s)
+        self._asked[kind].append(Asked(asker, number, now_s))
 
-    def _forget_looks(self, now_s: float, refusal: Refusal = HALTED) -> None:
+    def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """What is not on record yet will not be done."""
-        looks, self._looks = self._looks, []
-        for look in looks:
-            self._tell_look(look, refusal, now_s)
+        for kind, waiting in self._asked.items():
+            denied, waiting[:] = list(waiting), []
+            for asked in denied:
+                self._tell(kind, asked, refusal, now_s)
 
-    def _tell_look(self, look: Asked, refusal: Refusal | None, now_s: float) -> None:
+    def _tell(self, kind: str, asked: Asked, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
-        look.asker.answer(refusal)
-        outcome = refusal.code if refusal else "sent"
-        self._records.outcome(look, "head.look_ahead", outcome, {}, now_s)
+        asked.asker.answer(refusal)
+        self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
+
+    def _granted(self, kind: str, now_s: float) -> bool:
+        """Answer what is on record now. Whether something was asked for that nothing forbids."""
+        granted = False
+        for asked in taken_due(self._asked[kind]):
+            refusal = asked.unrecorded or self._rules.why_not_begin(asked.asker, now_s)
+            refusal = refusal or self._why_not[kind](now_s)
+            granted = granted or refusal is None
+            self._tell(kind, asked, refusal, now_s)
+        return granted
+
+    def _why_not_forget(self, now_s: float) -> Refusal | None:
+        """What was seen counts for the way that the base is on, and for the arm's."""
+        if self.motions.refuse(now_s):
+            text = "The robot performs a motion: what it saw is needed for that."
+            return Refusal("motion_running", text, "robot")
+        return self._rules.why_not_still(now_s)
+
+    # --- head -----------------------------------------------------------------------------------------
 
     def _why_no_look(self, now_s: float) -> Refusal | None:
         if self._head is None:
@@ -246,22 +272,12 @@ class Orders:
         if self._head is None:
             return
         aim = None
-        if self._take_look(now_s):
+        if self._granted("head.look_ahead", now_s):
             aim = self._head.ahead(now_s)
         elif self._rules.grants.current and sent != STILL and self._why_no_look(now_s) is None:
             aim = self._head.follow(sent, now_s)
         if aim is not None:
             self._performer.aim_head(aim)
-
-    def _take_look(self, now_s: float) -> bool:
-        """Answer what is on record now. Whether there was a look that nothing forbids."""
-        granted = False
-        for look in taken_due(self._looks):
-            refusal = look.unrecorded or self._rules.why_not_begin(look.asker, now_s)
-            refusal = refusal or self._why_no_look(now_s)
-            granted = granted or refusal is None
-            self._tell_look(look, refusal, now_s)
-        return granted
 
     # --- publishing -----------------------------------------------------------------------------------
 

@@ -1,6 +1,7 @@
 /** Everything besides driving: motions, speech, topics, and the orders and notices that they share. */
 
 import { ChoiceEnds, Endings } from "./endings.js";
+import { Forget } from "./forget.js";
 import { History } from "./history.js";
 import { LookAhead } from "./look_ahead.js";
 import { endNotice, Motions } from "./motions.js";
@@ -24,6 +25,7 @@ export class Desk {
   #history;
   #running;
   #lookAhead;
+  #forget;
   #topics;
   #acting; // those of them by which somebody with control may act
   #motionEnds;
@@ -53,6 +55,7 @@ export class Desk {
     this.#history = new History(parts, addresses.speech, order);
     this.#running = new Running(parts, order, (name) => this.#motions.titleOf(name));
     this.#lookAhead = new LookAhead(parts["look-ahead"], order);
+    this.#forget = new Forget(parts.forget, parts["forget-dialog"], order);
     const url = socketUrl(addresses.topics);
     this.#topics = new TopicsTab(parts, url, { send: order, tell }, clock);
     this.#motionEnds = new Endings((ended, name) =>
@@ -69,6 +72,7 @@ export class Desk {
       this.#history,
       this.#running,
       this.#lookAhead,
+      this.#forget,
       this.#topics,
     ];
     this.#phrases.load();

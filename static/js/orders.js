@@ -14,6 +14,8 @@ function orderText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("Look ahead");
+    case "forget":
+      return gettext("Forget what was seen");
     case "play":
       return interpolate(gettext("Play %s"), [order.title ?? order.motion]);
     case "play_cancel":
@@ -40,6 +42,8 @@ function doneText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("The head turns to where the robot drives.");
+    case "forget":
+      return gettext("What was seen before is forgotten.");
     case "choose":
       return interpolate(
         order.topic

@@ -172,6 +172,7 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
     speech = sink.request(holder, "speech.start", {"text": "Hello"})
     motion = sink.request(holder, "motion.start", {"motion": "wave"})
     look = sink.request(holder, "head.look_ahead", {})
+    forget = sink.request(holder, "memory.forget", {})
     chosen = sink.request(holder, "topic.choose", {"use": "speech"})
     sink.outcome(chosen, holder, "topic.choose", "chosen", {})
     record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # the web process's, and whole
@@ -179,6 +180,7 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
     sink.settle()
     ends = records_of(robot)[before:]
     assert [(end.kind, end.of_id, end.outcome) for end in ends] == [
+        ("memory.forget", forget, "unknown"),
         ("head.look_ahead", look, "unknown"),
         ("motion.end", motion, "unknown"),
         ("speech.end", speech, "unknown"),
@@ -189,7 +191,7 @@ def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
         (holder.session, 5, robot.name)
     }
     sink.settle()
-    assert len(records_of(robot)) == before + 5
+    assert len(records_of(robot)) == before + 6
 
 
 def test_so_is_what_it_had_begun_to_cancel_by_itself(sink: AuditSink, robot: Robot) -> None:

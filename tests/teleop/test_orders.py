@@ -17,6 +17,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 FENCE = 1
 ORDERS = {
     "look_ahead": {},
+    "forget": {},
     "play": {"motion": "wave"},
     "play_cancel": {},
     "say": {"text": "Hola", "language": "es"},
