@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import rospy
+from nav_msgs.msg import Odometry
+
 from robots.bridge.ros.runs import Runs
+from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
+
+ODOMETRY = "/mobile_base_controller/odom"
 
 
 def test_each_connection_and_each_run_of_the_master_is_a_run_of_its_own():
@@ -11,3 +17,27 @@ def test_each_connection_and_each_run_of_the_master_is_a_run_of_its_own():
     runs.begin()
     numbers += [runs.of(second), runs.of(first), runs.of(second)]
     assert numbers == [1, 1, 2, 3, 3, 3], "two that publish in turn are no new ones each time"
+
+
+def test_in_mid_drive_another_publisher_stops_the_robot_until_the_stick_was_in_the_middle(
+    ros, rosmaster, simulator, tmp_path
+):
+    simulator(pose="2,1.8,0", seed=1, drift=0)
+    process = BridgeProcess(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path)
+    hand = process.link()
+    try:
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion")
+        with ros.listen(ODOMETRY, Odometry) as told, ros.speak(ODOMETRY, Odometry) as base:
+            message = told.next()
+            message.header.stamp += rospy.Duration.from_sec(0.001)
+            base.publish(message)
+            state = hand.drive_until(0.2, lambda state: state.neutral_needed, "a stop")
+            assert state.neutral_needed.code == "odometry_anew"
+            hand.let_go()
+            hand.state_until(lambda state: state.neutral_needed is None, "a stick in the middle")
+            hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion again")
+    finally:
+        hand.close()
+        process.stop()

@@ -234,11 +234,10 @@ class Gate:
 
     def fault(self, now_s: float) -> Fault | None:
         """Why nothing that is asked for moves the robot, and nothing goes on by itself afterwards: data is missing."""
-        if fault := self._holds.fault(now_s):
-            return fault
-        return (
-            Fault("odometry_anew", "the robot’s odometry began anew", "odometry") if self._is_anew else None
-        )
+        fault = self._holds.fault(now_s)
+        if self._is_anew and (fault is None or fault.sensor != "odometry"):  # why no scan is paired yet
+            return Fault("odometry_anew", "the robot’s odometry began anew", "odometry")
+        return fault
 
     def standstill(self, now_s: float) -> bool | None:
         """Whether odometry says that the robot stands; None while it is too old to tell."""
