@@ -19,11 +19,13 @@ from robots.bridge.gate.planar import Points, from_columns
 from robots.bridge.gate.scan import Malformed
 
 Floats = NDArray[np.float32]
+Levels = NDArray[np.uint16]
 Transform = NDArray[np.float64]  # (4, 4), from the camera's frame to the base frame
 
 COLUMNS = 160  # of a thinned picture, about
 MOST_PIXELS = 4096  # along a side
 NEAREST_M = 0.25
+LEAST_AHEAD_M = 0.05  # what is nearer to the lens than this is not in its picture
 FARTHEST_M = 4.0  # twice what is needed to stop from 1 m/s; beyond, tilt errors make obstacles of the floor
 FLOOR_M = 0.05  # what is lower than this passes for floor; the laser sees most of it
 TILT_ERROR = 0.01  # metres of height for each metre of distance: half a degree
@@ -35,7 +37,11 @@ HITS = 3  # in one cell; fewer are noise
 LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; shiny and dark floors are measured in parts
 LEAST_FLOOR_SHARE = 0.05  # of a picture; one with less floor within reach is not judged by it
 BEHIND_M = 0.10  # what is measured this far behind a place passed through it
-HEIGHTS = 4  # of a column that are looked at to see through it
+FLOOR_BEHIND_M = 0.03  # the same for the floor: behind what lies low it is near, and it is no other thing
+HEIGHTS = 6  # of a column that are looked at to see through it
+LEVEL_M = 0.1  # what was seen at every level from end to end is one thing, so that a part of it tells of all
+TALL_M = 0.25  # less than this is no part and whole, but all ends
+END_M = 0.08  # of a thing; noise may have made it longer
 
 _HALF = math.ceil((FARTHEST_M + 1.0) / CELL_M)  # cells from the base to the edge of the counting grid
 _SIDE = 2 * _HALF
@@ -96,11 +102,20 @@ class Picture(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Obstacles: places in the base frame, and between which heights something was seen there (metres)."""
+    """Obstacles: places in the base frame, and between which heights something was seen there (metres).
+
+    Bit n of `levels` says that something was seen between n and n + 1 times `LEVEL_M`; None: nobody knows where.
+    """
 
     points: Points
     low: Floats
     high: Floats
+    levels: Levels | None = None
+
+    def only(self, kept: NDArray[np.bool_]) -> Columns:
+        """Some of them."""
+        levels = None if self.levels is None else self.levels[kept]
+        return Columns(self.points.T[:, kept].T, self.low[kept], self.high[kept], levels)
 
 
 # --- messages -> pictures --------------------------------------------------------------------------
@@ -266,9 +281,28 @@ def _counted(x: Floats, y: Floats, height: Floats) -> Columns:
     high = np.full(len(counts), -np.inf, dtype=np.float32)
     np.minimum.at(low, cells, height)
     np.maximum.at(high, cells, height)
+    levels = np.zeros(len(counts), dtype=np.uint16)
+    np.bitwise_or.at(levels, cells, _level(height))
     middle_x = np.bincount(cells, x, len(counts))[many] / counts[many]
     middle_y = np.bincount(cells, y, len(counts))[many] / counts[many]
-    return Columns(from_columns(middle_x, middle_y), low[many], high[many])
+    return Columns(from_columns(middle_x, middle_y), low[many], high[many], levels[many])
+
+
+def _level(height: Floats) -> Levels:
+    number = np.clip(height * np.float32(1.0 / LEVEL_M), 0.0, 15.0).astype(np.uint16)
+    level: Levels = np.left_shift(np.uint16(1), number)
+    return level
+
+
+def _is_one_thing(columns: Columns) -> NDArray[np.bool_]:
+    """Which columns are tall, and something was seen at each level between their ends."""
+    if columns.levels is None:
+        return np.zeros(len(columns.points), dtype=np.bool_)
+    lowest, highest = _level(columns.low), _level(columns.high)
+    between: Levels = (highest - lowest) | highest  # all levels from the lowest to the highest
+    tall = columns.high - columns.low > TALL_M
+    one: NDArray[np.bool_] = tall & (columns.levels & between == between)
+    return one
 
 
 def _cell(along: Floats) -> NDArray[np.intp]:
@@ -287,14 +321,38 @@ def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
 # --- evidence of free space ------------------------------------------------------------------------
 
 
+class _Look(NamedTuple):
+    """What a picture tells of columns: at which `heights` it saw through them, and whether one of them denies it."""
+
+    heights: Floats  # (HEIGHTS, columns)
+    through: NDArray[np.bool_]
+    denied: NDArray[np.bool_]  # (columns)
+
+
+def came_since(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
+    """Which columns (base frame of the picture) an earlier picture did not find there: they came by themselves."""
+    look = _look(picture, to_base, columns)
+    came: NDArray[np.bool_] = ~look.denied & look.through.any(axis=0)
+    return came
+
+
 def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
-    """Which columns (base frame) have gone: at each height where something was, and a pixel to either side, something
-    well behind is measured. What is out of view, or not measured, shows nothing.
+    """Which columns (base frame) have gone: where something was, something well behind is measured, or the floor.
+
+    Of one tall thing a height between its ends suffices, of all else each height must be free. A height at which
+    something is still measured denies both. What is out of view, not measured, or hidden tells nothing.
     """
-    count = len(columns.points)
+    look = _look(picture, to_base, columns)
+    inner = (look.heights > columns.low + END_M) & (look.heights < columns.high - END_M)
+    part, whole = (look.through & inner).any(axis=0), look.through.all(axis=0)
+    gone: NDArray[np.bool_] = ~look.denied & np.where(_is_one_thing(columns), part, whole)
+    return gone
+
+
+def _look(picture: Picture, to_base: Transform, columns: Columns) -> _Look:
     share = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
     height = columns.low + share * (columns.high - columns.low)
-    x, y = (np.broadcast_to(axis, height.shape) for axis in columns.points.T)
+    x, y = columns.points.T
     inverse = np.linalg.inv(to_base)
     right, down, ahead = (
         inverse[i, 0] * x + inverse[i, 1] * y + inverse[i, 2] * height + inverse[i, 3] for i in range(3)
@@ -303,12 +361,18 @@ def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDAr
         column = _pixel(picture.right, right / ahead)
         row = _pixel(picture.down, down / ahead)
     rows, wide = picture.ahead.shape
-    in_view = (ahead > NEAREST_M) & (row >= 0) & (row < rows) & (column >= 1) & (column < wide - 1)
-    at = np.where(in_view, row * wide + column, 1).astype(np.intp)
-    behind = ahead + BEHIND_M + 4.0 * NOISE_PER_M * ahead**2
-    measured = picture.ahead.ravel()
-    through = in_view & (measured[at] > behind) & (measured[at - 1] > behind) & (measured[at + 1] > behind)
-    return through.all(axis=0) if count else np.zeros(0, dtype=np.bool_)
+    in_view = (ahead > LEAST_AHEAD_M) & (row >= 0) & (row < rows) & (column >= 1) & (column < wide - 1)
+    at = np.where(in_view, row * wide + column, 1).astype(np.intp) + np.array([-1, 0, 1])[:, None, None]
+    measured = picture.ahead.ravel()[at]
+    noise = 4.0 * NOISE_PER_M * ahead**2
+    with np.errstate(invalid="ignore"):
+        shows_floor = measured * _rise(picture, to_base).ravel()[at] + to_base[2, 3] < _floor_error(measured)
+        behind = measured - (ahead + noise)
+        free = behind > np.where(shows_floor, FLOOR_BEHIND_M, BEHIND_M)
+        met = ~free & ~shows_floor & (behind > -BEHIND_M - 2.0 * noise)
+    through = in_view & free.all(axis=0)
+    denied = (in_view & met.any(axis=0)).any(axis=0)
+    return _Look(height, through, denied)
 
 
 def _pixel(looks: Floats, part: NDArray[np.float64]) -> NDArray[np.float64]:

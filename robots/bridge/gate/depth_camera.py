@@ -8,6 +8,7 @@ moves: who stands before a table for minutes still knows of it.
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +16,9 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.depth import (
     Columns,
-    Floats,
     Picture,
     Transform,
+    came_since,
     check_shown,
     columns_of,
     seen_through,
@@ -25,18 +26,37 @@ from robots.bridge.gate.depth import (
 )
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
-from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, Layer, Memory
-from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from, wrapped
+from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, PASSES, Memory
+from robots.bridge.gate.planar import (
+    NO_POINTS,
+    ORIGIN,
+    Points,
+    chosen,
+    from_columns,
+    placed,
+    seen_from,
+    wrapped,
+)
 from robots.bridge.gate.posture import Disc
-from robots.bridge.gate.scan import outside_hull
+from robots.bridge.gate.scan import Sweep, outside_hull
+from robots.bridge.gate.sight import sight
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
+
+Flags = NDArray[np.bool_]
 
 # Who looks ahead has table height in the picture at one of these distances at least.
 TABLE_M = 0.7
 AHEAD_M = (1.2, 1.6, 2.0, 2.5)
 # Half the robot's width at 1.2 m: so far from the picture's edge, the whole of the path is in it.
 EDGE_RAD = 0.24
+# Who came by himself was not there in one of so many earlier pictures: in a second he has left the place that he had.
+LOOKS_BACK = 5
+LOOK_EVERY_S = 0.18
+FOOT_M = 0.1
+NEAR_CELLS = 2
+FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
+EDGE_M = 0.12  # what is flatter may be an edge: feet near by need not be its own
 MOVED_M = 0.005  # less is standing
 MOVED_RAD = 0.01
 
@@ -72,10 +92,13 @@ class DepthCamera:
         self.remembered = DepthMemory(self)
         self._view = view
         self._memory = Memory(DEPTH_LAYER)
-        self._spans = _Spans(DEPTH_LAYER)
+        self._spans = _Spans(self._memory)
         self._frame: Frame | None = None
         self._shows_tables = False  # the newest picture does
         self._seen = NO_POINTS  # odometry frame
+        self._feet = _Feet()
+        self._looks: deque[tuple[Frame, Pose]] = deque(maxlen=LOOKS_BACK)
+        self._looked_s = -math.inf
         self._clock = _MotionClock()
         self._resets = 0
         self.complaint = ""  # about the newest picture, in words
@@ -99,6 +122,9 @@ class DepthCamera:
         self._shows_tables = _shows_tables(frame)
         self._frames += 1
         self._learn(frame, base, self._clock.pass_to(base, arrival_s))
+        if stamp_s - self._looked_s >= LOOK_EVERY_S:
+            self._looks.append((frame, base))
+            self._looked_s = stamp_s
 
     def complain(self, why: str) -> None:
         """A picture came that cannot be used, and why."""
@@ -111,21 +137,51 @@ class DepthCamera:
     def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
         shown = self._without_robot(frame.columns)
         self._seen = placed(shown.points, base)
-        no_arm = self._cannot_be_arm(shown.points)
-        kept = self._seen.T[:, no_arm].T
-        self._memory.see(kept, base, moved_s)
-        self._spans.note(kept, shown.low[no_arm], shown.high[no_arm])
+        kept = shown.only(self._cannot_be_arm(shown.points))
+        places = placed(kept.points, base)
+        self._memory.follow(base, moved_s)
+        new = ~self._memory.knows(places)
+        self._spans.note(places, kept, new)
+        self._spans.note_feet(places, new, self._came(kept, new, base), self._feet)
+        self._memory.see(places, base, moved_s)
         remembered = self._memory.points(moved_s)
         from_base = placed(remembered, seen_from(ORIGIN, base))
-        columns = Columns(from_base, *self._spans.of(remembered))
+        columns = self._spans.columns(remembered, from_base)
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
+
+    def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
+        """Which of the `new` columns came by themselves, as an earlier picture tells."""
+        came = np.zeros(len(new), dtype=np.bool_)
+        columns, places = shown.only(new), placed(shown.points[new], base)
+        for then, there in self._looks if len(places) else ():
+            known = columns._replace(points=placed(places, seen_from(ORIGIN, there)))
+            came[new] |= came_since(then.picture, then.to_base, known)
+        return came
+
+    def observe_scan(self, sweep: Sweep, sensor: Pose) -> None:
+        """Take a laser's scan, and where the laser was (odometry frame): what has feet is gone when they are."""
+        self._feet.set(placed(sweep.points(), sensor))
+        remembered = self._memory.points(self._clock.now_s)
+        standing = np.flatnonzero(self._spans.stands(remembered))
+        if not len(standing):
+            return
+        places = chosen(remembered, standing)
+        from_sensor = placed(places, seen_from(ORIGIN, sensor))
+        through = ~self._feet.near(places)
+        x, y = from_sensor.T
+        far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
+        for aside in (-FOOT_M, 0.0, FOOT_M):
+            beside = from_columns(x - y / far * aside, y + x / far * aside)
+            through &= sight(sweep, beside).through
+        gone = np.zeros(len(remembered), dtype=np.bool_)
+        gone[standing] = self._spans.pass_below(places, through)
+        self._memory.forget(gone)
 
     def _without_robot(self, columns: Columns) -> Columns:
         """Within its body, and a little about it, the camera sees the robot itself."""
         if not len(columns.points):
             return columns
-        kept = self.body.gaps(columns.points) >= self._view.own_m
-        return Columns(columns.points.T[:, kept].T, columns.low[kept], columns.high[kept])
+        return columns.only(self.body.gaps(columns.points) >= self._view.own_m)
 
     def _cannot_be_arm(self, points: Points) -> NDArray[np.bool_]:
         if self.arm_reach is None:
@@ -139,6 +195,9 @@ class DepthCamera:
         if self._resets != trail.resets:
             self._resets = trail.resets
             self._memory.clear()
+            self._looks.clear()
+            self._looked_s = -math.inf
+            self._feet.set(NO_POINTS)
             self._seen = NO_POINTS
 
     # --- what is known --------------------------------------------------------------------------
@@ -233,49 +292,96 @@ class _MotionClock:
         return self.now_s
 
 
+class _Feet:
+    """How near the newest scan met something to a place: a rolling grid of cells as wide as a foot."""
+
+    def __init__(self) -> None:
+        self._near, self._about = np.zeros((2, FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+
+    def set(self, hits: Points) -> None:
+        """The scan met something at `hits` (odometry frame)."""
+        column, row = self._cells(hits)
+        for grid, cells in ((self._near, NEAR_CELLS), (self._about, NEAR_CELLS + 1)):
+            grid[:] = False
+            around = np.arange(-cells, cells + 1)
+            grid[
+                (column[:, None, None] + around[:, None]) % FEET_CELLS,
+                (row[:, None, None] + around) % FEET_CELLS,
+            ] = True
+
+    def near(self, points: Points) -> Flags:
+        """Whether it met something within 0.2 to 0.3 m of these places."""
+        near: Flags = self._near[self._cells(points)]
+        return near
+
+    def about(self, points: Points) -> Flags:
+        """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
+        about: Flags = self._about[self._cells(points)]
+        return about
+
+    def _cells(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        x, y = points.T
+        column, row = (np.floor(axis / FOOT_M).astype(np.intp) % FEET_CELLS for axis in (x, y))
+        return column, row
+
+
 class _Spans:
-    """Between which heights something was seen, for each cell of a memory's grid.
+    """At which heights something was seen, for each cell of a memory; what is forgotten leaves nothing."""
 
-    Fixed arrays, indexed as the memory's are: by the cell's coordinates modulo `CELLS`. An entry whose cell is another
-    one now begins anew.
-    """
-
-    def __init__(self, layer: Layer) -> None:
-        self._cell_m = layer.cell_m
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
         self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
-        self._owner = np.full(CELLS * CELLS, -1, dtype=np.int64)
+        self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
+        self._footed, self._hangs, self._came = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
+        self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
 
-    def note(self, points: Points, low: Floats, high: Floats) -> None:
-        """Something was seen at `points` (odometry frame) between these heights."""
-        entries, owners = self._entries(points)
-        other = self._owner[entries] != owners
-        self._low[entries[other]], self._high[entries[other]] = np.inf, -np.inf
-        self._owner[entries] = owners
-        np.minimum.at(self._low, entries, low)
-        np.maximum.at(self._high, entries, high)
+    def note(self, points: Points, shown: Columns, new: Flags) -> None:
+        """These columns are seen, at `points` (odometry frame); of the `new` ones nothing is known yet."""
+        entries = self._memory.entries(points)
+        anew = entries[new]
+        self._low[anew], self._high[anew], self._levels[anew] = np.inf, -np.inf, 0
+        np.minimum.at(self._low, entries, shown.low)
+        np.maximum.at(self._high, entries, shown.high)
+        if shown.levels is not None:
+            np.bitwise_or.at(self._levels, entries, shown.levels)
 
-    def of(self, points: Points) -> tuple[Floats, Floats]:
-        """Lowest and highest heights at remembered points."""
-        entries, _ = self._entries(points)
-        return self._low[entries], self._high[entries]
+    def note_feet(self, points: Points, new: Flags, came: Flags, feet: _Feet) -> None:
+        """Whether the laser sees feet below these columns, and whether they came by themselves."""
+        entries = self._memory.entries(points)
+        anew = entries[new]
+        self._footed[anew], self._hangs[anew], self._came[anew] = False, False, False
+        self._footed[entries] |= feet.about(points)
+        self._hangs[entries] |= ~feet.near(points)
+        self._came[entries] |= came
+        self._passes[entries] = 0
+
+    def stands(self, points: Points) -> Flags:
+        """Which remembered points have feet: of what came by itself they were seen, of what is no mere edge always."""
+        entries = self._memory.entries(points)
+        flat = self._high[entries] - self._low[entries] < EDGE_M
+        always: Flags = ~self._hangs[entries] & ~flat
+        return self._footed[entries] & (self._came[entries] | always)
+
+    def pass_below(self, points: Points, free: Flags) -> Flags:
+        """One scan sees no feet at these; which ones that makes gone."""
+        entries = self._memory.entries(points)
+        self._passes[entries] = np.where(free, self._passes[entries] + 1, 0)
+        gone: Flags = self._passes[entries] >= PASSES
+        return gone
+
+    def columns(self, points: Points, from_base: Points) -> Columns:
+        """What is remembered at `points` (odometry frame), told for where they are in the base frame."""
+        entries = self._memory.entries(points)
+        return Columns(from_base, self._low[entries], self._high[entries], self._levels[entries])
 
     def share_cells(self, points: Points, others: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Which of `points` lie in a cell with one of `others`."""
-        theirs, _ = self._entries(others)
-        mine, _ = self._entries(points)
+        theirs = self._memory.entries(others)
         self._marked[theirs] = True
-        shared = self._marked[mine]
+        shared = self._marked[self._memory.entries(points)]
         self._marked[theirs] = False
         return shared
-
-    def _entries(
-        self, points: Points
-    ) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
-        """Where in the arrays the points' cells are, and a number for each cell that no other has."""
-        column, row = (np.floor(axis / self._cell_m).astype(np.int64) for axis in points.T)
-        entries = (column & (CELLS - 1)) * CELLS + (row & (CELLS - 1))
-        return entries.astype(np.intp), (column << 32) ^ (row & 0xFFFFFFFF)
 
 
 def _shows_tables(frame: Frame) -> bool:

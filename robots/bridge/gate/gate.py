@@ -193,6 +193,8 @@ class Gate:
         if stamp_s is not None and base is not None and laser.sweep is not None:
             measured, sensor = placed(laser.measured, base), put(laser.pose, base)
             self._movers[laser.name].observe(measured, laser.sweep, sensor, stamp_s, self._trail.resets)
+            if self._depth:
+                self._depth.observe_scan(laser.sweep, sensor)
 
     def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""

@@ -76,6 +76,14 @@ class Memory:
             self._points = from_columns(self._x[self._cells], self._y[self._cells])
         return self._points
 
+    def entries(self, points: Points) -> NDArray[np.intp]:
+        """Where in the arrays the cells of these places are; within the memory's reach no two cells share an entry."""
+        x, y = points.T
+        column = np.floor(x / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
+        row = np.floor(y / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
+        entries: NDArray[np.intp] = column * CELLS + row
+        return entries
+
     # --- what comes in ------------------------------------------------------------------------
 
     def follow(self, pose: Pose, now_s: float) -> None:
@@ -100,7 +108,7 @@ class Memory:
         x, y = x[near], y[near]
         if not len(x):
             return
-        cells, kept = self._one_per_cell(self._entries(x, y))
+        cells, kept = self._one_per_cell(self.entries(from_columns(x, y)))
         known = self._lives[cells]
         watched_s = np.minimum(now_s - self._seen_s[cells], GAP_S)
         watched_s = np.where(known, self._watched_s[cells] + watched_s, 0.0)
@@ -116,6 +124,11 @@ class Memory:
         self._cells = np.concatenate((self._cells, cells[~known]))
         self._changed()
 
+    def knows(self, points: Points) -> NDArray[np.bool_]:
+        """In whose cells something is remembered, of points (odometry frame) that are within reach of the robot."""
+        known: NDArray[np.bool_] = self._lives[self.entries(points)]
+        return known
+
     def pass_through(self, free: NDArray[np.bool_]) -> None:
         """One observation saw free space at these of `points`; the second one in a row forgets them.
 
@@ -124,18 +137,16 @@ class Memory:
         self._passes[self._cells[free]] += 1
         self._forget(self._passes[self._cells] >= PASSES)
 
+    def forget(self, gone: NDArray[np.bool_]) -> None:
+        """Forget these of `points` at once."""
+        self._forget(gone)
+
     def clear(self) -> None:
         """Forget everything: the odometry frame is a new one."""
         self._robot = None
         self._forget(np.ones(len(self._cells), dtype=np.bool_))
 
     # --- within -------------------------------------------------------------------------------
-
-    def _entries(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Where in the arrays the cells of these places are."""
-        column = np.floor(x / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
-        row = np.floor(y / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
-        return column * CELLS + row
 
     def _one_per_cell(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Each cell once, and the number of the last point in it."""

@@ -1,0 +1,141 @@
+"""What has left does not hold the robot, and what is still there does."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.depth import Columns, columns_of, seen_through, top_m
+from robots.bridge.gate.planar import from_columns
+from robots.bridge.gate.values import Pose
+from tests.gate.conftest import LASER
+from tests.gate.test_depth import FLOOR, LOOK_AHEAD, VIEW, WALL, Looker, camera, picture
+
+LASER_M = 0.09  # above the floor
+
+
+def column(x, low, high, without=()):
+    """One column straight ahead, seen at all levels but some."""
+    levels = [n for n in range(math.floor(low * 10.0), math.floor(high * 10.0) + 1) if n not in without]
+    numbers = (np.array([value], dtype=np.float32) for value in (low, high))
+    bits = np.array([sum(1 << n for n in levels)], dtype=np.uint16)
+    return Columns(from_columns(np.array([x]), np.array([0.0])), *numbers, bits)
+
+
+def gone(boxes, *what, **how):
+    to_base = camera(LOOK_AHEAD)
+    return bool(seen_through(picture(boxes, to_base, noise=0.0015), to_base, column(*what, **how))[0])
+
+
+# --- what one picture tells ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("x", [0.8, 1.0, 1.5])
+def test_low_things_are_gone_where_the_floor_is_seen_though_it_is_near_behind_them(x):
+    assert gone([FLOOR], x, 0.06, 0.09)
+    there = ((x - 0.03, -0.1, 0.0), (x + 0.03, 0.1, 0.09))
+    assert not gone([FLOOR, there], x, 0.06, 0.09)
+
+
+@pytest.mark.parametrize("x", [0.5, 1.0, 2.0])
+def test_a_person_is_gone_though_the_picture_ends_below_the_head(x):
+    assert gone([FLOOR, WALL], x, 0.06, 1.29)
+    for part in (0.5, 0.9, 1.29):
+        rest = ((x - 0.02, -0.2, 0.0), (x + 0.1, 0.2, part))
+        shown = picture([FLOOR, WALL, rest], camera(LOOK_AHEAD))
+        if len(columns_of(shown, camera(LOOK_AHEAD), top_m(camera(), VIEW.height_m)).points):
+            assert not gone([FLOOR, WALL, rest], x, 0.06, part)
+
+
+def test_noise_above_a_box_that_left_the_picture_does_not_free_it():
+    """Of the box only what noise added is in the picture: the end of a thing tells nothing of the thing."""
+    assert not gone([FLOOR], 0.55, 0.06, 0.45)
+    assert not gone([FLOOR], 0.55, 0.06, 0.50)
+
+
+def test_a_cupboard_above_the_picture_stays_when_the_box_below_it_goes():
+    assert gone([FLOOR, WALL], 2.0, 0.06, 1.2)
+    assert not gone([FLOOR, WALL], 2.0, 0.06, 1.2, without=range(4, 10))
+
+
+# --- what camera and laser tell together -----------------------------------------------------------------
+
+
+class Watcher(Looker):
+    """Its laser sees the same boxes as its camera."""
+
+    def __init__(self, boxes):
+        super().__init__(boxes)
+        self.to_base = camera(LOOK_AHEAD)
+
+    def scan(self, **changes):
+        x, y, _ = self.gate.profile.scan_poses[LASER]
+        origin = np.array([self.pose.x + x, self.pose.y + y])
+        angles = np.linspace(-math.radians(95), math.radians(95), 571)
+        rays = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+        self.ranges = np.full(571, math.inf)
+        for low, high in self.boxes:
+            if low[2] <= LASER_M < high[2]:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    ends = np.stack([(np.array(end[:2]) - origin) / rays for end in (low, high)])
+                enter, leave = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
+                met = (enter <= leave) & (enter > 0.0)
+                self.ranges[met] = np.minimum(self.ranges[met], enter[met])
+        super().scan(**changes)
+
+    def held(self):
+        return self.decide(0.3).velocity.vx < 0.05
+
+    def walk(self, ways):
+        """Somebody is here and there, a picture each."""
+        around = self.boxes
+        for x, y in ways:
+            self.boxes = [*around, *person(x, y)]
+            self.stand(0.2)
+        self.boxes = around
+
+
+def person(x, y):
+    legs = [((x, y + side - 0.06, 0.0), (x + 0.12, y + side + 0.06, 0.8)) for side in (-0.1, 0.1)]
+    return [*legs, ((x - 0.04, y - 0.2, 0.55), (x + 0.16, y + 0.2, 1.7))]
+
+
+CROSSES = [(0.38, -1.4 + 0.2 * step) for step in range(15)]
+
+
+def test_who_crossed_holds_the_robot_for_less_than_a_second():
+    watcher = Watcher([FLOOR])
+    watcher.stand(1.0)
+    watcher.walk(CROSSES[:8])
+    assert watcher.held()
+    watcher.walk(CROSSES[8:])
+    watcher.stand(0.8)
+    assert not watcher.held()
+
+
+def test_a_desk_without_legs_is_not_forgotten_with_who_passed_before_it():
+    desk = ((0.35, -0.7, 0.70), (1.2, 0.7, 0.74))
+    watcher = Watcher([FLOOR, desk])
+    for x in np.arange(-1.0, 0.001, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    assert watcher.held()
+    watcher.walk([(0.45, y) for _, y in CROSSES])
+    watcher.stand(3.0)
+    assert watcher.held()
+
+
+def test_a_chair_that_was_pulled_away_is_gone_when_its_place_is_seen():
+    chair = [((0.6, -0.2, 0.40), (1.0, 0.2, 0.45)), ((0.95, -0.2, 0.0), (1.0, 0.2, 0.95))]
+    watcher = Watcher([FLOOR, *chair])
+    for x in np.arange(-1.0, 0.251, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    assert watcher.held()
+    watcher.boxes = [FLOOR]
+    watcher.stand(0.5)
+    watcher.pose = Pose(-0.2, 0.0, 0.0)
+    watcher.stand(0.5)
+    assert watcher.nearest_by("depth, remembered") == math.inf
