@@ -11,11 +11,12 @@ from __future__ import annotations
 import os
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world import clutter, crossing, doors, drawn, faults, late, leaving, objects
+from benchmarks.world import clutter, crossing, doors, drawn, faults, late, leaving, objects, parked
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "1"))
 PARTS = {
     "cold": drawn.measure_cold,
+    "parked": parked.measure,
     "drawn": drawn.measure_drawn,
     "objects": objects.measure,
     "faults": faults.measure,

@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from benchmarks.world import clutter, crossing, doors, drawn, faults, leaving, objects
+from benchmarks.world import clutter, crossing, doors, drawn, faults, leaving, objects, parked
 from benchmarks.world.controllers import CONTROLLERS
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.play import loop_of, recorded
@@ -52,6 +52,8 @@ def _parser() -> argparse.ArgumentParser:
     person = part.add_parser("crossing", help="a person walks across the way")
     person.add_argument("share", type=float)
     part.add_parser("drawn", help="one object, with sensors, delays, brakes and wheels drawn by the seed")
+    close = part.add_parser("parked", help="turns to what it was parked close to, and drives off")
+    close.add_argument("thing", choices=list(objects.OBJECTS))
     gone = part.add_parser("leaving", help="what stood in the way goes away")
     gone.add_argument("kind", choices=[leaving.CROSSED, *leaving.KINDS])
     part.add_parser("clutter", help="a minute of adversarial stick in clutter")
@@ -73,6 +75,8 @@ def _case(asked: argparse.Namespace) -> Case:
         return faults.build(faults.Failing(asked.fault, asked.thing, asked.share, asked.seed))
     if asked.part == "drawn":
         return drawn.build(asked.seed)
+    if asked.part == "parked":
+        return parked.build(asked.thing, asked.seed)
     if asked.part == "leaving":
         return leaving.build(asked.kind, asked.seed)
     if asked.part == "door":

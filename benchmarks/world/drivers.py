@@ -50,6 +50,27 @@ class Approach:
         return RELEASED if seen.time_s < self._rests_until_s else self._stick
 
 
+class TurnAndGo:
+    """Turns to a heading where it stands, lets the stick rest a moment, then holds it fully ahead."""
+
+    _REST_S = 0.6
+    _PATIENCE_S = 7.0  # whatever the gate makes of the turn
+
+    def __init__(self, heading: float, share: float) -> None:
+        self._heading = heading
+        self._stick = Stick(1.0, 0.0, share)
+        self._turning = True
+        self._rests_until_s = 0.0
+
+    def hold(self, seen: Seen) -> Stick | None:
+        if self._turning:
+            off = wrapped(self._heading - seen.pose.yaw)
+            self._turning = abs(off) > FACES_RAD and seen.time_s < self._PATIENCE_S
+            self._rests_until_s = seen.time_s + self._REST_S
+            return Stick(0.0, min(max(1.2 * off, -0.6), 0.6), trying=False)
+        return RELEASED if seen.time_s < self._rests_until_s else self._stick
+
+
 class Restless:
     """Adversarial: any stick, often a full one, for a moment, half of its way in reverse; after a look around."""
 

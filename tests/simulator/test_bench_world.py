@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.world import clutter, doors, drawn, leaving, objects
+from benchmarks.world import clutter, doors, drawn, leaving, objects, parked
 from benchmarks.world.drivers import FullStick, Restless
 from benchmarks.world.judge import is_stuck, kept
 from benchmarks.world.loop import Case, Conditions, Loop, Moment, Seen, Touch, Trace
@@ -311,3 +311,10 @@ def test_random_stick_drives_as_far_back_as_ahead_and_every_second_one_begins_co
 def test_a_door_has_the_pictures_that_are_asked_for_or_what_is_drawn():
     assert doors.build(0.7, 3, (96, 72)).conditions.sensors == Sensors(depth_size=(96, 72), depth_hz=30.0)
     assert doors.build(0.7, 3, drawn=True).conditions == drawn.conditions_of(3)
+
+
+def test_who_was_parked_close_turns_to_it_and_drives_off():
+    trace = loop_of(parked.build("wall", 1), "none", 1).play()
+    assert abs(trace.moments[0].gap_m) <= 0.11
+    assert trace.touches[0].other == "wall"
+    assert trace.touches[0].robot.vx > 0.0

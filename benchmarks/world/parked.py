@@ -1,0 +1,76 @@
+"""A robot that was parked close to something turns to it, or nearly, and drives off: its camera is blind so near.
+
+The camera sees nothing within half a metre, as an Xtion: the edge of a table that has no legs is in nobody's view.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.harness import Figure, progress
+from benchmarks.world import objects
+from benchmarks.world.drivers import TurnAndGo
+from benchmarks.world.loop import Case, Conditions
+from benchmarks.world.play import loop_of, played
+from benchmarks.world.sensors import Sensors
+from benchmarks.world.witness import Contact, count, first_contact, worst_first
+from robots.bridge.gate.planar import wrapped
+from robots.simulator.body import TIAGO
+from robots.simulator.physics import Physics, Pose
+
+GAPS_M = (0.04, 0.10)  # between hull and object
+BLIND_M = 0.5
+OFF_RAD = 0.4  # how far from straight at the object the robot drives off
+WORST = 3
+
+
+class Parked(NamedTuple):
+    """Which case."""
+
+    thing: str
+    seed: int
+
+
+def measure(repeats: int) -> list[Figure]:
+    """Contacts by what was known of the thing, and the fastest."""
+    jobs = [Parked(thing, seed) for thing in objects.OBJECTS for seed in range(2 * repeats)]
+    done = list(played("parked", jobs, play))
+    met = [(contact, parked) for parked, contact in done if contact]
+    for contact, parked in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
+        progress(f'python -m benchmarks.world parked "{parked.thing}" {parked.seed} --quiet  # {contact}')
+    known, late, unseen = count(contact for _, contact in done)
+    fastest = max((contact.mps for contact, _ in met), default=0.0)
+    return [
+        Figure(f"parked close: contacts with what was seen or heard, of {len(done)}", known, "", 0.0),
+        Figure("parked close: contacts with what was seen too late", late, ""),
+        Figure("parked close: contacts with what no sensor can have seen", unseen, ""),
+        Figure("parked close: fastest contact", fastest, "m/s"),
+    ]
+
+
+def play(parked: Parked) -> Contact | None:
+    """Play one."""
+    loop = loop_of(build(parked.thing, parked.seed), "gate", parked.seed)
+    loop.play()
+    return first_contact(loop)
+
+
+def build(thing: str, seed: int) -> Case:
+    """The case. What would begin nearer than it should is drawn again."""
+    random = np.random.default_rng([seed, 71, list(objects.OBJECTS).index(thing)])
+    start = Pose(0.0, 0.0, 0.0)
+    for _ in range(objects.MOST_DRAWS):
+        heading, gap_m = float(random.uniform(-math.pi, math.pi)), float(random.uniform(*GAPS_M))
+        spot = objects.Spot(gap_m * math.cos(heading), gap_m * math.sin(heading), heading)
+        world = objects.OBJECTS[thing](spot, random)
+        if Physics(world, TIAGO, start).clearance_m() >= GAPS_M[0]:
+            break
+    else:
+        raise RuntimeError(f"no room for {thing} {seed}")
+    towards = wrapped(heading + float(random.uniform(-OFF_RAD, OFF_RAD)))
+    share = objects.SHARES[seed % 2]
+    conditions = Conditions(sensors=Sensors(depth_nearest_m=BLIND_M))
+    return Case(world, start, lambda _: TurnAndGo(towards, share), 14.0, 1.0, 4.0, conditions)
