@@ -1,0 +1,95 @@
+"""The robot's own arm in its depth camera's picture, of a description that lacks the hand: from joints to the gate."""
+
+from __future__ import annotations
+
+import io
+from itertools import pairwise
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+
+from robots.bridge.config import ArmSource
+from robots.bridge.gate.sweep import Motion
+from robots.bridge.room import Room
+from robots.bridge.ros import posture
+from robots.bridge.ros.posture import PostureTopics
+from robots.bridge.urdf import Tree
+from robots.simulator.body import BODIES
+from robots.simulator.frames import urdf
+from robots.simulator.joints import HOME
+from tests.gate.test_depth import FLOOR, LOOK_AHEAD, Looker, camera
+
+JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]
+ARM = ArmSource(
+    home={joint: HOME[joint] for joint in JOINTS},
+    links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
+)
+FOLDED = [HOME[joint] for joint in JOINTS]
+RAISED = [0.9, -0.4, -0.3, 1.7, -1.5, 0.9, 0.0]
+AHEAD = [1.5, 0.2, -0.4, 1.2, -1.2, 0.3, 0.0]
+WHOLE = urdf(BODIES["tiago"], "tiago-1")
+HALF_M = 0.045  # of the arm's thickness
+
+
+def without_hand() -> str:
+    robot = ElementTree.fromstring(WHOLE)  # noqa: S314 - our own
+    for joint in robot.findall("joint"):
+        if joint.find("child").get("link") == "gripper_grasping_frame":
+            robot.remove(joint)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+class Robot:
+    """A TIAGo in an empty hall, whose camera sees its arm."""
+
+    def __init__(self, monkeypatch, description):
+        self.looker = Looker([FLOOR], has_arm=True)
+        self.looker.to_base = camera(LOOK_AHEAD)
+        monkeypatch.setattr(posture.time, "monotonic", lambda: self.looker.now_s)
+        self.topics = PostureTopics(ARM, self.looker.gate.observe_posture)
+        self.topics.describe(description)
+        arm = SimpleNamespace(arm=lambda: self.topics.arm(self.looker.now_s))
+        self.room = Room(self.looker.gate, arm)
+        self.at = FOLDED
+
+    def stay(self, seconds):
+        for _ in range(round(seconds / 0.1)):
+            self._step(self.at)
+
+    def move(self, there, seconds=0.8):
+        for at in np.linspace(self.at, there, round(seconds / 0.1) + 1)[1:]:
+            self._step(at.tolist())
+        self.at = there
+
+    def _step(self, at):
+        joints = HOME | dict(zip(JOINTS, at, strict=True))
+        lines = Tree(WHOLE).places(ARM.links, joints)
+        places = np.concatenate([np.linspace(a, b, 3) for a, b in pairwise(lines)])
+        self.looker.boxes = [FLOOR, *((place - HALF_M, place + HALF_M) for place in places)]
+        raw = io.BytesIO()
+        JointState(name=list(joints), position=list(joints.values())).serialize(raw)
+        self.topics._hear(SimpleNamespace(_buff=raw.getvalue()))
+        self.looker.stand(0.1)
+
+    def why_not_home(self):
+        now_s = self.looker.now_s
+        home = Motion(tuple(JOINTS), (tuple(RAISED), tuple(FOLDED)))
+        return self.room.why_none(self.topics.sweep(home, now_s), now_s)
+
+
+@pytest.mark.parametrize("description", [WHOLE, without_hand()], ids=["whole", "without hand"])
+def test_an_arm_that_was_out_goes_home_again_and_the_robot_drives(monkeypatch, description):
+    """The robot said "depth, remembered, 0.08 m ahead" and refused `home` and driving for good."""
+    robot = Robot(monkeypatch, description)
+    robot.stay(0.2)
+    robot.move(RAISED)
+    robot.move(AHEAD)
+    robot.stay(1.2)
+    assert robot.why_not_home() is None
+    robot.move(RAISED)
+    robot.move(FOLDED)
+    robot.stay(1.0)
+    assert robot.looker.decide(0.5).code == "free"
