@@ -38,7 +38,9 @@ _STEP_S = 0.01
 _WINDOW_S = 1.2  # of odometry that is compared
 _CHANGE = (0.12, 0.30)  # m/s, rad/s: what is enough of a change
 _RESPONSE = (0.03, 0.08)  # m/s, rad/s: from here on the base has begun to obey
-_SURPRISE_S = 0.08  # who waits for so much longer than was measured does not know for how long
+_SURPRISE_S = 0.05  # who waits for so much longer than was measured does not know for how long
+_ASKED = 3.0  # responses: of less nobody need wait for an answer
+_ASTRAY = 2.0  # responses: the base does something else than what it was told for long, and had begun to do
 _MISFIT = 0.2  # of the change: a worse fit is no measurement
 
 LATELY_S = 0.2  # of these the quickest message counts: one that is late by itself is jitter
@@ -49,6 +51,7 @@ USUAL = 0.1  # what the newest gap between two stamps counts for in the usual on
 ACCEPTED = 0.002
 MOST_BACKLOG_S = 1.0
 BOTH_WAYS = 2.0  # commands go the way that messages come
+HICCUP_S = 0.06  # of silence that a radio makes now and then
 
 Sample = tuple[float, float]  # seconds, m/s or rad/s
 
@@ -70,6 +73,7 @@ class Latency:
         self._measured: deque[Sample] = deque(maxlen=KEPT)  # when, and how long
         self._answered = False
         self._answer_s = 0.0  # the last late one, until it is measured
+        self._doubtful_until_s = -math.inf
         self._rests_since_s: float | None = None
         self._odometry = Backlog()
         self._backlogs = {"odometry": self._odometry}
@@ -97,6 +101,7 @@ class Latency:
             self._answered, self._answer_s = False, 0.0
         for axis, value in zip(self._axes, (velocity.vx, velocity.w), strict=True):
             axis.sent(value, now_s)
+        self._wonder(now_s)
 
     def moved(self, velocity: Velocity, now_s: float) -> None:
         """Odometry arrived."""
@@ -104,12 +109,20 @@ class Latency:
         for axis, value in zip(self._axes, (velocity.vx, velocity.w), strict=True):
             seen = axis.moved(value, now_s)
             if seen.answer_s is not None and seen.answer_s <= LONGEST_S:
-                self._answered = self._answered or seen.is_exact
+                if seen.is_exact:
+                    self._answered, self._doubtful_until_s = True, -math.inf
                 if seen.answer_s > expected_s:
                     self._answer_s = seen.answer_s
             if seen.measured_s is not None:
                 self._measured.append((now_s, seen.measured_s))
                 self._answered, self._answer_s = True, 0.0
+        self._wonder(now_s)
+
+    def _wonder(self, now_s: float) -> None:
+        """A base that does not answer in time, or does something else, may obey at any time."""
+        late = self._waited_s(now_s) > self._expected_s(now_s) + _SURPRISE_S
+        if late or any(axis.is_astray for axis in self._axes):
+            self._doubtful_until_s = now_s + LONGEST_S
 
     @property
     def measured_s(self) -> float | None:
@@ -124,7 +137,7 @@ class Latency:
 
     def worst_s(self, now_s: float) -> float:
         """The latency to reckon with: the longest that fits what was seen, at least `in_force_s`."""
-        if self._answered and self._waited_s(now_s) < self._expected_s(now_s) + _SURPRISE_S:
+        if self._answered and now_s >= self._doubtful_until_s:
             return self.in_force_s(now_s)
         return max(LONGEST_S + self._lateness_s(now_s), self.in_force_s(now_s))
 
@@ -136,7 +149,8 @@ class Latency:
         return max(self._from_measurements(now_s), self._answer_s)
 
     def _lateness_s(self, now_s: float) -> float:
-        return max(self._later_s, self._odometry.age_s(now_s))
+        age_s = self._odometry.age_s(now_s)
+        return max(self._later_s, age_s, BOTH_WAYS * age_s - HICCUP_S)
 
     def _reckon_backlogs(self) -> None:
         later_s = max(backlog.later_s for backlog in self._backlogs.values())
@@ -215,6 +229,9 @@ class _Axis:
         )
         self._other_s = -math.inf  # when something else than the steady speed was last asked
         self._is_exact = False
+        self._held: Sample = (math.inf, 0.0)  # since when this, or nearly this, is sent
+        self._off = math.inf  # how near the base came to it since any delay was over
+        self.is_astray = False
 
     def sent(self, value: float, now_s: float) -> None:
         last = self._commands[-1][1] if self._commands else self._before
@@ -231,6 +248,10 @@ class _Axis:
     def moved(self, value: float, now_s: float) -> _Seen:
         """What this sample tells."""
         self._speed = value
+        off = abs(value - self._held[1])
+        if now_s - self._held[0] > LONGEST_S:
+            self._off = min(self._off, off)
+        self.is_astray = off - self._off > _ASTRAY * self._response
         answer = self._answer(value, now_s)
         if self._since_s is None:
             return answer
@@ -243,19 +264,26 @@ class _Axis:
 
     def waited_s(self, now_s: float) -> float:
         """How long the base has done nothing yet about a change. One that goes on for too long is not obeyed at all."""
-        if self._asked_s is None or self._steady is None or abs(self._asked - self._steady) <= self._change:
+        if (
+            self._asked_s is None
+            or self._steady is None
+            or abs(self._asked - self._steady) <= _ASKED * self._response
+        ):
             return 0.0
         waited_s = now_s - self._asked_s
         return waited_s if waited_s < _WINDOW_S else 0.0
 
     def _ask(self, value: float, now_s: float) -> None:
         self._asked = value
+        if math.isinf(self._held[0]) or abs(value - self._held[1]) > self._response:
+            self._held, self._off = (now_s, value), math.inf
         if self._steady is None or abs(value - self._steady) <= self._response:
             self._asked_s = None
             return
         if self._asked_s is None:
             self._asked_s = now_s
-            self._is_exact = now_s - self._other_s > LONGEST_S
+            rests = abs(self._steady) <= self._response  # a base that moves may brake by itself
+            self._is_exact = rests and now_s - self._other_s > LONGEST_S
         self._other_s = now_s
 
     def _answer(self, value: float, now_s: float) -> _Seen:
