@@ -308,6 +308,7 @@ PARAMETER_BOUNDS = {
     "hard_margin_m": (0.005, 0.2),
     "deceleration_share": (0.1, 0.9),
     "latency_s": (0.1, 1.0),
+    "latency_spare_s": (0.0, 0.8),
     "operator_delay_s": (0.1, 1.0),
     "creep_mps": (0.02, 0.2),
     "near_miss_s": (0.02, 1.0),

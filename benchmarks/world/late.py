@@ -7,12 +7,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import structs
 
 from benchmarks.harness import Figure
 from benchmarks.world import objects
+from benchmarks.world.controllers import Ours
 from benchmarks.world.drivers import FullStick
-from benchmarks.world.loop import Case, Conditions, Jump
-from benchmarks.world.play import loop_of, played
+from benchmarks.world.loop import Case, Conditions, Jump, Loop
+from benchmarks.world.play import SCAN, played
+from benchmarks.world.robot import tiago_profile
 from robots.simulator.physics import Pose
 from robots.simulator.worlds import Wall, World
 
@@ -27,6 +30,7 @@ WAYS = {
 WALL_M = (2.4, 3.2)  # from the hull
 # When the delay jumps, before or after the robot would begin to brake, seconds
 JUMP_WITHIN_S = (-0.4, 0.3)
+SPARE_S = 0.2  # the setting that trades speed for it
 STICK_S = 0.5  # after the start, the wheels begin to obey
 
 
@@ -37,6 +41,7 @@ class Late(NamedTuple):
     ms: int
     share: float
     seed: int
+    spare_s: float = 0.0  # `latency_spare_s` of the profile
 
 
 class Outcome(NamedTuple):
@@ -57,25 +62,34 @@ def jobs(repeats: int) -> list[Late]:
         for share in objects.SHARES
         for seed in range(repeats)
     ]
-    return [*first, *jumps]
+    spared = [Late("commands", JUMPS_MS[-1], 1.0, seed, SPARE_S) for seed in range(repeats)]
+    return [*first, *jumps, *spared]
 
 
 def measure(repeats: int) -> list[Figure]:
     """Crashes, kind by kind."""
     done = list(played("late", jobs(repeats), play))
     figures = []
-    for way, ms, share in dict.fromkeys(job[:3] for job, _ in done):
-        crashes = [end.crash_mps for job, end in done if job[:3] == (way, ms, share)]
+    for way, ms, share, spare_s in dict.fromkeys(_kind(job) for job, _ in done):
+        crashes = [end.crash_mps for job, end in done if _kind(job) == (way, ms, share, spare_s)]
         hit = [mps for mps in crashes if mps is not None]
         name = f"first drive, {ms} ms late" if way == "first" else f"{way} later by {ms} ms, {share:g} m/s"
+        name += f", {spare_s:g} s spare" if spare_s else ""
         figures.append(Figure(f"{name}: crashes of {len(crashes)}", len(hit), ""))
         figures.append(Figure(f"{name}: fastest crash", max(hit, default=0.0), "m/s"))
     return figures
 
 
+def _kind(late: Late) -> tuple[str, int, float, float]:
+    return late.way, late.ms, late.share, late.spare_s
+
+
 def play(late: Late) -> Outcome:
     """Play one."""
-    trace = loop_of(build(late), "gate", late.seed).play()
+    profile = tiago_profile()
+    parameters = structs.replace(profile.parameters, latency_spare_s=late.spare_s)
+    profile = structs.replace(profile, parameters=parameters)
+    trace = Loop(build(late), lambda fan: Ours(profile, fan), profile.limits, SCAN, late.seed).play()
     told = any(limit.code == "robot_late" for moment in trace.moments for limit in moment.limits)
     mps = abs(trace.touches[0].robot.vx) if trace.touches else None
     return Outcome(mps, told, trace.time_s)
@@ -90,7 +104,7 @@ def build(late: Late) -> Case:
     if late.way == "first":
         return replace(case, conditions=Conditions(late_s=late.ms / 1000.0))
     v = late.share
-    way_m = 0.2 * v + v**2 / (2.0 * 0.65) + 0.08  # as the gate reckons, of a robot of 0.2 s
+    way_m = (0.2 + late.spare_s) * v + v**2 / (2.0 * 0.65) + 0.08  # as the gate reckons, of a robot of 0.2 s
     brakes_s = STICK_S + v / 2.0 + (gap_m - way_m) / v
     at_s = brakes_s + float(random.uniform(*JUMP_WITHIN_S))
     sensors, commands = WAYS[late.way]

@@ -169,8 +169,8 @@ class RobotProfile(models.Model):
         blank=True,
         help_text=_(
             "Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
-            "front_margin_m, hard_margin_m, deceleration_share, latency_s, operator_delay_s, creep_mps, "
-            "near_miss_s. Leave {} unless you have measured."
+            "front_margin_m, hard_margin_m, deceleration_share, latency_s, latency_spare_s, operator_delay_s, "
+            "creep_mps, near_miss_s. Leave {} unless you have measured."
         ),
     )
     stick = models.JSONField(

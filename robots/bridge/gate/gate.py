@@ -299,7 +299,7 @@ class Gate:
         if is_still(wanted):
             return Verdict(STILL, asked, held.code, held.text, way=held.way)
         turn_rates = (self._velocity.w, sent.w)
-        profile = self._with_latency_of(self.latency.worst_s(now_s))
+        profile = self._with_latency_of(self.latency.worst_s(now_s) + self.profile.parameters.latency_spare_s)
         obstacles, corridors = self._cache.newest(now_s)
         hulls = self._hulls(obstacles)
         allowed, cause = wanted, None
