@@ -311,10 +311,11 @@ PARAMETER_BOUNDS = {
     "latency_spare_s": (0.0, 0.8),
     "operator_delay_s": (0.1, 1.0),
     "creep_mps": (0.02, 0.2),
+    "between_sonars_mps": (0.02, 1.0),
     "near_miss_s": (0.02, 1.0),
 }
 # Of these a smaller value is the more careful one; of all others a larger one.
-CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps"}
+CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps", "between_sonars_mps"}
 
 
 def parameter_problems(parameters: Parameters) -> Iterator[str]:

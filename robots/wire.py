@@ -671,6 +671,8 @@ class Scan(Struct, frozen=True):
     sonar_cm: list[int | None]  # by index of RobotFacts.sonars; None: nothing in range
     depth_cm: list[int] = []
     remembered_cm: list[int] = []  # seen before, and not to be seen from here and now
+    # where round the base neither laser nor sonar looks: counter-clockwise from one bearing to the other, radians
+    unseen: list[tuple[float, float]] = []
 
 
 class View(Struct, frozen=True, tag_field="t", tag="view"):

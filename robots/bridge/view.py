@@ -85,6 +85,7 @@ def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
         sonar_cm=[_range_cm(gate, sonar, now_s) for sonar in sonars],
         depth_cm=_centimetres(obstacles, {"depth"}, DRAWN_GRAIN_CM),
         remembered_cm=_centimetres(obstacles, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
+        unseen=[(round(start, 2), round(end, 2)) for start, end in gate.unseen(now_s)],
     )
 
 

@@ -170,7 +170,7 @@ class RobotProfile(models.Model):
         help_text=_(
             "Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
             "front_margin_m, hard_margin_m, deceleration_share, latency_s, latency_spare_s, operator_delay_s, "
-            "creep_mps, near_miss_s. Leave {} unless you have measured."
+            "creep_mps, near_miss_s, between_sonars_mps. Leave {} unless you have measured."
         ),
     )
     stick = models.JSONField(

@@ -99,6 +99,9 @@ class OpenGate:
 
     def prepare(self, _now_s: float) -> None: ...
 
+    def unseen(self, _now_s: float) -> list[tuple[float, float]]:
+        return []
+
     def limits(self, _now_s: float) -> tuple[Hold, ...]:
         return ()
 

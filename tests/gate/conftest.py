@@ -10,7 +10,7 @@ import pytest
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.trail import between
-from robots.bridge.gate.values import GateProfile, LaserScan, Limits, Pose, Velocity
+from robots.bridge.gate.values import GateProfile, LaserScan, Limits, Parameters, Pose, Velocity
 
 LASER = "/scan_raw"
 SONARS = {
@@ -21,7 +21,10 @@ SONARS = {
 
 
 def tiago_profile(**changes) -> GateProfile:
-    """TIAGo as INTERFACE.md has it. Its depth camera is left out unless a test asks for it."""
+    """TIAGo as INTERFACE.md has it. Its depth camera is left out unless a test asks for it.
+
+    It trusts its sonars with all of its speed in reverse, so that tests of other limits see those alone.
+    """
     facts = {
         "limits": Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944),
         "radius_m": 0.27,
@@ -31,6 +34,7 @@ def tiago_profile(**changes) -> GateProfile:
         "sonar_fov": dict.fromkeys(SONARS, 0.5),
         "has_depth": False,
         "blind_mps": 0.3,
+        "parameters": Parameters(between_sonars_mps=1.0),
     }
     return GateProfile(**(facts | changes))
 

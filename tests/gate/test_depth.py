@@ -593,7 +593,7 @@ def test_a_head_that_is_turned_away_means_blind_speed(pan):
 
 
 def test_in_reverse_the_head_need_not_look_there():
-    looker = Looker([FLOOR], limits=Limits(1.0, 0.5, 0.0, 2.0944, 1.0, 2.0944))
+    looker = Looker([FLOOR], limits=Limits(1.0, 0.5, 0.0, 2.0944, 1.0, 2.0944), blind_mps=0.5)
     looker.to_base = camera(pan=1.2)
     looker.stand(0.3)
     assert looker.decide(-0.5).velocity.vx == -0.5

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
+from robots.bridge.gate.sectors import gaps_between
+from robots.bridge.gate.values import STILL, Hold, Limits, Parameters, Velocity
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 
@@ -88,8 +89,56 @@ def test_a_robot_without_any_sensor_crawls_everywhere():
         assert holds.text == verdict.text
 
 
-def test_tiago_reverses_at_its_own_limit_while_its_sonars_watch(tiago):
-    assert tiago.decide(-0.2).code == "free"
+def test_where_only_sonars_watch_nobody_looks_between_and_above_them():
+    feeder = Feeder(tiago_profile(parameters=Parameters()))
+    feeder.all()
+    verdict = feeder.decide(-0.2, w=0.3)
+    text = "held to 0.1 m/s in reverse: no sensor looks between and above the sonars"
+    assert (verdict.code, verdict.text, verdict.way) == ("blind_direction", text, "reverse")
+    assert verdict.velocity == pytest.approx(Velocity(-0.1, 0.0, 0.15))
+    assert verdict.limits == (Hold("blind_direction", text, 0.1, "reverse"),)
+    assert feeder.decide(0.5).code == "free"
+    assert feeder.decide(-0.09).code == "free"
+
+
+@pytest.mark.parametrize(
+    ("trusted_mps", "blind_mps", "left_mps"), [(0.15, 0.3, 0.15), (1.0, 0.12, 0.12), (1.0, 0.3, 0.2)]
+)
+def test_a_profile_may_trust_its_sonars_more_but_no_more_than_its_blind_speed(
+    trusted_mps, blind_mps, left_mps
+):
+    parameters = Parameters(between_sonars_mps=trusted_mps)
+    feeder = Feeder(tiago_profile(parameters=parameters, blind_mps=blind_mps))
+    feeder.all()
+    verdict = feeder.decide(-0.2)
+    assert verdict.velocity.vx == pytest.approx(-left_mps)
+    assert bool(verdict.limits) == (left_mps < 0.2)
+
+
+def test_the_gate_tells_where_nobody_looks(tiago):
+    degrees = [
+        tuple(round(math.degrees(bearing)) for bearing in gap) for gap in tiago.gate.unseen(tiago.now_s)
+    ]
+    assert degrees == [(-169, -146), (-124, -84), (84, 124), (146, 169)]
+    tiago.now_s += 0.6
+    tiago.scan()
+    assert len(tiago.gate.unseen(tiago.now_s)) == 1, "silent sonars see nothing"
+
+
+@pytest.mark.parametrize(
+    ("covered", "gaps"),
+    [
+        ([], [(-180, 180)]),
+        ([(0, 360)], []),
+        ([(-90, 90)], [(90, 270)]),
+        ([(-190, 10)], [(10, 170)]),
+        ([(-90, 90), (80, 180), (180, 260)], [(-100, -90)]),
+        ([(-90, 90), (80, 180), (180, 269)], []),
+    ],
+)
+def test_gaps_are_what_no_sector_covers(covered, gaps):
+    found = gaps_between([(math.radians(start), math.radians(end)) for start, end in covered])
+    assert [tuple(round(math.degrees(bearing)) for bearing in gap) for gap in found] == gaps
 
 
 def test_an_obstacle_outweighs_a_standing_limit_in_the_words():

@@ -18,7 +18,7 @@ A verdict's codes, in the order in which the rules are tried (the last one that 
     depth_stale       held to the blind speed: the depth camera's newest picture is older than 0.5 s
     head_away         held to the blind speed: the depth camera looks elsewhere; or to the speed from which the robot
                       stops within what of a bent way is in its picture
-    blind_direction   held to the blind speed: no sensor looks in the direction of travel
+    blind_direction   held to the blind speed: no sensor looks in the direction of travel; or to 0.1 m/s: only sonars do
     sonar_stale       held to 0.1 m/s: the sonars that look in the direction of travel are silent
     arm_away          held to 0.2 m/s: the arm is not at home, and where it reaches is not known
     robot_late        held back: the robot answers later than its profile assumes
@@ -69,6 +69,7 @@ from robots.bridge.gate.values import (
     LaserScan,
     Obstacles,
     Pose,
+    Sector,
     SensorHealth,
     Velocity,
     Verdict,
@@ -240,6 +241,10 @@ class Gate:
         if self._is_anew and (fault is None or fault.sensor != "odometry"):  # why no scan is paired yet
             return Fault("odometry_anew", "the robot’s odometry began anew", "odometry")
         return fault
+
+    def unseen(self, now_s: float) -> list[Sector]:
+        """Where round the base neither laser nor sonar looks."""
+        return self._holds.unseen(now_s)
 
     def standstill(self, now_s: float) -> bool | None:
         """Whether odometry says that the robot stands; None while it is too old to tell."""

@@ -22,9 +22,10 @@ from robots.bridge.gate.health import (
     SONAR_STALE_S,
     Freshness,
 )
+from robots.bridge.gate.sectors import gaps_between
 from robots.bridge.gate.sources import Laser, Sonar
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import GateProfile, Hold, Velocity, Way
+from robots.bridge.gate.values import GateProfile, Hold, Sector, Velocity, Way
 
 REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
 AHEAD = Velocity(1.0, 0.0, 0.0)
@@ -223,6 +224,18 @@ class Holds:
             for direction in AROUND
         )
 
+    def _fastest(self, way: Way) -> float:
+        limits = self._profile.limits
+        if way in ("forward", "reverse"):
+            return limits.forward_mps if way == "forward" else limits.reverse_mps
+        return limits.lateral_mps
+
+    def unseen(self, now_s: float) -> list[Sector]:
+        """Where round the base neither laser nor sonar looks."""
+        heard = [sonar.sector for sonar in self._sonars if sonar.freshness.within(SONAR_STALE_S, now_s)]
+        lasers = [laser.sector for laser in self._lasers if laser.freshness.within(LASER_STALE_S, now_s)]
+        return gaps_between([*heard, *(sector for sector in lasers if sector is not None)])
+
     def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
         """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
         if any(laser.covers(direction) for laser in self._lasers):
@@ -233,10 +246,14 @@ class Holds:
             mps = self._profile.blind_mps
             text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks there"
             return [Hold("blind_direction", text, mps, way)]
+        mps = min(self._profile.parameters.between_sonars_mps, self._profile.blind_mps)
         silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
-        if not silent:
+        if not silent and mps >= self._fastest(way):
             return []
-        mps = min(SONAR_STALE_MPS, self._profile.blind_mps)
+        if not silent:
+            text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks between and above the sonars"
+            return [Hold("blind_direction", text, mps, way)]
+        mps = min(SONAR_STALE_MPS, mps)
         names = ", ".join(sonar.name for sonar in silent)
         text = f"held to {words.figure(mps)} m/s {in_words}: sonar silent ({names})"
         return [Hold("sonar_stale", text, mps, way)]

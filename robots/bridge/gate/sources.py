@@ -12,9 +12,10 @@ from robots.bridge.gate import scan
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import LASER_LATE_S, SONAR_STALE_S, Freshness
 from robots.bridge.gate.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.sectors import sector_of
 from robots.bridge.gate.sonar_memory import Reading, SonarMemory
 from robots.bridge.gate.trail import Trail
-from robots.bridge.gate.values import Kind, LaserScan, Pose, SensorHealth
+from robots.bridge.gate.values import Kind, LaserScan, Pose, Sector, SensorHealth
 
 # most beams this near to the direction of travel must measure something
 LASER_WATCHES_RAD = math.radians(20.0)
@@ -84,6 +85,13 @@ class Laser:
             self._covered[direction] = covered
         return self._covered[direction]
 
+    @property
+    def sector(self) -> Sector | None:
+        """Where it looks, of the way round the base; None before its first scan."""
+        if self.sweep is None:
+            return None
+        return sector_of(self.pose, self.sweep.middle - self.sweep.span / 2.0, self.sweep.span)
+
     def is_paired(self, trail: Trail) -> bool:
         """Whether the odometry tells where the robot was when the newest scan was taken."""
         stamp_s = self.freshness.stamp_s
@@ -138,6 +146,11 @@ class Sonar:
             self._memory.take(
                 Reading(self._number, self._pose, self._fov, arc, free_m), base, trail, arrival_s
             )
+
+    @property
+    def sector(self) -> Sector:
+        """Where it looks, of the way round the base."""
+        return sector_of(self._pose, -self._fov / 2.0, self._fov)
 
     def watches(self, direction: float) -> bool:
         """Whether it looks out for a direction of travel in the base frame."""

@@ -59,6 +59,7 @@ class Parameters(Struct, frozen=True):
     operator_delay_s: float = 0.30  # to the page and back; a longer one limits speed
     creep_mps: float = 0.10  # v_creep
     near_miss_s: float = 0.08  # c_lat
+    between_sonars_mps: float = 0.10  # where sonars alone look: between and above them nobody does
 
 
 class Limits(Struct, frozen=True):
@@ -113,6 +114,9 @@ class Obstacles(NamedTuple):
     names: tuple[str, ...]
     kinds: tuple[Kind, ...]  # of the sources
 
+
+# A part of the way round the base, counter-clockwise from the first bearing to the second, radians.
+Sector = tuple[float, float]
 
 # The eighth of the compass round the robot.
 Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
