@@ -23,6 +23,7 @@ import { isNeutral, Stick } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { tabClock, tabToken } from "./tab.js";
 import { Tabs } from "./tabs.js";
+import { TurnAndLook } from "./turn.js";
 import { screenLock } from "./wake.js";
 
 const LOOK_MS = 250;
@@ -50,6 +51,7 @@ class ControlPage {
   #pulse;
   #stick = new Stick();
   #joystick;
+  #turn;
   #sender;
   #stopButton;
   #clear;
@@ -89,6 +91,15 @@ class ControlPage {
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     this.#pulse = new Pulse(this.#socket);
     this.#joystick = new Joystick(this.#parts.zone, this.#stick);
+    this.#turn = new TurnAndLook(this.#parts.turn, this.#stick, (may) =>
+      this.#tell(
+        "info",
+        "turn",
+        may
+          ? gettext("Hold the button: the robot turns for as long as you do.")
+          : gettext("Take control first."),
+      ),
+    );
     this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
     this.#options = new DrivingOptions(root, this.#parts);
@@ -147,6 +158,7 @@ class ControlPage {
       this.#stopButton,
       this.#clear,
       this.#joystick,
+      this.#turn,
       this.#screen,
       this.#pulse,
       this.#socket,
@@ -335,6 +347,7 @@ class ControlPage {
       this.#stick.neutralise("control-ended");
       this.#sender.stop();
     }
+    this.#turn.mayAct = drives;
     this.#screen.keep(drives);
     mark(this.#root, "drives", drives);
   }
@@ -363,6 +376,7 @@ class ControlPage {
     this.#picture.view = view;
     this.#chart.add(view.state);
     this.#desk.state = view.state;
+    this.#turn.state = view.state;
     this.#followGate(view.state, before);
     this.#look();
   }

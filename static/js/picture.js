@@ -10,6 +10,7 @@ const PATH_S = 2;
 const PATH_STEPS = 24;
 const ROBOT_AT = 0.6; // of the height: more is seen ahead than behind
 const COARSEST = 36; // pixels of the page per metre: in a small picture rather less room than a tiny robot
+const UNSEEN_M = 1.5; // how far out unseen sectors are shaded: where the robot is soon
 const SLOWEST_SHOWN = 0.01; // m/s or rad/s
 
 const COLOURS = [
@@ -20,6 +21,7 @@ const COLOURS = [
   "depth",
   "remembered",
   "sonar",
+  "unseen",
   "robot",
   "robot-edge",
   "path",
@@ -119,6 +121,7 @@ export class Picture {
     this.#drawGrid(pixel);
     if (!this.#facts || !this.#view) return;
     pen.globalAlpha = this.#stale ? 0.3 : 1;
+    this.#drawUnseen(this.#view.scan?.unseen ?? []);
     this.#drawSonars(this.#view.scan?.sonar_cm ?? [], pixel);
     this.#drawPath(this.#view.state.verdict.allowed, pixel);
     const { laser_cm = [], depth_cm = [], remembered_cm = [] } = this.#view.scan ?? {};
@@ -157,6 +160,18 @@ export class Picture {
     pen.fillStyle = this.#colour["grid-text"];
     pen.fillText(text, 0, 0);
     pen.restore();
+  }
+
+  #drawUnseen(sectors) {
+    const pen = this.#pen;
+    pen.fillStyle = this.#colour.unseen;
+    for (const [from, to] of sectors) {
+      pen.beginPath();
+      pen.moveTo(0, 0);
+      pen.arc(0, 0, UNSEEN_M, from, to);
+      pen.closePath();
+      pen.fill();
+    }
   }
 
   #drawSonars(rangesCm, pixel) {
