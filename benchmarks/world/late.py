@@ -13,9 +13,11 @@ from benchmarks.harness import Figure
 from benchmarks.world import objects
 from benchmarks.world.controllers import Ours
 from benchmarks.world.drivers import FullStick
+from benchmarks.world.judge import Keeping, kept, together
 from benchmarks.world.loop import Case, Conditions, Jump, Loop
-from benchmarks.world.play import SCAN, played
+from benchmarks.world.play import SCAN, loop_of, played
 from benchmarks.world.robot import tiago_profile
+from benchmarks.world.truth import Truth
 from robots.simulator.physics import Pose
 from robots.simulator.worlds import Wall, World
 
@@ -30,6 +32,8 @@ WAYS = {
 WALL_M = (2.4, 3.2)  # from the hull
 # When the delay jumps, before or after the robot would begin to brake, seconds
 JUMP_WITHIN_S = (-0.4, 0.3)
+HICCUP_S = (0.06, 0.10)
+HICCUP_EVERY_S = 2.0  # on average
 SPARE_S = 0.2  # the setting that trades speed for it
 STICK_S = 0.5  # after the start, the wheels begin to obey
 
@@ -77,7 +81,28 @@ def measure(repeats: int) -> list[Figure]:
         name += f", {spare_s:g} s spare" if spare_s else ""
         figures.append(Figure(f"{name}: crashes of {len(crashes)}", len(hit), ""))
         figures.append(Figure(f"{name}: fastest crash", max(hit, default=0.0), "m/s"))
-    return figures
+    return [*figures, *_hiccups(max(repeats // 10, 1))]
+
+
+def _hiccups(repeats: int) -> list[Figure]:
+    """What a radio costs that now and then lets nothing pass for a moment."""
+    sums = together(kept for _, kept in played("hiccups", objects.cases("gate", repeats), play_hiccups))
+    return [
+        Figure("radio with gaps of 60 to 100 ms: speed lost with 2 m free", sums.lost_percent, "%"),
+        Figure("radio with gaps of 60 to 100 ms: false stops", sums.false_stop_percent, "%", 1.0),
+    ]
+
+
+def play_hiccups(full: objects.Full) -> Keeping:
+    """One of the objects' cases."""
+    random = np.random.default_rng([full.seed, full.angle])
+    times = np.cumsum(random.exponential(HICCUP_EVERY_S, 30))
+    hiccups = tuple(zip(times.tolist(), random.uniform(*HICCUP_S, 30).tolist(), strict=True))
+    case = objects.build(full)
+    conditions = replace(case.conditions, hiccups=hiccups)
+    loop = loop_of(replace(case, conditions=conditions), "gate", full.seed)
+    truth = Truth(loop.robot.physics)
+    return kept(loop.play(), truth, loop.limits)
 
 
 def _kind(late: Late) -> tuple[str, int, float, float]:

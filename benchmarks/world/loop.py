@@ -83,6 +83,8 @@ class Conditions:
     late_s: float = 0.0  # commands come this much later
     slows_to_s: float = 0.0  # messages and commands come later and later, up to this
     jump: Jump | None = None
+    # when nothing passes either way, and for how long (s): it all comes at the end
+    hiccups: tuple[tuple[float, float], ...] = ()
     clock_s: float = 0.0  # the robot's clock is this far off
     # where the head is turned to, and stays; else it follows the turn of the drive
     head_pan: float | None = None
@@ -417,6 +419,9 @@ class Loop:
         return min(SLOWS * (now_s - STARTS_S), self.case.conditions.slows_to_s)
 
     def _jumped_s(self, now_s: float, *, sensors: bool) -> float:
+        for at_s, lasts_s in self.case.conditions.hiccups:
+            if at_s <= now_s - STARTS_S < at_s + lasts_s:
+                return at_s + lasts_s - (now_s - STARTS_S)
         jump = self.case.conditions.jump
         if jump is None or now_s - STARTS_S < jump.at_s or not (jump.sensors if sensors else jump.commands):
             return 0.0

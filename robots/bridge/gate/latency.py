@@ -71,6 +71,9 @@ class Latency:
             _Axis(self._limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
         )
         self._measured: deque[Sample] = deque(maxlen=KEPT)  # when, and how long
+        self._median_s = self._slowest_s = (
+            0.0  # of these; the slowest as it would have been at time 0, unfaded
+        )
         self._answered = False
         self._answer_s = 0.0  # the last late one, until it is measured
         self._doubtful_until_s = -math.inf
@@ -115,6 +118,7 @@ class Latency:
                     self._answer_s = seen.answer_s
             if seen.measured_s is not None:
                 self._measured.append((now_s, seen.measured_s))
+                self._sum_up()
                 self._answered, self._answer_s = True, 0.0
         self._wonder(now_s)
 
@@ -160,11 +164,17 @@ class Latency:
         """The slowest measurement, faded, and 50 ms; no less than the median of all."""
         if not self._measured:
             return self._assumed_s
+        late_s = max(self._median_s, self._slowest_s - FADES * now_s) + ADDED_S
+        return max(late_s, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
+
+    def _sum_up(self) -> None:
+        """What every question needs of the measurements."""
         newest = len(self._measured) - 1
-        late_s = sorted(late_s for _, late_s in self._measured)[len(self._measured) // 2]
-        for number, (at_s, one_s) in enumerate(self._measured):
-            late_s = max(late_s, one_s - FADES_S * (newest - number) - FADES * max(now_s - at_s, 0.0))
-        return max(late_s + ADDED_S, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
+        self._median_s = sorted(late_s for _, late_s in self._measured)[len(self._measured) // 2]
+        self._slowest_s = max(
+            late_s - FADES_S * (newest - number) + FADES * at_s
+            for number, (at_s, late_s) in enumerate(self._measured)
+        )
 
 
 class Backlog:
