@@ -2,7 +2,7 @@
 
 Everything runs in one process per core, faster than real time; see `benchmarks.world`. The default takes some four
 minutes on two cores. FLEET_BENCH_REPEATS seeds of each case (1; figures.md has 30), FLEET_BENCH_DRAWS runs with drawn
-sensors (160; two of each object, way and start), FLEET_BENCH_METRES of random stick (120), FLEET_BENCH_PARTS names the
+sensors (160; two of each object, way and start), FLEET_BENCH_METRES of random stick (100), FLEET_BENCH_PARTS names the
 parts to run.
 """
 

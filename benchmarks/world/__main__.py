@@ -56,7 +56,10 @@ def _parser() -> argparse.ArgumentParser:
     close.add_argument("thing", choices=list(objects.OBJECTS))
     gone = part.add_parser("leaving", help="what stood in the way goes away")
     gone.add_argument("kind", choices=[leaving.CROSSED, *leaving.KINDS])
-    part.add_parser("clutter", help="a minute of adversarial stick in clutter")
+    minute = part.add_parser("clutter", help="a minute of adversarial stick in clutter")
+    minute.add_argument(
+        "--drawn", action="store_true", help="sensors, delays, brakes and wheels drawn by the seed"
+    )
     for each in part.choices.values():
         each.add_argument("seed", type=int)
         each.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
@@ -84,7 +87,7 @@ def _case(asked: argparse.Namespace) -> Case:
         return doors.build(asked.width, asked.seed, (int(columns), int(rows)), drawn=asked.drawn)
     if asked.part == "crossing":
         return crossing.build(asked.share, asked.seed)
-    return clutter.build(asked.seed)
+    return clutter.build(asked.seed, drawn=asked.drawn)
 
 
 def _print_moments(trace: Trace) -> None:

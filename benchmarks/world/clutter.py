@@ -1,6 +1,7 @@
 """Minutes of adversarial stick in clutter, half of it in reverse: walls, legs, tables, chairs, people who stand.
 
-Every second minute begins cold: without a look around. FLEET_BENCH_METRES are driven with the gate.
+Every second minute begins cold: without a look around. FLEET_BENCH_METRES are driven with the gate, and a
+quarter of that with drawn sensors, delays, brakes, slip and drift.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress
+from benchmarks.world.drawn import conditions_of
 from benchmarks.world.drivers import Restless
 from benchmarks.world.judge import Keeping, kept, together
-from benchmarks.world.loop import Case
+from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import at_most, loop_of, played
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import Contact, count, first_contact, worst_first
@@ -25,7 +27,8 @@ from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
 MINUTE_S = 60.0
 HALF_M = 3.5
 CLEAR_M = 0.9  # about where the robot begins
-METRES = float(os.environ.get("FLEET_BENCH_METRES", "120"))  # 10000: some two hours on two cores
+METRES = float(os.environ.get("FLEET_BENCH_METRES", "100"))  # 10000: some two hours on two cores
+DRAWN_SHARE = 0.25  # of the metres, driven once more
 A_MINUTE_M = 7.0  # about what is driven in one
 OTHERS = 3  # minutes of the other methods, for each repeat
 WORST = 10
@@ -38,6 +41,7 @@ class Minute(NamedTuple):
 
     controller: str
     seed: int
+    drawn: bool = False  # sensors, delays, brakes, slip and drift, by the seed
 
 
 class Outcome(NamedTuple):
@@ -51,7 +55,8 @@ class Outcome(NamedTuple):
 
 def measure(repeats: int) -> list[Figure]:
     """Crashes, the way driven, and what is left of the stick where the way is free. A crash ends its minute."""
-    figures = _figures("gate", _driven_far())
+    figures = _figures("gate", _driven_far(METRES))
+    figures += _figures("gate, drawn", _driven_far(DRAWN_SHARE * METRES, drawn=True))
     others = [Minute(name, seed) for name in CONTROLLERS[1:] for seed in range(OTHERS * repeats)]
     done = list(played("clutter, others", others, play))
     for name in CONTROLLERS[1:]:
@@ -59,12 +64,12 @@ def measure(repeats: int) -> list[Figure]:
     return figures
 
 
-def _driven_far() -> list[tuple[Minute, Outcome]]:
-    """As many minutes as make up the metres."""
+def _driven_far(metres: float, *, drawn: bool = False) -> list[tuple[Minute, Outcome]]:
+    """As many minutes as make up the metres; fewer metres if the robot hardly moves."""
     done: list[tuple[Minute, Outcome]] = []
-    while (left_m := METRES - sum(outcome.way_m for _, outcome in done)) > 0.0:
+    while (left_m := metres - sum(outcome.way_m for _, outcome in done)) > 0.0 and len(done) <= metres:
         first, more = len(done), math.ceil(left_m / A_MINUTE_M)
-        jobs = [Minute("gate", seed) for seed in range(first, first + more)]
+        jobs = [Minute("gate", seed, drawn) for seed in range(first, first + more)]
         done += played(f"clutter, {left_m:.0f} m to go", jobs, play)
     return done
 
@@ -78,10 +83,11 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
     where = f"clutter, {name}"
     figures = [
         Figure(f"{where}: way in {len(outcomes)} minutes", way_m, "m"),
-        Figure(f"{where}: of it in reverse", 100.0 * reverse_m / way_m, "%"),
+        Figure(f"{where}: of it in reverse", 100.0 * reverse_m / way_m if way_m else math.nan, "%"),
     ]
     limit = AT_MOST if way_m >= ENOUGH_M else None
-    if name == "gate":
+    ours = name.startswith("gate")
+    if ours:
         _name_worst(done)
         figures += [
             Figure(f"{where}: contacts with what was seen or heard", met.known, "", 0.0),
@@ -97,7 +103,6 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
         ]
     else:
         figures.append(Figure(f"{where}: crashes", sum(met), ""))
-    ours = name == "gate"
     return [
         *figures,
         Figure(f"{where}: false stops", sums.false_stop_percent, "%", 1.0 if ours else None),
@@ -106,26 +111,27 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
 
 
 def _bound(contacts: int, way_m: float) -> float:
-    return 100.0 * at_most(contacts) / way_m
+    return 100.0 * at_most(contacts) / way_m if way_m else math.nan
 
 
 def _name_worst(done: list[tuple[Minute, Outcome]]) -> None:
     """Say which minutes ended in contact, and how they are played again."""
     met = [(outcome.contact, minute) for minute, outcome in done if outcome.contact]
     for contact, minute in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
-        progress(f"python -m benchmarks.world clutter {minute.seed} --quiet  # {contact}")
+        drawn = " --drawn" if minute.drawn else ""
+        progress(f"python -m benchmarks.world clutter {minute.seed}{drawn} --quiet  # {contact}")
 
 
 def play(minute: Minute) -> Outcome:
     """Play one."""
-    loop = loop_of(build(minute.seed), minute.controller, minute.seed)
+    loop = loop_of(build(minute.seed, drawn=minute.drawn), minute.controller, minute.seed)
     truth = Truth(loop.robot.physics)
     trace = loop.play()
     keeping = kept(trace, truth, loop.limits)
     return Outcome(first_contact(loop), trace.way_m, trace.reverse_m, keeping)
 
 
-def build(seed: int) -> Case:
+def build(seed: int, *, drawn: bool = False) -> Case:
     """The case."""
     random = np.random.default_rng([seed, 21])
     return Case(
@@ -134,6 +140,7 @@ def build(seed: int) -> Case:
         _driver(seed),
         longest_s=MINUTE_S,
         at_rest_s=math.inf,
+        conditions=conditions_of(seed) if drawn else Conditions(),
     )
 
 
