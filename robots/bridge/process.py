@@ -83,6 +83,7 @@ class Bridge:
         self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
         self._beats = Beats(lane_path(config), self._pressed)
         self._ended = False
+        self._rests = True
         self._wake = asyncio.Event()
         self._exit_code = 0
         self._told: tuple[object, ...] = ()
@@ -131,8 +132,10 @@ class Bridge:
 
     def _after_commands(self, piece: Callable[[], None]) -> None:
         """Commands that came by now go first: they wait for one piece of work at most, not for all that is due."""
-        self._links.read_lanes()
-        piece()
+        try:
+            self._links.read_lanes()
+        finally:  # a piece that is lost would silence its source for good
+            piece()
 
     def _prepare(self) -> None:
         self._core.prepare(time.monotonic())
@@ -145,16 +148,12 @@ class Bridge:
     async def _tick_until_ended(self) -> None:
         loop = asyncio.get_running_loop()
         due_s = time.monotonic()
-        rested = True
         while not self._ended:
             now_s = time.monotonic()
-            rested = not rested and not self._core.publishing(
-                now_s
-            )  # half as often while nothing is sent to the base
-            if not rested:
+            if self._ticks(now_s, now_s - due_s):
                 self._soon(
                     self._base.hear
-                )  # and commands, which after a stall count before their absence does
+                )  # and commands: after a stall they count before their absence does
                 await asyncio.sleep(0.0)
                 now_s = time.monotonic()
                 self._tick(now_s, now_s - due_s)
@@ -164,6 +163,12 @@ class Bridge:
             await self._wake.wait()
             self._wake.clear()
             alarm.cancel()
+
+    def _ticks(self, now_s: float, late_s: float) -> bool:
+        """Whether this beat ticks: every second one while nothing goes to the base; each late one, to be told of."""
+        core = self._core
+        self._rests = not (self._rests or late_s >= TICK_S or core.hurries or core.publishing(now_s))
+        return not self._rests
 
     def _tick(self, now_s: float, late_s: float) -> None:
         self._core.tick(now_s, late_s)

@@ -7,6 +7,7 @@ import ipaddress
 import itertools
 import logging
 import os
+import queue
 import socket
 import struct
 import subprocess
@@ -213,6 +214,69 @@ def test_what_can_wait_wakes_nobody_and_is_taken_before_what_cannot():
     mail.post("odometry", lambda: done.append("at once"), can_wait=True)
     loop.run()
     assert done[-1] == "at once"
+
+
+def test_what_waits_when_control_begins_is_taken_as_soon_as_its_source_speaks_again():
+    loop, done, hurry = _Loop(), [], [False]
+    mail = Mailboxes(loop.later, lambda: hurry[0])
+    mail.post("odometry", lambda: done.append("before"), depth=2, can_wait=True)
+    mail.post("scan", lambda: done.append("scan"))
+    hurry[0] = True
+    for _ in range(100):
+        mail.post("odometry", lambda: done.append("after"), depth=2, can_wait=True)
+    assert len(loop.calls) == 2, "one for the scan, one for all odometry"
+    loop.run()
+    assert done == ["after", "after", "scan"], "a scan does not overtake odometry"
+    hurry[0] = False
+    mail.post("odometry", lambda: done.append("later"), can_wait=True)
+    mail.take_waiting()
+    assert done[-1] == "later"
+
+    mail.post("sonar", lambda: done.append("sonar"), can_wait=True)
+    hurry[0] = True
+    mail.post("sonar", lambda: done.append("new sonar"), can_wait=True)
+    loop.run()
+    assert done[-1] == "new sonar", "no tick was needed"
+
+
+def test_a_source_that_never_rests_does_not_keep_the_loop():
+    loop, done = _Loop(), []
+    mail = Mailboxes(loop.later, lambda: False)
+
+    def again() -> None:
+        done.append(1)
+        if len(done) < 1000:  # posted by its thread meanwhile
+            mail.post("sonar", again, can_wait=True)
+
+    mail.post("sonar", again, can_wait=True)
+    mail.take_waiting()
+    assert len(done) == 1
+    mail.take_waiting()
+    assert len(done) == 2
+
+
+def test_no_message_is_left_behind_while_threads_post_and_haste_comes_and_goes():
+    calls: queue.SimpleQueue = queue.SimpleQueue()
+    hurry, newest, ends = [False], {}, {}
+    mail = Mailboxes(calls.put, lambda: hurry[0])
+
+    def speak(source: str) -> None:
+        for number in range(3000):
+            ends[source] = number
+            mail.post(source, lambda number=number: newest.__setitem__(source, number), can_wait=True)
+
+    speakers = [threading.Thread(target=speak, args=(source,)) for source in "abc"]
+    for thread in speakers:
+        thread.start()
+    while any(thread.is_alive() for thread in speakers):
+        hurry[0] = not hurry[0]
+        with suppress(queue.Empty):
+            calls.get(timeout=0.001)()
+        mail.take_waiting()
+    while not calls.empty():
+        calls.get()()
+    mail.take_waiting()
+    assert newest == ends == dict.fromkeys("abc", 2999)
 
 
 def test_a_source_that_costs_the_loop_more_than_its_share_is_dropped():

@@ -51,7 +51,9 @@ class Mailboxes:
         self._clock = clock
         self._boxes: dict[Hashable, deque[tuple[Call, Speaker | None]]] = {}
         self._budgets: dict[Hashable, Budget] = {}
-        self._waiting: list[Hashable] = []  # sources for which nobody woke the loop
+        self._waiting: dict[
+            Hashable, bool
+        ] = {}  # sources that nobody woke the loop for, and whether one has since
         self._lock = threading.Lock()
 
     def post(self, source: Hashable, call: Call, depth: int = 1, *, can_wait: bool = False) -> None:
@@ -59,17 +61,20 @@ class Mailboxes:
         waits = can_wait and not self._hurry()
         with self._lock:
             box = self._boxes.setdefault(source, deque(maxlen=depth))
-            is_first = not box
+            unheard = not box or self._waiting.get(source) is False
             box.append((call, self._speaker()))
-            if is_first and waits:
-                self._waiting.append(source)
-        if is_first and not waits:
+            if unheard and (waits or source in self._waiting):
+                self._waiting[source] = not waits
+        if unheard and not waits:
             self._later(lambda: self._take_with(source))
 
     def take_waiting(self) -> None:
-        """On the loop: all that nobody woke it for."""
-        while self._waiting:
-            self._take(self._waiting.pop(0))
+        """On the loop: all that nobody woke it for. What comes meanwhile waits for the next time."""
+        for _ in range(len(self._waiting)):
+            with self._lock:
+                source = next(iter(self._waiting))
+                del self._waiting[source]
+            self._take(source)
 
     def _take_with(self, source: Hashable) -> None:
         try:

@@ -1,0 +1,82 @@
+"""The loop of a bridge: commands go before each piece of work, and it ticks as often as somebody needs it."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+from msgspec import structs
+
+from robots.bridge.config import LinkAddress
+from robots.bridge.process import TICK_S, Bridge
+from robots.bridge.store import Persisted, Store
+from robots.wire import Grant
+from tests.bridge.support import CONFIG, MemorySink
+
+
+@pytest.fixture
+async def bridge(tmp_path):
+    store = Store(tmp_path, CONFIG.robot_id)
+    store.lock()
+    store.save(Persisted(False, "", "", 0))
+    config = structs.replace(CONFIG, link=LinkAddress(unix_path=str(tmp_path / "bridge.sock")))
+    yield Bridge(config, MemorySink(), store)
+    store.unlock()
+
+
+def ticks(bridge, beats, late_s=0.0):
+    now_s = time.monotonic()
+    return [bridge._ticks(now_s + number * TICK_S, late_s) for number in range(beats)]
+
+
+async def test_every_second_beat_ticks_while_nobody_drives_and_each_from_the_first_of_control_on(bridge):
+    assert ticks(bridge, 5) == [True, False, True, False, True]
+    bridge._core.grant(Grant(1, 60.0, "session", "Ann", "ann-id", 1.0), 1, time.monotonic())
+    assert ticks(bridge, 3) == [True, True, True], "control begins without waiting for a tick"
+
+
+async def test_each_beat_ticks_while_a_stop_is_latched(bridge):
+    ticks(bridge, 1)
+    bridge._core.stop("Ann", "", time.monotonic())
+    assert ticks(bridge, 3) == [True, True, True]
+
+
+async def test_a_beat_that_is_late_ticks_and_so_tells_of_it(bridge):
+    ticks(bridge, 1)
+    assert ticks(bridge, 2, late_s=0.5) == [True, True]
+
+
+async def test_a_command_that_came_between_two_pieces_of_work_goes_first(bridge, monkeypatch):
+    inbox, done = [], []
+
+    def read_lanes():
+        done.extend(inbox)
+        inbox.clear()
+
+    def scan():
+        done.append("scan")
+        inbox.append("command")
+
+    def sonar():
+        done.append("sonar")
+        bridge._soon(picture)  # what comes of a piece is another piece
+        bridge._soon(picture)
+        inbox.append("second command")
+
+    def picture():
+        done.append("picture")
+
+    monkeypatch.setattr(bridge._links, "read_lanes", read_lanes)
+    for piece in (scan, sonar, sonar):
+        bridge._soon(piece)
+    await asyncio.sleep(0.01)
+    assert done == ["scan", "command", "sonar", "second command", "picture"]
+
+
+async def test_a_piece_of_work_is_done_whatever_came_of_the_commands_before_it(bridge, monkeypatch):
+    done = []
+    monkeypatch.setattr(bridge._links, "read_lanes", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        bridge._after_commands(lambda: done.append(1))
+    assert done == [1]
