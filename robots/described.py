@@ -197,6 +197,7 @@ _DEPTH_BOUNDS = {
     "every_s": (0.02, 0.4, "s"),  # below half a second, by which a picture is stale
     "height_m": (0.1, 3.0, "m"),
     "own_m": (0.0, 0.3, "m"),
+    "blind_m": (0.0, 1.0, "m"),
 }
 
 

@@ -162,6 +162,8 @@ def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
         yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
     if given.own_m > profile.own_m:
         yield f"depth.own_m: {given.own_m:g} is above the profile’s {profile.own_m:g}; only tighten"
+    if given.blind_m < profile.blind_m:
+        yield f"depth.blind_m: {given.blind_m:g} is below the profile’s {profile.blind_m:g}; only tighten"
 
 
 def _careful(own: Parameters, theirs: Parameters) -> Parameters:
@@ -204,7 +206,7 @@ def _fastest_mps(given: Limits | RobotProfile) -> float:
 
 
 def _depth_view(source: DepthSource | None) -> DepthView | None:
-    return DepthView(source.height_m, source.own_m) if source else None
+    return DepthView(source.height_m, source.own_m, source.blind_m) if source else None
 
 
 def stick(robot: Robot) -> tuple[StickStep, ...]:

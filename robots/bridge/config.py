@@ -55,6 +55,7 @@ class DepthSource(Struct, frozen=True):
     every_s: float = 0.1  # pictures that come faster are left out
     height_m: float = 1.5  # of the robot, with everything that lifts at its lowest
     own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
+    blind_m: float = 0.5  # along its axis; what is nearer it cannot measure
 
 
 class HeadSource(Struct, frozen=True):

@@ -43,6 +43,10 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
             "topics.depth.own_m: 0.2 is above the profile’s 0.05",
         ),
         (
+            {"topics": {"depth": DEPTH | {"blind_m": 0.3}}},
+            "topics.depth.blind_m: 0.3 is below the profile’s 0.5",
+        ),
+        (
             {"topics": {"depth": DEPTH | {"fov": 63.0}}},
             "topics.depth.fov: must be between 0.2 and 2.8 rad, not 63",
         ),

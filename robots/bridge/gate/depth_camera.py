@@ -27,6 +27,7 @@ from robots.bridge.gate.depth import (
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, PASSES, Memory
+from robots.bridge.gate.near_side import NearSide
 from robots.bridge.gate.planar import (
     NO_POINTS,
     ORIGIN,
@@ -96,6 +97,8 @@ class DepthCamera:
         self._frame: Frame | None = None
         self._shows_tables = False  # the newest picture does
         self._seen = NO_POINTS  # odometry frame
+        self._near_side = NearSide(view.blind_m)
+        self._hidden = NO_POINTS  # what may be too near to be measured, odometry frame
         self._feet = _Feet()
         self._looks: deque[tuple[Frame, Pose]] = deque(maxlen=LOOKS_BACK)
         self._looked_s = -math.inf
@@ -133,6 +136,7 @@ class DepthCamera:
     def forget(self) -> None:
         """Forget what earlier pictures showed; what the newest one shows stays."""
         self._memory.clear()
+        self._near_side.clear()
 
     def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
         shown = self._without_robot(frame.columns)
@@ -148,6 +152,8 @@ class DepthCamera:
         from_base = placed(remembered, seen_from(ORIGIN, base))
         columns = self._spans.columns(remembered, from_base)
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
+        hidden = self._near_side.hidden(kept, frame.to_base, base, remembered, self.body, moved_s)
+        self._hidden = placed(hidden, base)
 
     def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
         """Which of the `new` columns came by themselves, as an earlier picture tells."""
@@ -198,7 +204,8 @@ class DepthCamera:
             self._looks.clear()
             self._looked_s = -math.inf
             self._feet.set(NO_POINTS)
-            self._seen = NO_POINTS
+            self._near_side.clear()
+            self._seen = self._hidden = NO_POINTS
 
     # --- what is known --------------------------------------------------------------------------
 
@@ -234,7 +241,7 @@ class DepthCamera:
         newest = trail.newest
         if newest is None or not self.is_fresh(now_s):
             return NO_POINTS
-        return placed(self._seen, seen_from(ORIGIN, newest))
+        return placed(np.concatenate((self._seen, self._hidden)), seen_from(ORIGIN, newest))
 
     def unseen(self, trail: Trail, now_s: float) -> Points:
         """What is remembered and not in the newest picture, base frame of the newest odometry."""

@@ -78,6 +78,7 @@ class DepthView(Struct, frozen=True):
 
     height_m: float  # of the robot, with everything that lifts at its lowest
     own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
+    blind_m: float = 0.5  # along its axis; what is nearer it cannot measure
 
 
 class GateProfile(Struct, frozen=True):
