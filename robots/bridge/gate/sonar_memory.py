@@ -46,10 +46,10 @@ FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5
 SAME_THING_S = 1.0  # what is heard again within this time, at a place where it may be, is the same thing
 SAME_THING_M = 0.5  # as far from one place of a thing are others: a person with a stride
 HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and hear little below and above
-GRAIN_M = 0.03  # places nearer to each other are one
+GRAIN_M = 0.04  # places nearer to each other are one
 REACH_M = 2.0  # from the robot; what is farther away is out of every sonar's reach
 TRAVEL_M = 4.0  # after which the odometry no longer knows well where it was
-MOST = 500  # places; those heard last are kept
+MOST = 300  # places; those heard last are kept
 
 # The rows of the table.
 X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES = range(11)
@@ -226,10 +226,17 @@ class SonarMemory:
     def _of_the_same_things(self, left: Flags) -> Flags:
         """What else the things at these places left behind, near by and earlier."""
         table = self._table
-        mates = np.isin(table[THING], table[THING, left]) & (table[HEARD_S] <= table[HEARD_S, left].max())
+        mates = self._belongs_to(left) & (table[HEARD_S] <= table[HEARD_S, left].max())
         near = np.hypot(table[X][:, None] - table[X, left], table[Y][:, None] - table[Y, left]) < SAME_THING_M
         of_them: Flags = mates & near.any(axis=1)
         return of_them
+
+    def _belongs_to(self, places: Flags) -> Flags:
+        """What the things at these places left behind, wherever it is."""
+        belongs = np.zeros(self._table.shape[1], dtype=np.bool_)
+        for thing in set(self._table[THING, places].tolist()):
+            belongs |= self._table[THING] == thing
+        return belongs
 
     def _add(self, reading: Reading, eye: Pose, arc: Points, now_s: float) -> None:
         """Something is on this arc."""
@@ -238,20 +245,22 @@ class SonarMemory:
         again = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= reading.fov / 2.0)
         again &= table[HEARD_S] > now_s - SAME_THING_S
         self._things += 1
-        table[THING, np.isin(table[THING], table[THING, again])] = self._things
+        table[THING, self._belongs_to(again)] = self._things
         times = np.where(self._heard_from(reading.sonar, eye), table[TIMES] + 1.0, 1.0)
         where = eye.x, eye.y, eye.yaw
         news = np.array((reading.sonar, *where, now_s, self._travelled_m, self._things, 0.0, 1.0))
         table[SONAR:, again] = news[:, None]
         table[TIMES, again] = times[again]
+        rows = again.nonzero()[0]
         x, y = arc.T
-        close = np.hypot(table[X][:, None] - x, table[Y][:, None] - y) < GRAIN_M
-        close &= again[:, None]
-        behind = distance > reading.free_m
+        dx, dy = table[X, rows][:, None] - x, table[Y, rows][:, None] - y
+        close = dx * dx + dy * dy < GRAIN_M**2
         # What lies a little behind gives way to what is nearer.
+        behind = distance[rows] > reading.free_m
         fresh = ~close[~behind].any(axis=0)
+        kept = np.ones(table.shape[1], dtype=np.bool_)
+        kept[rows[behind & close[:, fresh].any(axis=1)]] = False
         added = np.vstack((x[fresh], y[fresh], np.repeat(news[:, None], int(fresh.sum()), axis=1)))
-        kept = ~(behind & close[:, fresh].any(axis=1))
         self._table = np.concatenate((table[:, kept], added), axis=1)
         if self._table.shape[1] > MOST:
             self._table = self._table[:, np.argsort(self._table[HEARD_S], kind="stable")[-MOST:]]
