@@ -139,3 +139,28 @@ def test_a_chair_that_was_pulled_away_is_gone_when_its_place_is_seen():
     watcher.pose = Pose(-0.2, 0.0, 0.0)
     watcher.stand(0.5)
     assert watcher.nearest_by("depth, remembered") == math.inf
+
+
+def test_a_desk_without_legs_is_not_forgotten_with_who_stood_before_it():
+    desk = ((0.35, -0.7, 0.70), (1.2, 0.7, 0.74))
+    watcher = Watcher([FLOOR, desk, *person(0.45, 0.05)])
+    for x in np.arange(-1.0, 0.001, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    assert watcher.held()
+    watcher.boxes = [FLOOR, desk]
+    watcher.walk([(0.45, 0.05 + 0.2 * step) for step in range(8)])
+    watcher.stand(3.0)
+    assert watcher.held()
+
+
+def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than_a_second():
+    watcher = Watcher([FLOOR, *person(0.45, 0.05)])
+    for x in np.arange(-1.0, 0.051, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    assert watcher.held()
+    watcher.boxes = [FLOOR]
+    watcher.walk([(0.45, 0.05 + 0.2 * step) for step in range(8)])
+    watcher.stand(0.8)
+    assert not watcher.held()

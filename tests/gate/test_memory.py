@@ -85,6 +85,18 @@ def test_after_six_metres_of_travel_everything_older_is_forgotten():
     assert len(memory.points(3.0)) == 0
 
 
+def test_of_what_is_near_the_robot_only_the_way_driven_forgets():
+    """Random seed 194: a table top 0.55 m behind the robot was forgotten after 20 s of turning, and backed into."""
+    memory = Memory(DEPTH_LAYER)
+    memory.see(SPOT, HERE, 0.0)
+    for second in range(120):
+        memory.follow(HERE._replace(yaw=0.1 * second), float(second))
+    assert len(memory.points(119.0)) == 1
+    away = Pose(-0.5, 0.0, 0.0)
+    memory.follow(away, 120.0)
+    assert len(memory.points(119.0 + DEPTH_LAYER.shortest_life_s + 0.1)) == 0
+
+
 def test_a_cell_keeps_the_mean_of_what_was_seen_in_it_not_where_noise_had_it_last():
     memory = Memory(LASER_LAYER)
     memory.see(np.array([[0.501, 0.502], [0.511, 0.512]]), HERE, 0.0)

@@ -38,6 +38,7 @@ LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; shiny and dark floors are 
 LEAST_FLOOR_SHARE = 0.05  # of a picture; one with less floor within reach is not judged by it
 BEHIND_M = 0.10  # what is measured this far behind a place passed through it
 FLOOR_BEHIND_M = 0.03  # the same for the floor: behind what lies low it is near, and it is no other thing
+WIDEST_SHARE = 0.4  # cosine of the angle to the side at which the corner of a lowered camera's picture looks
 HEIGHTS = 6  # of a column that are looked at to see through it
 LEVEL_M = 0.1  # what was seen at every level from end to end is one thing, so that a part of it tells of all
 TALL_M = 0.25  # less than this is no part and whole, but all ends
@@ -112,7 +113,7 @@ class Columns(NamedTuple):
     high: Floats
     levels: Levels | None = None
 
-    def only(self, kept: NDArray[np.bool_]) -> Columns:
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Columns:
         """Some of them."""
         levels = None if self.levels is None else self.levels[kept]
         return Columns(self.points.T[:, kept].T, self.low[kept], self.high[kept], levels)
@@ -342,18 +343,31 @@ def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDAr
     Of one tall thing a height between its ends suffices, of all else each height must be free. A height at which
     something is still measured denies both. What is out of view, not measured, or hidden tells nothing.
     """
+    gone = np.zeros(len(columns.points), dtype=np.bool_)
+    before = np.flatnonzero(_may_be_in_view(to_base, columns.points))
+    columns = columns.only(before)
     look = _look(picture, to_base, columns)
     inner = (look.heights > columns.low + END_M) & (look.heights < columns.high - END_M)
     part, whole = (look.through & inner).any(axis=0), look.through.all(axis=0)
-    gone: NDArray[np.bool_] = ~look.denied & np.where(_is_one_thing(columns), part, whole)
+    gone[before] = ~look.denied & np.where(_is_one_thing(columns), part, whole)
     return gone
 
 
+def _may_be_in_view(to_base: Transform, points: Points) -> NDArray[np.bool_]:
+    """Leaves out most of what is beside and behind a camera, at little cost."""
+    x, y = points[:, 0] - to_base[0, 3], points[:, 1] - to_base[1, 3]
+    level = math.hypot(to_base[0, 2], to_base[1, 2])
+    ahead = to_base[0, 2] * x + to_base[1, 2] * y
+    may: NDArray[np.bool_] = ahead > level * (WIDEST_SHARE * np.sqrt(x * x + y * y) - NEAREST_M)
+    return may
+
+
 def _look(picture: Picture, to_base: Transform, columns: Columns) -> _Look:
-    share = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
+    share = np.linspace(0.0, 1.0, HEIGHTS, dtype=np.float32)[:, None]
     height = columns.low + share * (columns.high - columns.low)
     x, y = columns.points.T
-    inverse = np.linalg.inv(to_base)
+    inverse = np.linalg.inv(to_base).astype(np.float32)
+    x, y = x.astype(np.float32), y.astype(np.float32)
     right, down, ahead = (
         inverse[i, 0] * x + inverse[i, 1] * y + inverse[i, 2] * height + inverse[i, 3] for i in range(3)
     )
@@ -362,11 +376,14 @@ def _look(picture: Picture, to_base: Transform, columns: Columns) -> _Look:
         row = _pixel(picture.down, down / ahead)
     rows, wide = picture.ahead.shape
     in_view = (ahead > LEAST_AHEAD_M) & (row >= 0) & (row < rows) & (column >= 1) & (column < wide - 1)
-    at = np.where(in_view, row * wide + column, 1).astype(np.intp) + np.array([-1, 0, 1])[:, None, None]
-    measured = picture.ahead.ravel()[at]
+    upright = np.where(in_view, row, 1).astype(np.intp)
+    beside = np.where(in_view, column, 1).astype(np.intp) + np.array([-1, 0, 1])[:, None, None]
+    measured = picture.ahead[upright, beside]
+    up = to_base[2].astype(np.float32)
+    rise = up[0] * picture.right[beside] + (up[1] * picture.down[upright] + up[2])
     noise = 4.0 * NOISE_PER_M * ahead**2
     with np.errstate(invalid="ignore"):
-        shows_floor = measured * _rise(picture, to_base).ravel()[at] + to_base[2, 3] < _floor_error(measured)
+        shows_floor = measured * rise + up[3] < _floor_error(measured)
         behind = measured - (ahead + noise)
         free = behind > np.where(shows_floor, FLOOR_BEHIND_M, BEHIND_M)
         met = ~free & ~shows_floor & (behind > -BEHIND_M - 2.0 * noise)

@@ -52,12 +52,14 @@ AHEAD_M = (1.2, 1.6, 2.0, 2.5)
 # Half the robot's width at 1.2 m: so far from the picture's edge, the whole of the path is in it.
 EDGE_RAD = 0.24
 # Who came by himself was not there in one of so many earlier pictures: in a second he has left the place that he had.
-LOOKS_BACK = 5
-LOOK_EVERY_S = 0.18
+LOOKS_BACK = 3
+LOOK_EVERY_S = 0.33
+CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it is near
 FOOT_M = 0.1
 NEAR_CELLS = 2
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
-EDGE_M = 0.12  # what is flatter may be an edge: feet near by need not be its own
+HANGS = 3  # sightings without feet; fewer show no more than that the thing moved between scan and picture
+JOINED_M = 0.12  # two columns that are so near are of one thing
 MOVED_M = 0.005  # less is standing
 MOVED_RAD = 0.01
 
@@ -158,30 +160,31 @@ class DepthCamera:
     def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
         """Which of the `new` columns came by themselves, as an earlier picture tells."""
         came = np.zeros(len(new), dtype=np.bool_)
-        columns, places = shown.only(new), placed(shown.points[new], base)
-        for then, there in self._looks if len(places) else ():
-            known = columns._replace(points=placed(places, seen_from(ORIGIN, there)))
-            came[new] |= came_since(then.picture, then.to_base, known)
+        asked = np.flatnonzero(new & (np.abs(shown.points).max(axis=1, initial=0.0) < CAME_M))
+        for then, there in self._looks:
+            asked = asked[~came[asked]]
+            if not len(asked):
+                break
+            known = shown.only(asked)
+            places = placed(placed(known.points, base), seen_from(ORIGIN, there))
+            came[asked] = came_since(then.picture, then.to_base, known._replace(points=places))
         return came
 
     def observe_scan(self, sweep: Sweep, sensor: Pose) -> None:
         """Take a laser's scan, and where the laser was (odometry frame): what has feet is gone when they are."""
-        self._feet.set(placed(sweep.points(), sensor))
+        self._feet.see(sweep, sensor)
         remembered = self._memory.points(self._clock.now_s)
-        standing = np.flatnonzero(self._spans.stands(remembered))
-        if not len(standing):
-            return
-        places = chosen(remembered, standing)
-        from_sensor = placed(places, seen_from(ORIGIN, sensor))
-        through = ~self._feet.near(places)
-        x, y = from_sensor.T
-        far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
-        for aside in (-FOOT_M, 0.0, FOOT_M):
-            beside = from_columns(x - y / far * aside, y + x / far * aside)
-            through &= sight(sweep, beside).through
-        gone = np.zeros(len(remembered), dtype=np.bool_)
-        gone[standing] = self._spans.pass_below(places, through)
-        self._memory.forget(gone)
+        free = self._spans.stands(remembered) & ~self._feet.near(remembered)
+        below = np.flatnonzero(free)
+        if len(below):
+            x, y = placed(chosen(remembered, below), seen_from(ORIGIN, sensor)).T
+            far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
+            for aside_m in (-FOOT_M, 0.0, FOOT_M):
+                beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
+                free[below] &= sight(sweep, beside).through
+        gone = self._spans.pass_below(remembered, free)
+        if gone.any():
+            self._memory.forget(gone & ~self._spans.hold_together(remembered, gone))
 
     def _without_robot(self, columns: Columns) -> Columns:
         """Within its body, and a little about it, the camera sees the robot itself."""
@@ -203,7 +206,7 @@ class DepthCamera:
             self._memory.clear()
             self._looks.clear()
             self._looked_s = -math.inf
-            self._feet.set(NO_POINTS)
+            self._feet.forget()
             self._near_side.clear()
             self._seen = self._hidden = NO_POINTS
 
@@ -304,22 +307,33 @@ class _Feet:
 
     def __init__(self) -> None:
         self._near, self._about = np.zeros((2, FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+        self._scan: tuple[Sweep, Pose] | None = None
 
-    def set(self, hits: Points) -> None:
-        """The scan met something at `hits` (odometry frame)."""
-        column, row = self._cells(hits)
-        for grid, cells in ((self._near, NEAR_CELLS), (self._about, NEAR_CELLS + 1)):
-            grid[:] = False
-            around = np.arange(-cells, cells + 1)
-            grid[
-                (column[:, None, None] + around[:, None]) % FEET_CELLS,
-                (row[:, None, None] + around) % FEET_CELLS,
-            ] = True
+    def forget(self) -> None:
+        """No scan is known."""
+        self._near[:] = self._about[:] = False
+        self._scan = None
+
+    def see(self, sweep: Sweep, sensor: Pose) -> None:
+        """A scan came, of a laser that was at `sensor` (odometry frame)."""
+        self._scan = sweep, sensor
+        self._near[:] = False
+        self._near[self._cells(placed(sweep.points(), sensor))] = True
+        for _ in range(NEAR_CELLS):
+            self._near = _widened(self._near)
+        self._about = _widened(self._near)
 
     def near(self, points: Points) -> Flags:
         """Whether it met something within 0.2 to 0.3 m of these places."""
         near: Flags = self._near[self._cells(points)]
         return near
+
+    def none_below(self, points: Points) -> Flags:
+        """Whether it saw the floor free at these places."""
+        if self._scan is None:
+            return np.zeros(len(points), dtype=np.bool_)
+        sweep, sensor = self._scan
+        return sight(sweep, placed(points, seen_from(ORIGIN, sensor))).through
 
     def about(self, points: Points) -> Flags:
         """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
@@ -332,6 +346,18 @@ class _Feet:
         return column, row
 
 
+def _widened(grid: Flags) -> Flags:
+    """A rolling grid with all cells that touch a marked one."""
+    for _ in range(2):  # along one axis, then along the other
+        wide = grid.copy()
+        wide[1:] |= grid[:-1]
+        wide[:-1] |= grid[1:]
+        wide[0] |= grid[-1]
+        wide[-1] |= grid[0]
+        grid = wide.T
+    return grid
+
+
 class _Spans:
     """At which heights something was seen, for each cell of a memory; what is forgotten leaves nothing."""
 
@@ -339,7 +365,8 @@ class _Spans:
         self._memory = memory
         self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
         self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
-        self._footed, self._hangs, self._came = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
+        self._footed, self._came = np.zeros((2, CELLS * CELLS), dtype=np.bool_)
+        self._hung = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
 
@@ -357,18 +384,37 @@ class _Spans:
         """Whether the laser sees feet below these columns, and whether they came by themselves."""
         entries = self._memory.entries(points)
         anew = entries[new]
-        self._footed[anew], self._hangs[anew], self._came[anew] = False, False, False
-        self._footed[entries] |= feet.about(points)
-        self._hangs[entries] |= ~feet.near(points)
+        self._footed[anew], self._came[anew], self._hung[anew] = False, False, 0
+        footed = feet.about(points)
+        self._footed[entries] |= footed
+        hung = self._hung[entries] + (~footed & feet.none_below(points))
+        self._hung[entries] = np.minimum(hung, HANGS)
         self._came[entries] |= came
         self._passes[entries] = 0
 
     def stands(self, points: Points) -> Flags:
-        """Which remembered points have feet: of what came by itself they were seen, of what is no mere edge always."""
+        """Which remembered points have feet: of what came by itself they were seen, of all else always."""
         entries = self._memory.entries(points)
-        flat = self._high[entries] - self._low[entries] < EDGE_M
-        always: Flags = ~self._hangs[entries] & ~flat
-        return self._footed[entries] & (self._came[entries] | always)
+        stands: Flags = self._footed[entries] & (self._came[entries] | (self._hung[entries] < HANGS))
+        return stands
+
+    def hold_together(self, points: Points, gone: Flags) -> Flags:
+        """Which of the columns that should be `gone` hang together with others that have no feet: they hang as well.
+
+        So the edge of a desk stays when somebody leaves who stood before it.
+        """
+        entries = self._memory.entries(points)
+        left = np.flatnonzero(gone & ~self._came[entries])
+        hung = self._hung[entries]
+        hanging = np.flatnonzero(((hung == HANGS) | (~self._footed[entries] & (hung == 0))) & ~gone)
+        held = np.zeros(len(points), dtype=np.bool_)
+        while len(left) and len(hanging):
+            apart = chosen(points, left)[:, None] - chosen(points, hanging)
+            joined = (np.abs(apart).max(axis=2) < JOINED_M).any(axis=1)
+            hanging, left = left[joined], left[~joined]
+            held[hanging] = True
+        self._hung[entries[held]] = HANGS
+        return held
 
     def pass_below(self, points: Points, free: Flags) -> Flags:
         """One scan sees no feet at these; which ones that makes gone."""

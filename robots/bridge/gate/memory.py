@@ -25,16 +25,23 @@ NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
 
 
 class Layer(NamedTuple):
-    """How long one kind of sensor's points are remembered, and how finely."""
+    """How long one kind of sensor's points are remembered, and how finely.
+
+    Lives are counted from when a point was last seen, or near.
+    """
 
     shortest_life_s: float
     longest_life_s: float
     travel_m: float
+    near_m: float = 0.0  # from the robot's middle: while it is nearer than this, time forgets nothing
     cell_m: float = 0.025
 
 
 LASER_LAYER = Layer(2.0, 30.0, 6.0)
-DEPTH_LAYER = Layer(20.0, 90.0, 6.0)  # a table top is out of view for long before the robot is past it
+# How far the robot has driven tells how far off a remembered place is; time tells nothing of a table behind it.
+DEPTH_LAYER = Layer(
+    20.0, 90.0, 6.0, near_m=1.2
+)  # a table top is out of view for long before the robot is past it
 
 
 class Memory:
@@ -92,7 +99,9 @@ class Memory:
             self._travelled_m += math.hypot(pose.x - self._robot.x, pose.y - self._robot.y)
         self._robot = pose
         cells = self._cells
-        far = np.maximum(np.abs(self._x[cells] - pose.x), np.abs(self._y[cells] - pose.y)) > self.reach_m
+        away = np.maximum(np.abs(self._x[cells] - pose.x), np.abs(self._y[cells] - pose.y))
+        far, near = away > self.reach_m, cells[away < self._layer.near_m]
+        self._expires_s[near] = np.maximum(self._expires_s[near], now_s + self._layer.shortest_life_s)
         old = (self._expires_s[cells] < now_s) | (self._expires_m[cells] < self._travelled_m)
         self._forget(far | old)
 
