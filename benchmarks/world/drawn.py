@@ -24,6 +24,7 @@ from robots.simulator.faults import Faults
 from robots.simulator.odometry import Drift
 
 DRAWS = int(os.environ.get("FLEET_BENCH_DRAWS", "160"))
+FIRST = int(os.environ.get("FLEET_BENCH_FIRST", "0"))  # seed, to go on where another run ended
 WORST = int(os.environ.get("FLEET_BENCH_WORST", "10"))  # runs that are named
 WAYS = {0: "ahead", 45: "on an arc", 90: "turning", 135: "on an arc in reverse", 180: "in reverse"}
 LATEST_S = 0.4
@@ -53,7 +54,7 @@ def measure_cold(repeats: int) -> list[Figure]:
 def measure_drawn(_: int) -> list[Figure]:
     """Half of the robots were parked, all have drawn sensors."""
     ends = []
-    for seed, outcome in played("drawn", range(DRAWS), play):
+    for seed, outcome in played("drawn", range(FIRST, FIRST + DRAWS), play):
         ends.append(End(f"drawn {seed}", full_of(seed), words_of(seed), outcome))
     cold = [end for end in ends if end.full.cold]
     warm = [end for end in ends if not end.full.cold]
