@@ -11,6 +11,7 @@ os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
 http = get_asgi_application()
 
 from django.db import connections  # noqa: E402 - the applications are ready only now
+from django.urls import resolve  # noqa: E402
 
 from fleet.doors import guarded  # noqa: E402
 from fleet.environment import limit_queries  # noqa: E402
@@ -18,6 +19,9 @@ from robots.ending import leave_within  # noqa: E402
 from teleop.routing import websocket_urlpatterns  # noqa: E402
 
 limit_queries(connections.settings["default"])
+resolve(
+    "/stop-all/"
+)  # loads the code of all addresses: else the first stop would wait a tenth of a second for it
 
 # A stick's way leads through the event loop: at Python's usual 5 ms it would wait out each whole look at the database.
 sys.setswitchinterval(0.0005)

@@ -37,11 +37,14 @@ def stop_message(robot: UUID | None, by: str, reason: str = "", press: UUID | No
 
 async def reach(address: LinkAddress, stop: LinkStop, within_s: float = STOP_S) -> Stopped | Refusal:
     """Press `stop` over connections of its own. Returns the answer; raises LinkRefused if nobody answered."""
-    return await first_answer([ask_bridge(address, stop), ask_watchdog(address, stop)], within_s)
+    return await first_answer([ask_watchdog(address, stop), ask_bridge(address, stop)], within_s)
 
 
 async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Refusal:
-    """The first confirmation, else a refusal. Raises LinkRefused, with what the first way says, if there is neither."""
+    """The first confirmation, else a refusal. Raises LinkRefused, with what the last way says, if there is neither.
+
+    The quickest way stands first: what a way needs to begin, the later ones wait for.
+    """
     loop = asyncio.get_running_loop()
     end_s = loop.time() + within_s
     tasks = [loop.create_task(way) for way in ways]
@@ -61,7 +64,7 @@ async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Ref
         await asyncio.gather(*tasks, return_exceptions=True)
     if refusal is not None:
         return refusal
-    error = None if tasks[0].cancelled() else tasks[0].exception()
+    error = None if tasks[-1].cancelled() else tasks[-1].exception()
     raise error if isinstance(error, LinkRefused) else LinkRefused(SILENT) from error
 
 

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from benchmarks.attacks.figures import ENDED_ZERO_S, TIMES, Limits
 
+QUICK = 50  # a p99 of 20 presses is their worst
 Side = Literal["ros", "web", "incident"]
 
 
@@ -18,6 +19,11 @@ class Attack(NamedTuple):
     limits: Limits = Limits()
     as_who: str = ""  # whose session the attackers have, if any
     plays: bool = False  # a motion is asked for in each slot
+
+    @property
+    def quick(self) -> int:
+        """How many quick presses each of its slots has."""
+        return QUICK if self.limits.times else 0
 
     @property
     def section(self) -> int:

@@ -24,7 +24,7 @@ def main() -> None:
         try:
             call_command("stop", ROBOT, stdout=io.StringIO(), stderr=io.StringIO())
         except CommandError as error:
-            print(f"not confirmed: {error}".replace("\n", " "), flush=True)
+            print("pending" if "Pending" in str(error) else f"{error}".replace("\n", " "), flush=True)
         else:
             print("stopped", flush=True)
 

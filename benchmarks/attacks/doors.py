@@ -22,7 +22,8 @@ from robots import wire
 from script.stack.client import Driver, open_socket
 from script.stack.stack import Stack
 
-NAMES = ("page", "fleet page", "REST", "form")  # in turn
+PAGES = ("page", "fleet page")  # these answer nothing: a page shows the robot's state
+NAMES = (*PAGES, "REST", "form")  # in turn
 COMMAND_LINE = "command line"  # less often
 EVERY = 10  # presses
 ANSWER_S = 20.0
@@ -43,6 +44,7 @@ class Doors:
     def __init__(self, stack: Stack, cookie: str) -> None:
         self.driver: Driver | None = None
         self.answers: Counter[str] = Counter()
+        self.answered_s: list[float] = []  # how long the doors that answer took
         self._stack, self._cookie = stack, cookie
         self._fleet: ClientConnection | None = None
         self._tasks: set[asyncio.Task[None]] = set()
@@ -99,8 +101,11 @@ class Doors:
 
     def _begin(self, name: str, pressing: Coroutine[Any, Any, str]) -> None:
         async def count() -> None:
+            pressed_s = time.monotonic()
             try:
                 answer = await pressing
+                if name not in PAGES:
+                    self.answered_s.append(time.monotonic() - pressed_s)
             except FAULTS as error:
                 answer = type(error).__name__
             self.answers[f"{name}: {answer}"] += 1

@@ -10,8 +10,10 @@ from benchmarks.harness import Figure, quantile
 
 ZERO_S = 0.35  # worst press -> zero
 ENDED_ZERO_S = 1.0  # the same where the bridge itself was ended
+ANSWER_S = 2.5  # worst press -> answer of REST, form or command line: after 2 s it is "pending"
 GAP_S = 0.1  # between two zeros while latched
 TIMES = 1.5  # of p99 as usual, under attacks of strangers at the web door
+GOOD_ANSWERS = (": sent", ": no page", ": 200", ": 202", ": stopped", ": pending")
 STILL_RADPS = 0.01
 
 
@@ -31,6 +33,7 @@ class Taken:
     """All that was measured in the slots of one attack, or of all slots without one."""
 
     presses: list[Press] = field(default_factory=list)
+    quick: list[tuple[str, float]] = field(default_factory=list)  # door and seconds until the first zero
     delays_s: list[float] = field(default_factory=list)  # of drive commands that arrived
     sent: int = 0  # drive commands
     lost: int = 0  # of these, never seen on the drive topic
@@ -41,15 +44,18 @@ class Taken:
     records: int = 0  # added to the audit log
     lasted_s: float = 0.0
     answers: dict[str, int] = field(default_factory=dict)  # of the stop's doors
+    answered_s: list[float] = field(default_factory=list)  # until REST, form or command line answered
     attacker: str = ""  # its last words
     fault: str = ""  # what ended the attack's slots early
 
     def add(self, other: Taken) -> None:
         """One more slot of the same kind."""
         self.presses += other.presses
+        self.quick += other.quick
         self.delays_s += other.delays_s
         self.sent += other.sent
         self.lost += other.lost
+        self.answered_s += other.answered_s
         self.control_lost += other.control_lost
         self.records += other.records
         self.lasted_s += other.lasted_s
@@ -80,10 +86,11 @@ def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> t
 
 def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
     """Each in ms, with its limit where it has one."""
-    zeros, usual_zeros = _zeros(taken.presses), _zeros(usual.presses)
+    zeros, usual_zeros = _zeros(taken), _zeros(usual)
     every, usual_every = taken.delays_s, usual.delays_s
     told = [
         *_three("stop", zeros, limits.zero_s),
+        _ms("answered worst", _worst(taken.answered_s), ANSWER_S),
         _ms("confirmed worst", _worst(press.confirmed_s for press in taken.presses), None),
         _ms("gap between zeros", _worst(press.gap_s for press in taken.presses), limits.gap_s),
         *_three("drive", every, None),
@@ -104,12 +111,14 @@ def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
 
 
 def broken(told: Sequence[Figure], taken: Taken) -> list[str]:
-    """In words."""
-    return ([taken.fault] if taken.fault else []) + [one.beside_limit() for one in told if not one.holds]
+    """In words. A door that answers says that the stop is confirmed, or pending."""
+    faults = [taken.fault] if taken.fault else []
+    faults += [f"answer of a door: {answer}" for answer in taken.answers if not answer.endswith(GOOD_ANSWERS)]
+    return faults + [one.beside_limit() for one in told if not one.holds]
 
 
-def _zeros(presses: Sequence[Press]) -> list[float]:
-    return [press.zero_s for press in presses]
+def _zeros(taken: Taken) -> list[float]:
+    return [press.zero_s for press in taken.presses] + [zero_s for _, zero_s in taken.quick]
 
 
 def _three(name: str, seconds: Sequence[float], worst_s: float | None) -> list[Figure]:
@@ -137,7 +146,8 @@ COLUMNS = (
     ("stop p50", "p50"),
     ("stop p99", "p99"),
     ("stop worst", "worst"),
-    ("confirmed worst", "conf."),
+    ("answered worst", "answer"),
+    ("confirmed worst", "shown"),
     ("gap between zeros", "gap"),
     ("drive p50", "p50"),
     ("drive p99", "p99"),
@@ -157,7 +167,7 @@ def table(rows: Sequence[tuple[str, Sequence[Figure], Sequence[str]]]) -> str:
     width = max(len(name) for name, _, _ in rows)
     heads = [head for _, head in COLUMNS]
     lines = [
-        f"{'':<{width}} {'stop, ms':>38} {'drive, ms':>29}",
+        f"{'':<{width}} {'stop, ms':>46} {'drive, ms':>29}",
         f"{'':<{width}} " + " ".join(f"{head:>7}" for head in heads),
     ]
     for name, told, faults in rows:

@@ -19,7 +19,7 @@ from benchmarks.attacks.figures import Limits, Taken, broken, figures, table
 from benchmarks.attacks.incidents import INCIDENTS
 from benchmarks.attacks.scene import LostError, Scene, scene_on
 from benchmarks.drive import BARE_STICKS
-from benchmarks.harness import Figure, machine, progress
+from benchmarks.harness import Figure, machine, progress, quantile
 from benchmarks.parts import proc
 from benchmarks.parts.priority import prefer_loops
 from benchmarks.stop import ROBOT, bridges
@@ -109,7 +109,7 @@ async def run_on(
             whole = taken[attack.name] = Taken()
             doors = map(door, itertools.count())
             for _ in range(slots):
-                usual.add(await bench.usual(usual_presses))
+                usual.add(await bench.usual(usual_presses, attack.quick // 2))
                 whole.add(await bench.attacked(attack, list(itertools.islice(doors, presses))))
                 if whole.fault:
                     break
@@ -128,13 +128,13 @@ class Bench:
         self._cookies = cookies
         self._usual_doors = map(door, itertools.count())
 
-    async def usual(self, presses: int) -> Taken:
+    async def usual(self, presses: int, quick: int = 0) -> Taken:
         """Nobody attacks."""
         taken = Taken()
         with suppress(ProcessLookupError):  # a bridge that just ended
             prefer_loops(self._stack)  # also those that began since the last slot
         try:
-            await self._measured(taken, list(itertools.islice(self._usual_doors, presses)), calm=True)
+            await self._measured(taken, list(itertools.islice(self._usual_doors, presses)), quick, calm=True)
         except LostError as error:
             progress(f"    as usual: {error}; supervisor and web process start again")
             await self._start_again()
@@ -151,7 +151,7 @@ class Bench:
             if attack.plays:
                 with suppress(LostError):
                     await self._scene.play()
-            await self._measured(taken, doors, calm=False)
+            await self._measured(taken, doors, attack.quick, calm=False)
             return taken
         finally:
             await asyncio.to_thread(end_all, [child])
@@ -169,9 +169,9 @@ class Bench:
             if sum(map(_cpu_s, pids)) - before_s < BUSY * LOOK_S:
                 return
 
-    async def _measured(self, taken: Taken, doors: Sequence[str], *, calm: bool) -> None:
+    async def _measured(self, taken: Taken, doors: Sequence[str], quick: int, *, calm: bool) -> None:
         async with _watched(self._stack, taken):
-            await _slot(self._scene, taken, doors, calm=calm)
+            await _slot(self._scene, taken, doors, quick, calm=calm)
             if self._scene.hopeless:
                 taken.fault = "the stop did not reach the robot"
 
@@ -205,13 +205,15 @@ class Bench:
             await asyncio.to_thread(stack.wait_ready, BACK_S)
 
 
-async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], *, calm: bool) -> None:
+async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], quick: int = 0, *, calm: bool) -> None:
     scene.begin(calm=calm)
     try:
         for number, name in enumerate(doors):
             await scene.press(name, number)
             if scene.hopeless:
-                break
+                return
+        for number in range(quick):
+            await scene.press_quickly(NAMES[number % len(NAMES)])
         if calm:
             await scene.ready()  # with control, and not stopped: so the next slot finds it
     finally:
@@ -275,11 +277,18 @@ def _start(stack: Stack, side: str, role: str, seconds: float, cookie: str = "")
 
 def _in_words(taken: Taken) -> str:
     zeros = [press.zero_s for press in taken.presses]
+    by_door = {name: [zero_s for door, zero_s in taken.quick if door == name] for name in NAMES}
+    quick = {
+        name: f"{1e3 * quantile(found, 0.5):.1f}, {1e3 * quantile(found, 0.9):.1f}, {1e3 * max(found):.1f}"
+        for name, found in by_door.items()
+        if found
+    }
     told = [
         f"press -> zero worst {1000.0 * max(zeros, default=math.nan):.0f} ms of {len(zeros)}",
         f"gap {1000.0 * max((press.gap_s for press in taken.presses), default=math.nan):.0f} ms",
         f"{taken.lost} of {taken.sent} commands lost",
         f"doors {taken.answers}",
+        f"quick presses, p50, p90 and worst in ms {quick}",
     ]
     if taken.halts:
         told.append(f"halts {taken.halts}")

@@ -25,6 +25,7 @@ from script.stack.stack import Stack
 
 RUN_UP_S = 0.25  # the base turns at its speed by then
 DRIVEN_S = 0.75  # with the run-up
+QUICK_S = 0.1  # of driving before a quick press
 LATCHED_S = 0.35  # that a stop is held
 LONG_S, LONG_EVERY = 2.0, 5  # each fifth is held so long that one sees whether the base stays
 BRAKED_S = 1.2  # after the first zero
@@ -150,6 +151,14 @@ class Scene:
         self._note(door, pressed_s, confirmed_s)
         self._note_drive(pressed_s)
 
+    async def press_quickly(self, door: str) -> None:
+        """Drive for a moment, press there, clear: many of these tell how often a stop takes how long."""
+        before = await self._drive(READY_S if self.calm else ATTACKED_S, QUICK_S)
+        pressed_s = self._doors.press(door)
+        zero_s, _ = await asyncio.gather(self._first_zero(pressed_s), self._confirmed(before, pressed_s))
+        self._drives = False
+        self.taken.quick.append((door, zero_s))
+
     async def strike(self, incident: Incident, doors: list[str]) -> None:
         """Drive, strike, press at several doors while the bridge is away, hold until all is confirmed, clear."""
         before = await self._drive(READY_S)
@@ -170,7 +179,7 @@ class Scene:
         for door, pressed_s in pressed:
             self._note(door, pressed_s, confirmed_s - pressed_s)
 
-    async def _drive(self, patience_s: float) -> int:
+    async def _drive(self, patience_s: float, driven_s: float = DRIVEN_S) -> int:
         """For a moment, if there is control within `patience_s`. Returns the number of the last stop.
 
         LostError, but not under attack.
@@ -185,7 +194,12 @@ class Scene:
         self._observer.forget()
         self._sent.clear()
         self._drives = True
-        await asyncio.sleep(DRIVEN_S + 0.05 * self._chance.random())
+        if driver is not None:
+            with suppress(*FAULTS):  # after a stop the stick rests first
+                await self._observer.until(
+                    lambda: any(not seen.still for seen in self._observer.commands), 1.0
+                )
+        await asyncio.sleep(driven_s + 0.05 * self._chance.random())
         return driver.state.stop.number if driver and driver.state else 0
 
     async def _first_zero(self, pressed_s: float) -> float:
@@ -267,6 +281,7 @@ class Scene:
         self._drives = False
         self.taken = Taken()
         self._doors.answers.clear()
+        self._doors.answered_s.clear()
 
     @property
     def hopeless(self) -> bool:
@@ -277,6 +292,7 @@ class Scene:
     def end(self) -> Taken:
         """What was measured in it."""
         self.taken.answers = dict(self._doors.answers)
+        self.taken.answered_s = list(self._doors.answered_s)
         return self.taken
 
 

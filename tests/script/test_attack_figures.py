@@ -18,7 +18,14 @@ WEB = Limits(times=1.5)
 
 
 def taken(*presses: Press, delays_s: tuple[float, ...] = (0.002,)) -> Taken:
-    return Taken(list(presses or [PRESS]), list(delays_s), sent=len(delays_s), records=10)
+    return Taken(
+        list(presses or [PRESS]),
+        delays_s=list(delays_s),
+        sent=len(delays_s),
+        records=10,
+        answered_s=[0.03],
+        answers={"page: sent": 1, "REST: 200": 1},
+    )
 
 
 def faults(attacked: Taken, limits: Limits = WEB) -> list[str]:
@@ -51,6 +58,24 @@ def test_a_delay_beyond_one_and_a_half_times_as_usual_counts_for_the_web_door_al
 
 def test_slots_in_which_nothing_was_measured_hold_nothing():
     assert any("stop worst" in fault for fault in faults(Taken()))
+
+
+def test_a_door_that_answers_late_or_with_an_error_breaks_a_limit():
+    late, pending, refused = taken(), taken(), taken()
+    late.answered_s.append(3.1)
+    pending.answers["REST: 202"] = 1
+    refused.answers["form: 502"] = 1
+    assert any("answered worst" in fault for fault in faults(late, Limits()))
+    assert faults(pending, Limits()) == []
+    assert faults(refused, Limits()) == ["answer of a door: form: 502"]
+
+
+def test_quick_presses_count_for_the_delay_of_the_stop():
+    attacked = taken(*[PRESS] * 20)
+    attacked.quick += [("REST", 0.009)] * 99 + [("REST", 0.3)]
+    assert faults(attacked) == []  # one in a hundred
+    attacked.quick += [("REST", 0.3)] * 3
+    assert any("stop p99 / as usual" in fault for fault in faults(attacked))
 
 
 def test_lost_control_breaks_the_limit_of_an_attack_on_the_web_door():

@@ -1,0 +1,22 @@
+"""The first stop by HTTP waits for no code that is loaded only then."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+LOADED = "import sys, fleet.asgi; print('teleop.stop_views' in sys.modules)"
+
+
+def test_the_web_process_knows_its_addresses_before_the_first_request(tmp_path):
+    environment = {"FLEET_DEBUG": "1", "FLEET_VAR": str(tmp_path), "DJANGO_SETTINGS_MODULE": "fleet.settings"}
+    tmp_path.chmod(0o700)
+    told = subprocess.run(
+        [sys.executable, "-c", LOADED],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert told.stdout.split()[-1] == "True"
