@@ -632,6 +632,7 @@ class State(Struct, frozen=True):
     publishing: list[Publishing] = []
     overload: Overload | None = None
     unseen_s: float | None = None  # since odometry last came; None: it never did
+    watchdog_missing: bool = False  # for 5 s or more: a stop depends on the bridge alone
 
 
 class MotionOffer(Struct, frozen=True):

@@ -134,6 +134,7 @@ class Core:
         self._joined_s = float("inf")  # the robot's master
         self._late = Lateness("bridge")
         self._console_late = Lateness("console")
+        self.alone = False  # without a watchdog
         self._silent: tuple[Stick, float] | None = None  # whose last command died, and when that was noticed
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
@@ -434,6 +435,7 @@ class Core:
             charging=told.charging,
             skew_s=told.skew_s,
             overload=self._late.told(now_s) or self._console_late.told(now_s),
+            alone=self.alone,
         )
         return view.state(standing, self._gate, self.orders, now_s, watchers, watchers_more)
 

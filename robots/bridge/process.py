@@ -188,7 +188,8 @@ class Bridge:
             reason=stop.reason,
             drive=self._core.orders.choices.topic("drive"),
         )
-        self._beats.beat(beat)
+        self._beats.beat(beat, now_s)
+        self._core.alone = self._beats.missing(now_s)
 
     def _pressed(self, press: Press) -> None:
         """A stop that the watchdog heard. It is the watchdog's until it is on disk."""

@@ -36,6 +36,7 @@ class Standing(NamedTuple):
     charging: bool | None
     skew_s: float | None  # of the robot's clock against ours
     overload: wire.Overload | None
+    alone: bool  # without a watchdog
 
 
 def state(
@@ -74,6 +75,7 @@ def state(
         choice_ended=dict(orders.choices.gone),
         publishing=orders.publishings.view,
         overload=standing.overload,
+        watchdog_missing=standing.alone,
     )
 
 

@@ -1,7 +1,7 @@
 /** The side panel: sensors, standing limits, who watches, what the robot refused. */
 
 import { make, say, sayOrHide, show } from "./dom.js";
-import { overloadText } from "./standing.js";
+import { overloadText, watchdogText } from "./standing.js";
 
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
@@ -49,7 +49,7 @@ export class Details {
 
   set state(state) {
     const { watchers, sensors, clock, latency, foreign, refusals } = this.#parts;
-    const { "all-limits": limits, overload } = this.#parts;
+    const { "all-limits": limits, overload, watchdog } = this.#parts;
     const { limits: standing = [] } = state.verdict;
     const texts = standing.map(({ text }) => text);
     fill(limits, texts.length ? texts : [gettext("None")]);
@@ -58,6 +58,7 @@ export class Details {
     this.#showSensors(sensors, state.sensors);
     sayOrHide(clock, skewText(state));
     sayOrHide(overload, overloadText(state));
+    sayOrHide(watchdog, watchdogText(state));
     show(foreign, state.foreign.length > 0);
     say(
       foreign,

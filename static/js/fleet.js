@@ -47,9 +47,11 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null }) {
     ? interpolate(gettext("Whether it stands: %s"), [unknown])
     : standstillText(stop);
   return {
-    level: online ? "ok" : "warn",
+    level: online && !state.watchdog_missing ? "ok" : "warn",
     status: phaseTitle(state.phase),
-    why: online ? "" : state.text,
+    why: [online ? "" : state.text, state.watchdog_missing ? watchdogMissing() : ""]
+      .filter(Boolean)
+      .join(" "),
     driver: state.holder ?? gettext("Nobody"),
     battery: unknown ? "–" : batteryText(state),
     gate: unknown || verdictText(state.verdict) || gettext("Free"),
@@ -59,6 +61,10 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null }) {
       ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
       : "",
   };
+}
+
+function watchdogMissing() {
+  return gettext("Its watchdog is missing: a stop depends on its bridge alone. Tell staff.");
 }
 
 function stopWord(state, unknown) {

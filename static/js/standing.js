@@ -97,7 +97,7 @@ function stopBanner(state) {
  * @param {number} now.sinceViewMs age of that state
  * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
  *   nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, overload, info
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, info
  */
 export function banner({ outdated, connected, gone, seen, state, sinceViewMs, asksNeutral }) {
   if (outdated) {
@@ -146,9 +146,19 @@ export function banner({ outdated, connected, gone, seen, state, sinceViewMs, as
   }
   if (state.overload) {
     return {
-      level: "overload",
+      level: "console",
       title: gettext("The console’s computer is overloaded"),
       text: `${overloadText(state)} ${gettext("Commands may come late, and then the robot stops. Tell staff.")}`,
+    };
+  }
+  if (state.watchdog_missing) {
+    const todo = gettext(
+      "Keep the red button in reach and tell staff: the console’s log says why.",
+    );
+    return {
+      level: "console",
+      title: gettext("This robot’s watchdog is missing"),
+      text: `${watchdogText(state)} ${todo}`,
     };
   }
   return null;
@@ -162,6 +172,15 @@ export function overloadText({ overload = null }) {
       ? gettext("The robot’s bridge was %s s late.")
       : gettext("The console was %s s late.");
   return interpolate(text, [overload.late_s.toFixed(1)]);
+}
+
+/** That nobody hears a stop but the bridge; empty if somebody does. */
+export function watchdogText({ watchdog_missing: missing = false }) {
+  return missing
+    ? gettext(
+        "A stop depends on the robot’s bridge alone: if that fails, the stop waits until it is back.",
+      )
+    : "";
 }
 
 function sentences(...texts) {

@@ -13,7 +13,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.store import Persisted, Store
-from robots.bridge.watchdog.beats import Beats
+from robots.bridge.watchdog.beats import MISSING_S, Beats
 from robots.bridge.watchdog.kept import Kept
 from robots.bridge.watchdog.lane import Heard, Lane
 from robots.bridge.watchdog.rules import Beat, Press
@@ -63,18 +63,18 @@ async def test_stops_of_a_watchdog_with_lower_numbers_than_the_last_are_heard(
     for number in (100, 50):
         lane = open_lane()
         while not beats.connected:
-            beats.beat(Beat())
+            beats.beat(Beat(), 0.0)
         connection, _ = await said(lane)
         lane.send(connection, wire.encode(Press(number, "Ann")))
         press = await asyncio.wait_for(presses.get(), PATIENCE_S)
         assert press.number == number
         beats.heard(number)
-        beats.beat(Beat())
+        beats.beat(Beat(), 0.0)
         _, message = await said(lane)
         assert message is not None and msgspec.json.decode(message, type=Beat).heard == number
         if number == 100:
             lane.close()
-            beats.beat(Beat())  # it cannot be sent
+            beats.beat(Beat(), 0.0)  # it cannot be sent
             assert not beats.connected
     beats.close()
 
@@ -94,7 +94,7 @@ async def test_a_stop_at_which_the_bridge_broke_is_told_again(
 
     asyncio.get_running_loop().set_exception_handler(lambda *_: None)
     beats, lane = Beats(str(tmp_path / "robot.stop"), hear), open_lane()
-    beats.beat(Beat())
+    beats.beat(Beat(), 0.0)
     connection, _ = await said(lane)
     for _ in range(2):
         lane.send(connection, wire.encode(Press(100, "Ann")))
@@ -124,3 +124,23 @@ def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_he
     kept = Kept(str(tmp_path), robot)
     assert kept.load() is None
     assert kept.before() == Beat(latched=True, by="Ann", reason="smoke")
+
+
+async def test_a_watchdog_that_takes_no_beats_for_some_seconds_is_missing(
+    tmp_path: Path, open_lane: Callable[[], Lane]
+) -> None:
+    beats = Beats(str(tmp_path / "robot.stop"), lambda _: None)
+    assert not beats.missing(0.0)  # nothing was asked of it yet
+    beats.beat(Beat(), 100.0)  # none is there
+    assert not beats.missing(100.0 + MISSING_S)
+    assert beats.missing(100.1 + MISSING_S)
+    lane = open_lane()
+    beats.beat(Beat(), 110.0)
+    assert not beats.missing(110.0 + MISSING_S)
+    now_s = 110.0
+    while not beats.missing(now_s):  # it is frozen: what waits for it has an end
+        assert now_s < 200.0
+        now_s += 0.05
+        beats.beat(Beat(), now_s)
+    lane.close()
+    beats.close()

@@ -47,6 +47,7 @@ describe("the panel", () => {
       "refusals",
       "all-limits",
       "overload",
+      "watchdog",
     ];
     parts = Object.fromEntries(names.map((name) => [name, document.createElement("p")]));
     details = new Details(parts);
@@ -65,6 +66,13 @@ describe("the panel", () => {
     expect(parts.overload.textContent).toBe("The console was 0.4 s late.");
     details.state = { ...STATE, overload: null };
     expect(parts.overload.hidden).toBe(true);
+  });
+
+  test("says that the watchdog is missing, while it is", () => {
+    details.state = { ...STATE, watchdog_missing: true };
+    expect(parts.watchdog.textContent).toContain("the robot’s bridge alone");
+    details.state = STATE;
+    expect(parts.watchdog.hidden).toBe(true);
   });
 
   test("lists the standing limits in their words, and says so if there is none", () => {

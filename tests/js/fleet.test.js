@@ -13,6 +13,14 @@ const state = {
 };
 
 describe("a card", () => {
+  it("says that a robot's watchdog is missing", () => {
+    const shown = cardOf({ state: { ...state, watchdog_missing: true }, refusal: null });
+    expect(shown).toMatchObject({ level: "warn", status: "Online" });
+    expect(shown.why).toBe(
+      "Its watchdog is missing: a stop depends on its bridge alone. Tell staff.",
+    );
+  });
+
   it("says how the robot is", () => {
     expect(cardOf({ state, refusal: null })).toMatchObject({
       level: "ok",

@@ -25,10 +25,21 @@ describe("the banner", () => {
   it("names a computer that does not keep up, with the figure", () => {
     const state = { ...ONLINE, overload: { part: "bridge", late_s: 0.25 } };
     expect(banner({ ...WELL, state })).toMatchObject({
-      level: "overload",
+      level: "console",
       title: "The console’s computer is overloaded",
       text: expect.stringContaining("The robot’s bridge was 0.3 s late."),
     });
+  });
+
+  it("says that the watchdog is missing, and what to do, below all that is worse", () => {
+    const state = { ...ONLINE, watchdog_missing: true };
+    expect(banner({ ...WELL, state })).toMatchObject({
+      level: "console",
+      title: "This robot’s watchdog is missing",
+      text: expect.stringContaining("Keep the red button in reach and tell staff"),
+    });
+    const stop = { ...CLEAR, state: "stopped", by: "Bo" };
+    expect(banner({ ...WELL, state: { ...state, stop } }).title).toBe("Stopped by Bo");
   });
 
   it("is not there when all is well", () => {

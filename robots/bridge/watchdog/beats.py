@@ -16,6 +16,8 @@ from robots.bridge.watchdog.rules import Beat, Press
 
 log = logging.getLogger(__name__)
 
+MISSING_S = 5.0  # one that ended is back within about a second
+
 _decoder = msgspec.json.Decoder(Press)
 
 
@@ -29,20 +31,28 @@ class Beats:
         self._told = 0  # number of the newest press that was handed on
         self._heard = 0  # and of the one that was written to the state file last
         self._missed = False  # that no watchdog is there was said
+        self._taken_s = float("-inf")  # when a beat was taken last
+        self._since_s = float("inf")  # of the first one that was sent
 
     @property
     def connected(self) -> bool:
         """Whether a watchdog is there."""
         return self._socket is not None
 
-    def beat(self, beat: Beat) -> None:
+    def missing(self, now_s: float) -> bool:
+        """Whether no watchdog took a beat for `MISSING_S`: none is there, or it is frozen."""
+        return now_s - max(self._taken_s, self._since_s) > MISSING_S
+
+    def beat(self, beat: Beat, now_s: float) -> None:
         """Say what the bridge does now."""
+        self._since_s = min(self._since_s, now_s)
         if self._socket is None:
             self._connect()
         if self._socket is None:
             return
         try:
             self._socket.send(wire.encode(structs.replace(beat, heard=self._heard)), socket.MSG_NOSIGNAL)
+            self._taken_s = now_s
         except BlockingIOError:  # it is frozen
             pass
         except OSError:
