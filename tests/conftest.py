@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from types import ModuleType
 
 import hypothesis
 import pytest
@@ -23,8 +24,8 @@ from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
 from robots.models import Robot, RobotProfile, RobotRole, Role
-from teleop import refusals
-from teleop.folding import FoldingLog
+from teleop import refusals, stopping
+from teleop.folding import E, FoldingLog
 from tests.disk import Disk
 from tests.pristine import pristine_copy
 
@@ -75,9 +76,22 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[refusals.Denied]]:
     """What is refused in a test is written in it or not at all."""
     own = FoldingLog(refusals.put_on_record)
-    monkeypatch.setattr(refusals, "log", own)
+    yield from _while_test_lasts(own, refusals, monkeypatch)
+
+
+@pytest.fixture(autouse=True)
+def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[stopping.Press]]:
+    """Stops that are pressed in a test are written in it or not at all: the next test would wait for the database."""
+    own = FoldingLog(stopping.put_on_record, most=None)
+    yield from _while_test_lasts(own, stopping, monkeypatch)
+
+
+def _while_test_lasts(
+    own: FoldingLog[E], module: ModuleType, patch: pytest.MonkeyPatch
+) -> Iterator[FoldingLog[E]]:
+    patch.setattr(module, "log", own)
     yield own
-    monkeypatch.setattr(own, "_write", lambda _denied, _times: None)
+    patch.setattr(own, "_write", lambda _event, _times: None)
     own.flush()
 
 

@@ -6,7 +6,6 @@ from django.db import DatabaseError, connection
 from django.test import Client
 
 from fleet import views
-from teleop import stopping
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
@@ -45,8 +44,7 @@ def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
     assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
 
 
-def test_no_cookie_is_kept_but_the_two_that_the_page_of_cookies_names(staff, robot, monkeypatch):
-    monkeypatch.setattr(stopping.log, "note", lambda _press: None)  # its thread outlives the test
+def test_no_cookie_is_kept_but_the_two_that_the_page_of_cookies_names(staff, robot):
     client = Client()
     sign_in = {"username": "staff", "password": PASSWORD}
     told = client.post("/accounts/sign-in/", {**sign_in, "password": "wrong"}).text
