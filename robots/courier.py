@@ -126,3 +126,10 @@ def keep(
     written = pending_stops().keep(waiting, told)
     courier().start()
     return waiting, written
+
+
+def forget(robot: UUID) -> None:
+    """There is no such robot any more, and nothing that its stops could wait for."""
+    gone = Refusal("no_such_robot", "The robot is not registered any more.", "robot")
+    for stop in pending_stops().of(name_of(robot))[-1:]:
+        pending_stops().settle(stop, gone)

@@ -122,6 +122,7 @@ class BridgeLink:
         self.state: State | None = None
         self.seen_at: float | None = None  # when the robot itself was last heard, in seconds since 1970
         self.offers: wire.Offers | None = None
+        self.pending: wire.PendingStop | None = None  # the newest stop that waits
         self.highest_fence = 0
         self._open: ClientConnection | None = None
         self._socket: ClientConnection | None = (
@@ -375,10 +376,20 @@ class BridgeLink:
         while True:
             await asyncio.sleep(_WAITING_PACE_S)
             try:
-                for stop in (await self._waiting())[-1:]:
+                waiting = (await self._waiting())[-1:]
+                self._tell_pending(waiting[0].told() if waiting else None)
+                for stop in waiting:
                     await self._deliver(stop)
             except Exception:
                 log.exception("a pending stop of %s could not be sent", self.robot_id)
+
+    def _tell_pending(self, stop: wire.PendingStop | None) -> None:
+        """While the link is up, the robot's state tells of stops."""
+        if stop != self.pending:
+            self.pending = stop
+            if not self.up:
+                for listener in list(self._listeners):
+                    listener.on_link(False, self.refusal)
 
     async def _deliver(self, stop: Waiting) -> None:
         if self._open is None or self._open.transport.get_write_buffer_size() > 0:

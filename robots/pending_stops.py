@@ -18,7 +18,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Struct
 
-from robots.wire import LinkStop, Refusal, Stopped
+from robots.wire import LinkStop, PendingStop, Refusal, Stopped
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +43,10 @@ class Waiting(Struct, frozen=True):
     def message(self) -> LinkStop:
         """What is sent."""
         return LinkStop(self.by, self.reason, robot=self.robot, press=self.press)
+
+    def told(self) -> PendingStop:
+        """What people are told of it."""
+        return PendingStop(self.by, self.reason, self.at)
 
 
 def name_of(robot: UUID) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 from uuid import UUID
@@ -14,7 +15,7 @@ from msgspec import convert, to_builtins
 
 from fleet.audit import SystemAccount, record
 from fleet.audit.command_line import here
-from robots import shipped
+from robots import courier, shipped
 from robots.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.phrases import Line, tags_text
 
@@ -45,6 +46,7 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
 def robot_deleted(robot: Robot) -> None:
     """Record a robot that goes, by whoever runs this process."""
     record("robot.delete", actor=here(), **_named(robot), parameters=_entered(robot))
+    transaction.on_commit(partial(courier.forget, robot.id))
 
 
 @transaction.atomic

@@ -418,11 +418,20 @@ class Pong(Struct, frozen=True, tag_field="t", tag="pong"):
     sent_ms: float
 
 
+class PendingStop(Struct, frozen=True):
+    """A stop that waits for the robot: nobody has confirmed it yet."""
+
+    by: str
+    reason: str
+    at: float  # seconds since 1970: when it was pressed
+
+
 class BridgeGone(Struct, frozen=True, tag_field="t", tag="bridge_gone"):
     """No link to the robot's bridge, and why; a `View` ends it."""
 
     refusal: Refusal
     seen_at: float | None = None  # seconds since 1970: when the robot was last seen by this web process
+    stop: PendingStop | None = None  # the newest that waits
 
 
 class FleetCard(Struct, frozen=True):
@@ -432,6 +441,7 @@ class FleetCard(Struct, frozen=True):
     refusal: Refusal | None = None
     seen_at: float | None = None  # as in `BridgeGone`
     may_clear: bool = False  # this person may clear its stop from here
+    pending: PendingStop | None = None  # as `stop` in `BridgeGone`, also while the state is known
 
 
 class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):

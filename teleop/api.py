@@ -19,8 +19,10 @@ from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
+from robots import courier
 from robots.link import LinkRefused, state_once
 from robots.models import Robot, Role
+from robots.pending_stops import name_of
 from robots.selectors import (
     link_address,
     phrases_of,
@@ -30,7 +32,7 @@ from robots.selectors import (
     role_on,
     roles_of,
 )
-from robots.wire import Refusal, Rule, State
+from robots.wire import PendingStop, Refusal, Rule, State
 from teleop import refusals, rules
 from teleop.history import speech_history
 from teleop.policy import out_of_service
@@ -134,6 +136,7 @@ class RobotDetail(FleetApi):
                 "state": msgspec.to_builtins(state),
                 "seen_at": seen_at.isoformat(timespec="seconds") if seen_at else None,
                 "refusal": msgspec.to_builtins(refusal),
+                "pending_stop": msgspec.to_builtins(_pending(robot)),
             }
         )
 
@@ -188,6 +191,12 @@ def _seen_at(state: State | None) -> datetime | None:
     if state is None or state.unseen_s is None:
         return None
     return timezone.now() - timedelta(seconds=state.unseen_s)
+
+
+def _pending(robot: Robot) -> PendingStop | None:
+    """The newest stop that nobody has confirmed yet."""
+    waiting = courier.pending_stops().of(name_of(robot.id))
+    return waiting[-1].told() if waiting else None
 
 
 def _state(robot: Robot) -> tuple[State | None, Refusal | None]:

@@ -170,7 +170,9 @@ class FleetConsumer(MessageSocket):
     def _card(self, slug: str) -> FleetCard:
         link, robot = self._links[slug], self._robots[slug]
         refusal = None if link.up else robot.refusal or link.refusal
-        return FleetCard(link.state if link.up else None, refusal, link.seen_at, robot.may_clear)
+        return FleetCard(
+            link.state if link.up else None, refusal, link.seen_at, robot.may_clear, link.pending
+        )
 
     def _note(self) -> None:
         if self._drawn and self._of_note() != self._noted:
@@ -179,7 +181,7 @@ class FleetConsumer(MessageSocket):
     def _of_note(self) -> list[object]:
         """What people want to see at once when it changes."""
         return [
-            (link.up, state and (state.phase, state.holder, state.stop, state.verdict.code))
+            (link.up, link.pending, state and (state.phase, state.holder, state.stop, state.verdict.code))
             for link in self._links.values()
             for state in (link.state,)
         ]

@@ -111,7 +111,7 @@ class RobotSocket(MessageSocket):
         """Say that the bridge is away, if it is."""
         refusal = self.room.entry.refusal or self.room.link.refusal
         if refusal and not self.room.link.up:
-            beside(self.tell(BridgeGone(refusal, self.room.link.seen_at)))
+            beside(self.tell(BridgeGone(refusal, self.room.link.seen_at, self.room.link.pending)))
 
     def offered(self, offers: Offers) -> None:
         """The robot offers something else."""

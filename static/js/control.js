@@ -75,6 +75,7 @@ class ControlPage {
   #facts = null;
   #state = null;
   #gone = null;
+  #pending = null; // stop that waits for a robot that is gone
   #seen = null; // when the robot was last heard, in seconds since 1970
   #viewMs = -Infinity;
   #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
@@ -293,6 +294,7 @@ class ControlPage {
         return this.#onRefused(message);
       case "bridge_gone":
         this.#gone = message.refusal;
+        this.#pending = message.stop;
         this.#seen = message.seen_at ?? this.#seen;
         this.#desk.away();
         return this.#look();
@@ -416,6 +418,7 @@ class ControlPage {
       outdated: this.#outdated,
       connected: this.#socket.open,
       gone: this.#gone,
+      pending: this.#pending,
       seen: this.#seen,
       state: this.#state,
       sinceViewMs: now - this.#viewMs,

@@ -10,6 +10,7 @@ import {
   batteryText,
   connectionFact,
   isSeen,
+  pendingText,
   phaseTitle,
   seenAt,
   standstillText,
@@ -24,7 +25,7 @@ const SIGNED_OUT = 4401;
 const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last brought the page anew
 
 /** What a card says of one robot: its state, or the refusal that says why it is not known. Pure. */
-export function cardOf({ state, refusal, seen_at: seenByConsole = null }) {
+export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
   if (!state) {
     const unknown = unknownText(seenByConsole);
     return {
@@ -34,9 +35,9 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null }) {
       driver: "–",
       battery: "–",
       gate: unknown,
-      stop: unknown,
+      stop: pending ? gettext("Pending") : unknown,
       stopped: false,
-      stopWhy: "",
+      stopWhy: pendingText(pending),
     };
   }
   const online = state.phase === "online";
@@ -242,7 +243,8 @@ export class FleetPage {
     say(own.battery, shown.battery);
     say(own.driver, shown.driver);
     say(own.gate, shown.gate);
-    if (!robot.state && own["stop-state"].dataset.fresh) return; // it has not reported since the press
+    // It has not reported since the press.
+    if (!robot.state && !robot.pending && own["stop-state"].dataset.fresh) return;
     say(own["stop-state"], shown.stop);
     mark(own["stop-state"], "fresh", false);
     sayOrHide(own["stop-why"], shown.stopWhy);

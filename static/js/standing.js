@@ -92,6 +92,7 @@ function stopBanner(state) {
  * @param {boolean} now.outdated the page is of another version than the console, and speaks with it no more
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
+ * @param {?object} now.pending the stop that waits for the robot, while there is no link
  * @param {?number} now.seen when the robot was last heard, in seconds since 1970
  * @param {object | null} now.state the robot's newest `State`
  * @param {number} now.sinceViewMs age of that state
@@ -99,7 +100,16 @@ function stopBanner(state) {
  *   nothing else keeps the robot from driving
  * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, info
  */
-export function banner({ outdated, connected, gone, seen, state, sinceViewMs, asksNeutral }) {
+export function banner({
+  outdated,
+  connected,
+  gone,
+  pending,
+  seen,
+  state,
+  sinceViewMs,
+  asksNeutral,
+}) {
   if (outdated) {
     return {
       level: "fault",
@@ -120,7 +130,7 @@ export function banner({ outdated, connected, gone, seen, state, sinceViewMs, as
     return {
       level: "fault",
       title: gettext("No link to the robot"),
-      text: sentences(gone.text, lastSeen(seen), waits()),
+      text: sentences(pendingText(pending), gone.text, lastSeen(seen), waits()),
     };
   }
   if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
@@ -195,6 +205,13 @@ export function batteryText({ battery_percent: percent, charging }) {
   if (percent === null) return "–";
   const text = `${Math.round(percent)} %`;
   return charging ? interpolate(gettext("%s, charging"), [text]) : text;
+}
+
+/** That a stop waits for the robot, and whose it is; empty if none does. @param {?object} pending by, reason, at */
+export function pendingText(pending) {
+  if (!pending) return "";
+  const text = gettext("A stop by %s, %s, waits for the robot and is delivered when it is back.");
+  return interpolate(text, [pending.by, whenText(pending.at * 1000)]);
 }
 
 /** What to do about a robot that is out of reach. */

@@ -13,6 +13,14 @@ const state = {
 };
 
 describe("a card", () => {
+  it("says that a stop waits for its robot", () => {
+    const pending = { by: "Ann", reason: "", at: Date.now() / 1000 };
+    const shown = cardOf({ state: null, refusal: { text: "No bridge." }, pending });
+    expect(shown.stop).toBe("Pending");
+    expect(shown.stopWhy).toContain("A stop by Ann");
+    expect(shown.stopped).toBe(false);
+  });
+
   it("says that a robot's watchdog is missing", () => {
     const shown = cardOf({ state: { ...state, watchdog_missing: true }, refusal: null });
     expect(shown).toMatchObject({ level: "warn", status: "Online" });

@@ -31,6 +31,18 @@ describe("the banner", () => {
     });
   });
 
+  it("says whose stop waits for a robot that is gone", () => {
+    const pending = { by: "Ann", reason: "", at: Date.now() / 1000 };
+    const { title, text } = banner({ ...WELL, gone: { text: "No bridge." }, pending });
+    expect(title).toBe("No link to the robot");
+    expect(text).toMatch(
+      /^A stop by Ann, .+, waits for the robot and is delivered when it is back\. /,
+    );
+    expect(banner({ ...WELL, gone: { text: "No bridge." }, pending: null }).text).not.toContain(
+      "stop by",
+    );
+  });
+
   it("says that the watchdog is missing, and what to do, below all that is worse", () => {
     const state = { ...ONLINE, watchdog_missing: true };
     expect(banner({ ...WELL, state })).toMatchObject({

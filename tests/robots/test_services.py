@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 from unittest import mock
+from uuid import uuid4
 
 import pytest
 from django.core.exceptions import ValidationError
@@ -14,8 +16,9 @@ from django.db import connections
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
-from robots import services
+from robots import courier, services
 from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.pending_stops import Waiting, name_of
 
 
 def last_record() -> Record:
@@ -30,6 +33,21 @@ def test_a_robot_that_a_program_deletes_is_on_record(robot: Robot) -> None:
     assert (record.kind, record.robot_id, record.robot_name) == ("robot.delete", gone, "TIAGo 1")
     assert record.parameters["slug"] == "tiago-1"
     assert record.actor_id is not None and record.actor_id.startswith("system:")
+
+
+@pytest.mark.django_db
+def test_a_stop_waits_for_its_robot_as_long_as_that_is_registered(
+    robot: Robot, tmp_path: Path, settings: Any, django_capture_on_commit_callbacks: Any
+) -> None:
+    settings.FLEET_RUN_DIR = tmp_path
+    stops = courier.pending_stops()
+    for robot_id in (robot.id, uuid4()):
+        stops.keep(Waiting(name_of(robot_id), uuid4(), robot_id, "Ann"))
+    with django_capture_on_commit_callbacks(execute=True):
+        gone = robot.id
+        robot.delete()
+        assert len(stops.all()) == 2
+    assert [stop.robot == gone for stop in stops.all()] == [False]
 
 
 @pytest.mark.django_db

@@ -65,6 +65,8 @@ async def test_a_robot_that_was_not_reached_is_named(browsers, robot):
     assert answer.status_code == 202
     told = answer.json()["robots"][robot.slug]
     assert (told["pending"], told["code"], told["figures"]) == (True, "pending", {"because": "bridge_down"})
+    shown = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
+    assert (shown["pending_stop"]["by"], shown["pending_stop"]["reason"]) == ("Obi Observer", "")
 
 
 async def test_what_is_not_there_is_explained(browsers, robot):

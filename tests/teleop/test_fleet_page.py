@@ -141,6 +141,12 @@ async def test_stop_all_tells_of_each_robot_that_was_not_stopped(
     refused = [(await page.hears("refused", of="stop"))["refusal"] for _ in range(2)]
     assert {refusal["figures"]["slug"] for refusal in refused} == {other_robot.slug, third.slug}
     assert {refusal["code"] for refusal in refused} == {"pending"}
+    await page.say("ack")
+    robots = await shows(
+        page, lambda robots: robots[third.slug]["pending"] and robots[other_robot.slug]["pending"]
+    )
+    assert robots[third.slug]["pending"]["by"] == "Sam Staff"
+    assert robots[robot.slug]["pending"] is None
 
 
 async def test_stop_all_of_no_robot_says_so(open_fleet, robot):

@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from concurrent.futures import Future
 from uuid import uuid4
 
@@ -224,6 +225,17 @@ async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, b
     refused = (await page.refused("pending"))["refusal"]
     assert refused["text"].endswith(" Use the red button on the robot.")
     assert refused["figures"] == {"because": "bridge_down"}
+
+
+async def test_every_page_says_that_a_stop_waits_for_a_robot_without_bridge(open_page, bridge):
+    presser, other = await open_page("observer"), await open_page("operator")
+    await bridge.close()
+    assert (await other.hears("bridge_gone"))["stop"] is None
+    await presser.say("stop")
+    await presser.refused("pending")
+    gone = await other.hears("bridge_gone")
+    assert (gone["stop"]["by"], gone["refusal"]["code"]) == ("Obi Observer", "bridge_down")
+    assert abs(gone["stop"]["at"] - time.time()) < 60.0
 
 
 async def test_whoever_presses_is_told_so_before_the_database_answers(open_page, bridge, monkeypatch):
