@@ -164,3 +164,23 @@ def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than
     watcher.walk([(0.45, 0.05 + 0.2 * step) for step in range(8)])
     watcher.stand(0.8)
     assert not watcher.held()
+
+
+def test_door_posts_that_slipping_wheels_put_beside_live_ones_are_gone():
+    """The wheels slip, so the odometry moves what is remembered nearer than it is; the laser shows where it is."""
+    posts = [((0.62, side * 0.35 - 0.1, 0.0), (0.74, side * 0.35 + 0.1, 2.0)) for side in (-1.3, 1.3)]
+    watcher = Watcher([FLOOR, *posts])
+    for x in np.arange(-1.0, 0.301, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    watcher.boxes = [FLOOR, *(((x + 0.1, *low), (u + 0.1, *high)) for (x, *low), (u, *high) in posts)]
+    before = remembered(watcher)
+    assert (before[:, 0] < 0.35).any()
+    watcher.stand(0.5, looks=False)
+    assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm before the live ones
+
+
+def remembered(watcher):
+    """What the camera showed earlier, base frame."""
+    known = watcher.gate.obstacles(watcher.now_s)
+    return known.points[known.source == known.names.index("depth, remembered")]

@@ -295,7 +295,7 @@ def _level(height: Floats) -> Levels:
     return level
 
 
-def _is_one_thing(columns: Columns) -> NDArray[np.bool_]:
+def is_one_thing(columns: Columns) -> NDArray[np.bool_]:
     """Which columns are tall, and something was seen at each level between their ends."""
     if columns.levels is None:
         return np.zeros(len(columns.points), dtype=np.bool_)
@@ -349,7 +349,7 @@ def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDAr
     look = _look(picture, to_base, columns)
     inner = (look.heights > columns.low + END_M) & (look.heights < columns.high - END_M)
     part, whole = (look.through & inner).any(axis=0), look.through.all(axis=0)
-    gone[before] = ~look.denied & np.where(_is_one_thing(columns), part, whole)
+    gone[before] = ~look.denied & np.where(is_one_thing(columns), part, whole)
     return gone
 
 

@@ -21,6 +21,7 @@ from robots.bridge.gate.depth import (
     came_since,
     check_shown,
     columns_of,
+    is_one_thing,
     seen_through,
     top_m,
 )
@@ -40,7 +41,7 @@ from robots.bridge.gate.planar import (
 )
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.scan import Sweep, outside_hull
-from robots.bridge.gate.sight import sight
+from robots.bridge.gate.sight import BEHIND_M, sight
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
@@ -58,6 +59,8 @@ CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it
 FOOT_M = 0.1
 NEAR_CELLS = 2
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
+REACHES_DOWN_M = 0.15  # a column that is seen from here on up stands on the floor
+MET_M = 0.03  # behind such a column, and to either side, the laser must see: less is noise
 HANGS = 3  # sightings without feet; fewer show no more than that the thing moved between scan and picture
 JOINED_M = 0.12  # two columns that are so near are of one thing
 MOVED_M = 0.005  # less is standing
@@ -174,17 +177,21 @@ class DepthCamera:
         """Take a laser's scan, and where the laser was (odometry frame): what has feet is gone when they are."""
         self._feet.see(sweep, sensor)
         remembered = self._memory.points(self._clock.now_s)
-        free = self._spans.stands(remembered) & ~self._feet.near(remembered)
+        is_met = self._spans.is_met(remembered)
+        free = is_met | (self._spans.stands(remembered) & ~self._feet.near(remembered))
         below = np.flatnonzero(free)
         if len(below):
             x, y = placed(chosen(remembered, below), seen_from(ORIGIN, sensor)).T
             far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
-            for aside_m in (-FOOT_M, 0.0, FOOT_M):
-                beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
-                free[below] &= sight(sweep, beside).through
+            wide_m = np.where(is_met[below], MET_M, FOOT_M)
+            behind_m = np.where(is_met[below], MET_M, BEHIND_M)
+            for side in (-1.0, 0.0, 1.0):
+                aside = side * wide_m / far
+                beside = from_columns(x - y * aside, y + x * aside)
+                free[below] &= sight(sweep, beside, behind_m).through
         gone = self._spans.pass_below(remembered, free)
         if gone.any():
-            self._memory.forget(gone & ~self._spans.hold_together(remembered, gone))
+            self._memory.forget(gone & (is_met | ~self._spans.hold_together(remembered, gone)))
 
     def _without_robot(self, columns: Columns) -> Columns:
         """Within its body, and a little about it, the camera sees the robot itself."""
@@ -306,22 +313,28 @@ class _Feet:
     """How near the newest scan met something to a place: a rolling grid of cells as wide as a foot."""
 
     def __init__(self) -> None:
-        self._near, self._about = np.zeros((2, FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+        self._touch, self._near, self._about = np.zeros((3, FEET_CELLS, FEET_CELLS), dtype=np.bool_)
         self._scan: tuple[Sweep, Pose] | None = None
 
     def forget(self) -> None:
         """No scan is known."""
-        self._near[:] = self._about[:] = False
+        self._touch[:] = self._near[:] = self._about[:] = False
         self._scan = None
 
     def see(self, sweep: Sweep, sensor: Pose) -> None:
         """A scan came, of a laser that was at `sensor` (odometry frame)."""
         self._scan = sweep, sensor
-        self._near[:] = False
+        self._near = np.zeros_like(self._about)
         self._near[self._cells(placed(sweep.points(), sensor))] = True
-        for _ in range(NEAR_CELLS):
+        self._touch = self._near = _widened(self._near)
+        for _ in range(NEAR_CELLS - 1):
             self._near = _widened(self._near)
         self._about = _widened(self._near)
+
+    def at(self, points: Points) -> Flags:
+        """Whether it met something within 0.1 to 0.2 m of these places."""
+        at: Flags = self._touch[self._cells(points)]
+        return at
 
     def near(self, points: Points) -> Flags:
         """Whether it met something within 0.2 to 0.3 m of these places."""
@@ -365,7 +378,7 @@ class _Spans:
         self._memory = memory
         self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
         self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
-        self._footed, self._came = np.zeros((2, CELLS * CELLS), dtype=np.bool_)
+        self._footed, self._came, self._met = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
         self._hung = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
@@ -384,13 +397,25 @@ class _Spans:
         """Whether the laser sees feet below these columns, and whether they came by themselves."""
         entries = self._memory.entries(points)
         anew = entries[new]
-        self._footed[anew], self._came[anew], self._hung[anew] = False, False, 0
+        self._footed[anew], self._came[anew], self._met[anew], self._hung[anew] = False, False, False, 0
         footed = feet.about(points)
         self._footed[entries] |= footed
+        self._met[entries] |= feet.at(points)
         hung = self._hung[entries] + (~footed & feet.none_below(points))
         self._hung[entries] = np.minimum(hung, HANGS)
         self._came[entries] |= came
         self._passes[entries] = 0
+
+    def is_met(self, points: Points) -> Flags:
+        """Which remembered columns the laser met as well: tall ones that reach down to it, as walls and legs do.
+
+        Such a one is where the laser meets it, and nowhere else: the odometry may have moved what is remembered.
+        """
+        entries = self._memory.entries(points)
+        met = np.flatnonzero(self._met[entries] & (self._low[entries] < REACHES_DOWN_M))
+        is_met = np.zeros(len(points), dtype=np.bool_)
+        is_met[met] = is_one_thing(self.columns(chosen(points, met), chosen(points, met)))
+        return is_met
 
     def stands(self, points: Points) -> Flags:
         """Which remembered points have feet: of what came by itself they were seen, of all else always."""

@@ -22,8 +22,8 @@ class Sight(NamedTuple):
     through: NDArray[np.bool_]
 
 
-def sight(sweep: Sweep, places: Points) -> Sight:
-    """`places` in the sensor's frame.
+def sight(sweep: Sweep, places: Points, behind_m: float | NDArray[np.float64] = BEHIND_M) -> Sight:
+    """`places` in the sensor's frame; a beam passed through one if it ends more than `behind_m` behind it.
 
     Nothing is said of what is outside the field of view, behind what is hit, or where one of the three nearest
     beams measured nothing. A beam that noise may have shortened or lengthened shows nothing, but three in a row that
@@ -32,7 +32,7 @@ def sight(sweep: Sweep, places: Points) -> Sight:
     x, y = places.T
     distances = np.sqrt(x * x + y * y)
     beams = _beams(sweep, np.arctan2(y, x))
-    through = _least_of_three(sweep, sweep.ends)[beams] > distances + BEHIND_M
+    through = _least_of_three(sweep, sweep.ends)[beams] > distances + behind_m
     vouched = _least_of_three(sweep, np.where(sweep.alone, -math.inf, sweep.ends))[beams]
     return Sight(through | (vouched >= distances - SAME_M), through)
 
