@@ -128,7 +128,9 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     requestFactory = Request
     length: int | None
     _leaving = False  # nothing more is read
+    _head_open = False  # the request line is there, and not all headers
     _body_unread = False
+    _damaged = False  # the head of a stop: nobody knows what the body is
     _between = False  # two requests
     _unheard = b""  # waits for its turn
 
@@ -169,31 +171,57 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         try:
             super().dataReceived(data)
         except Refused as error:
-            self.refuse(error.refusal)
+            if not self._stops_all_the_same():
+                self.refuse(error.refusal)
+
+    def _stops_all_the_same(self) -> bool:
+        """A head that passes a limit ends there, if it is a stop's and has said all that a stop needs."""
+        if not (self._head_open and stops.is_head_of_stop(self._command, self._path)):
+            return False
+        self._damaged = True
+        super().lineReceived(
+            b"X-Cut: 1"
+        )  # what stands before it is heard only now: it could have had a second line
+        if not stops.needs_no_body(self._command, self._path, self.requests[-1].requestHeaders):
+            return False
+        super().lineReceived(b"")
+        return True
 
     def lineReceived(self, line: bytes) -> None:
         """A line of the head."""
         first = not hasattr(self, "_command")
         if first and len(line) > limits.URL_BYTES:
-            raise Refused(limits.url_too_long())
+            line = stops.without_query(line)
+            if len(line) > limits.URL_BYTES:
+                raise Refused(limits.url_too_long())
         if self._receivedHeaderSize + len(line) > limits.HEAD_BYTES:
             raise Refused(limits.head_too_large())
         super().lineReceived(line)
+        if first:
+            self._head_open = hasattr(self, "_command")
 
     def lineLengthExceeded(self, _line: bytes) -> None:
         """A line that does not end."""
         raise Refused(limits.head_too_large() if hasattr(self, "_command") else limits.url_too_long())
 
     def headerReceived(self, line: bytes) -> bool:
-        """A header."""
-        if self._receivedHeaderCount >= limits.HEADERS:
+        """A header. One of a stop that makes no sense is passed over, and what follows the head is not read."""
+        if self._receivedHeaderCount >= limits.HEADERS and not self._damaged:
             raise Refused(limits.head_too_large())
-        return bool(super().headerReceived(line))
+        try:
+            return bool(super().headerReceived(line))
+        except Refused:
+            if not stops.is_head_of_stop(self._command, self._path):
+                raise
+            self._damaged = True
+            return True
 
     def allHeadersReceived(self) -> None:
         """The head is complete; a body may follow. That of a stop is not waited for where the head says all."""
+        self._head_open = False
         request = self.requests[-1]
-        if self.length != 0 and stops.needs_no_body(self._command, self._path, request.requestHeaders):
+        says_all = stops.needs_no_body(self._command, self._path, request.requestHeaders)
+        if self._damaged or (self.length != 0 and says_all):
             request.requestHeaders.removeHeader(b"Expect")
             self.length = 0
             self._body_unread = True

@@ -14,6 +14,18 @@ def is_stop(method: bytes, path: bytes) -> bool:
     return method == b"POST" and _ADDRESSES.fullmatch(path) is not None
 
 
+def is_head_of_stop(method: bytes, uri: bytes) -> bool:
+    """The same, of a request line."""
+    return is_stop(method, uri.partition(b"?")[0])
+
+
+def without_query(line: bytes) -> bytes:
+    """The request line of a stop without its query, which says nothing; any other line as it is."""
+    method, _, rest = line.partition(b" ")
+    uri, _, version = rest.rpartition(b" ")
+    return b" ".join((method, uri.partition(b"?")[0], version)) if is_head_of_stop(method, uri) else line
+
+
 def needs_no_body(method: bytes, uri: bytes, headers: Headers) -> bool:
     """Whether the head of a stop says all: the body is read only for a form's token (`teleop.stop_views`)."""
-    return is_stop(method, uri.partition(b"?")[0]) and headers.hasHeader(b"X-CSRFToken")
+    return is_head_of_stop(method, uri) and headers.hasHeader(b"X-CSRFToken")

@@ -62,3 +62,51 @@ def test_a_stop_by_a_form_waits_for_the_token_in_its_body(web, head):
         stranger.settimeout(5.0)
         stranger.sendall(b"0123456789")
         assert b" 401 " in stranger.recv(65536)
+
+
+LONG = b"X-Long: " + b"x" * 20_000
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [b"Content-Length: ten"],
+        [b"Content-Length: -1"],
+        [b"Content-Length: 1", b"Content-Length: 2"],
+        [b"Content-Length: 1", b"Transfer-Encoding: chunked"],
+        [b"Transfer-Encoding: gzip"],
+        [b"a line without a colon"],
+        [b": no name"],
+        [b"X-Zero: \0"],
+        [LONG],
+        [b"X-%d: x" % number for number in range(150)],
+    ],
+    ids=lambda lines: lines[0].decode()[:30],
+)
+def test_a_stop_is_not_refused_for_its_head(web, head, path, lines):
+    """401 is the view's own answer. What follows is no request."""
+    told = web.say(
+        head(path, b"X-CSRFToken: x", *lines) + b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    )
+    assert told.count(b"HTTP/1.1 ") == 1
+    assert json.loads(told.partition(b"\r\n\r\n")[2])["code"] == "signed_out"
+
+
+def test_a_stop_with_a_line_that_does_not_end_is_a_stop(web, head):
+    whole = head(b"/api/stop/", b"X-CSRFToken: x", LONG)
+    assert b"signed_out" in web.say(whole.removesuffix(b"\r\n\r\n"))
+
+
+def test_the_query_of_a_stop_may_be_long(web, head):
+    assert b"signed_out" in web.say(
+        head(b"/api/stop/?format=" + b"x" * 8000, b"X-CSRFToken: x", b"Connection: close")
+    )
+
+
+@pytest.mark.parametrize("line", [b"Content-Length: ten", LONG, b"a line without a colon"])
+def test_other_requests_are_refused_for_their_head(web, head, line):
+    code = b"headers_too_large" if line is LONG else b"malformed"
+    assert code in web.say(head(b"/api/robots/", b"X-CSRFToken: x", line))
+    if line is LONG:  # the token, which a form has in its body, is missing
+        assert code in web.say(head(b"/stop-all/", line))
