@@ -60,7 +60,8 @@ class Scene:
         sweep = Sweep(ranges, -HALF_VIEW, INCREMENT, 0.05, 25.0)
         sensor = Pose(*placed(np.array([SENSOR[:2]]), self.told)[0].tolist(), self.told.yaw)
         self.points = placed(sweep.points(), sensor)
-        self.movers.observe(self.points, sweep, sensor, self.now_s, frame)
+        points = self.points
+        self.movers.observe(lambda: points, sweep, sensor, self.now_s, frame)
 
     def drive(self, velocity):
         """On by 0.1 s; the odometry errs in proportion to the time that passes and the way that is made."""
@@ -267,3 +268,19 @@ def test_from_somebody_who_comes_near_a_standing_robot_it_may_turn_away(seed):
     world.drive(STILL, 1.6)
     world.start, world.walk = (0.72, 0.0), (0.0, 0.0)
     assert world.drive(Velocity(0.0, 0.0, 1.0), 0.5).velocity.w == pytest.approx(1.0)
+
+
+def test_points_are_reckoned_only_when_somebody_asks_what_moves():
+    scene, asked = Scene(), []
+    observe = scene.movers.observe
+
+    def counting(points, *more):
+        observe(lambda: asked.append(1) or points(), *more)
+
+    scene.movers.observe = counting
+    for _ in range(8):
+        scene.scan()
+        scene.drive(STILL)
+    assert not asked
+    assert not scene.movers.any
+    assert len(asked) <= 2  # the newest scan, and the one that it is compared with

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate.footprint import Disc
 from robots.bridge.gate.planar import placed, seen_from
-from robots.bridge.gate.scan import Sweep, cone_points, has_neighbour, outside_hull
+from robots.bridge.gate.scan import Sweep, cone_points, differences, has_neighbour, outside_hull
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, Feeder, tiago_profile
@@ -21,13 +21,13 @@ NAN, INF = math.nan, math.inf
 
 def test_a_beam_without_a_neighbour_is_noise_and_the_thinnest_leg_is_not():
     alone = np.array([NAN, NAN, NAN, 1.0, NAN, NAN, NAN, NAN])
-    assert not has_neighbour(alone).any()
+    assert not has_neighbour(alone, differences(alone)).any()
     two = np.array([NAN, NAN, 1.0, NAN, 1.05, NAN, NAN, NAN])
-    assert list(np.flatnonzero(has_neighbour(two))) == [2, 4]
+    assert list(np.flatnonzero(has_neighbour(two, differences(two)))) == [2, 4]
     too_far_apart = np.array([NAN, NAN, 1.0, 1.2, NAN, NAN, NAN, NAN])
-    assert not has_neighbour(too_far_apart).any()
+    assert not has_neighbour(too_far_apart, differences(too_far_apart)).any()
     three_beams_away = np.array([NAN, NAN, 1.0, NAN, NAN, 1.0, NAN, NAN])
-    assert not has_neighbour(three_beams_away).any()
+    assert not has_neighbour(three_beams_away, differences(three_beams_away)).any()
 
 
 def test_free_unknown_and_too_near_are_three_things():

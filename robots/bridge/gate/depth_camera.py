@@ -177,6 +177,8 @@ class DepthCamera:
         """Take a laser's scan, and where the laser was (odometry frame): what has feet is gone when they are."""
         self._feet.see(sweep, sensor)
         remembered = self._memory.points(self._clock.now_s)
+        if not len(remembered):
+            return
         is_met = self._spans.is_met(remembered)
         free = is_met | (self._spans.stands(remembered) & ~self._feet.near(remembered))
         below = np.flatnonzero(free)
@@ -260,7 +262,9 @@ class DepthCamera:
         if newest is None:
             return NO_POINTS
         remembered = self._memory.points(self._clock.now_s)
-        if self.is_fresh(now_s) and len(remembered):
+        if not len(remembered):
+            return NO_POINTS
+        if self.is_fresh(now_s):
             remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
         return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
 
@@ -313,32 +317,27 @@ class _Feet:
     """How near the newest scan met something to a place: a rolling grid of cells as wide as a foot."""
 
     def __init__(self) -> None:
-        self._touch, self._near, self._about = np.zeros((3, FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+        self._made: tuple[Flags, Flags, Flags] | None = (
+            None  # when somebody asked for what the newest scan met
+        )
         self._scan: tuple[Sweep, Pose] | None = None
 
     def forget(self) -> None:
         """No scan is known."""
-        self._touch[:] = self._near[:] = self._about[:] = False
-        self._scan = None
+        self._scan = self._made = None
 
     def see(self, sweep: Sweep, sensor: Pose) -> None:
         """A scan came, of a laser that was at `sensor` (odometry frame)."""
-        self._scan = sweep, sensor
-        self._near = np.zeros_like(self._about)
-        self._near[self._cells(placed(sweep.points(), sensor))] = True
-        self._touch = self._near = _widened(self._near)
-        for _ in range(NEAR_CELLS - 1):
-            self._near = _widened(self._near)
-        self._about = _widened(self._near)
+        self._scan, self._made = (sweep, sensor), None
 
     def at(self, points: Points) -> Flags:
         """Whether it met something within 0.1 to 0.2 m of these places."""
-        at: Flags = self._touch[self._cells(points)]
+        at: Flags = self._grids[0][self._cells(points)]
         return at
 
     def near(self, points: Points) -> Flags:
         """Whether it met something within 0.2 to 0.3 m of these places."""
-        near: Flags = self._near[self._cells(points)]
+        near: Flags = self._grids[1][self._cells(points)]
         return near
 
     def none_below(self, points: Points) -> Flags:
@@ -350,8 +349,22 @@ class _Feet:
 
     def about(self, points: Points) -> Flags:
         """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
-        about: Flags = self._about[self._cells(points)]
+        about: Flags = self._grids[2][self._cells(points)]
         return about
+
+    @property
+    def _grids(self) -> tuple[Flags, Flags, Flags]:
+        """The cells that touch what the newest scan met, those near to it, and those about it."""
+        if self._made is None:
+            met = np.zeros((FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+            if self._scan is not None:
+                sweep, sensor = self._scan
+                met[self._cells(placed(sweep.points(), sensor))] = True
+            touch = near = _widened(met)
+            for _ in range(NEAR_CELLS - 1):
+                near = _widened(near)
+            self._made = touch, near, _widened(near)
+        return self._made
 
     def _cells(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         x, y = points.T

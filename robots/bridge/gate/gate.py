@@ -191,11 +191,14 @@ class Gate:
     def _look_for_movers(self, laser: Laser) -> None:
         stamp_s = laser.freshness.stamp_s
         base = None if stamp_s is None else self._trail.pose_at(stamp_s)
-        if stamp_s is not None and base is not None and laser.sweep is not None:
-            measured, sensor = placed(laser.measured, base), put(laser.pose, base)
-            self._movers[laser.name].observe(measured, laser.sweep, sensor, stamp_s, self._trail.resets)
+        sweep = laser.sweep
+        if stamp_s is not None and base is not None and sweep is not None:
+            sensor = put(laser.pose, base)
+            self._movers[laser.name].observe(
+                lambda: placed(laser.measured(sweep), base), sweep, sensor, stamp_s, self._trail.resets
+            )
             if self._depth:
-                self._depth.observe_scan(laser.sweep, sensor)
+                self._depth.observe_scan(sweep, sensor)
 
     def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""
@@ -228,7 +231,7 @@ class Gate:
 
     def prepare(self, now_s: float) -> None:
         """Reckon now what a command would have to wait for: points at the newest pose, and what of them moves."""
-        self.obstacles(now_s)
+        self._cache.newest(now_s)
         self._moves()
 
     def limits(self, now_s: float) -> tuple[Hold, ...]:

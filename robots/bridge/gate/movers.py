@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -38,13 +39,22 @@ SWEEP_S = 0.03  # of a turning robot's scan, the ends are this much younger or o
 Flags = NDArray[np.bool_]
 
 
-class _Look(NamedTuple):
-    """One scan: where the sensor was, and what it hit near by, in the order of its beams."""
+class _Look:
+    """One scan: where the sensor was, and what it hit."""
 
-    stamp_s: float
-    sensor: Pose
-    sweep: Sweep
-    points: Points
+    def __init__(self, stamp_s: float, sensor: Pose, sweep: Sweep, hit: Callable[[], Points]) -> None:
+        self.stamp_s = stamp_s
+        self.sensor = sensor
+        self.sweep = sweep
+        self._hit = hit
+
+    @cached_property
+    def points(self) -> Points:
+        """What it hit near by, in the order of its beams."""
+        points = self._hit()
+        x, y = points.T
+        near = np.flatnonzero(np.hypot(x - self.sensor.x, y - self.sensor.y) < NEAR_M)
+        return points.T[:, near].T
 
 
 class _Mover(NamedTuple):
@@ -81,17 +91,17 @@ class Movers:
             self._found = list(_movers(then, now)) if known else []
         return self._found
 
-    def observe(self, points: Points, sweep: Sweep, sensor: Pose, stamp_s: float, frame: int = 0) -> None:
-        """Take a scan; `points` in the order of its beams, from a sensor that was at `sensor`.
+    def observe(
+        self, points: Callable[[], Points], sweep: Sweep, sensor: Pose, stamp_s: float, frame: int = 0
+    ) -> None:
+        """Take a scan; `points` in the order of its beams, told when asked for, from a sensor that was at `sensor`.
 
         Another `frame` than before says that the odometry has jumped: what was seen before tells nothing then.
         """
         if frame != self._frame or (self._looks and stamp_s <= self._looks[-1].stamp_s):
             self._looks.clear()
             self._frame = frame
-        x, y = points.T
-        near = np.flatnonzero(np.hypot(x - sensor.x, y - sensor.y) < NEAR_M)
-        self._looks.append(_Look(stamp_s, sensor, sweep, points.T[:, near].T))
+        self._looks.append(_Look(stamp_s, sensor, sweep, points))
         while len(self._looks) > 1 and stamp_s - self._looks[1].stamp_s >= LOOK_BACK_S - 1e-3:
             self._looks.popleft()
         self._found = None

@@ -29,14 +29,11 @@ class ObstacleCache:
         self._kinds = tuple(source.kind for source in sources)
         self._parts: list[Points] = [NO_POINTS] * len(sources)
         self._revisions: list[Revisions | None] = [None] * len(sources)
-        self._newest: tuple[Obstacles, Corridors] | None = None
+        self._newest: Obstacles | None = None
+        self._corridors: Corridors | None = None
 
     def obstacles(self, now_s: float) -> Obstacles:
         """All points, base frame of the newest odometry."""
-        return self.newest(now_s)[0]
-
-    def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
-        """All points, base frame of the newest odometry, and the corridors among them."""
         trail_revision = self._trail.revision
         for number, source in enumerate(self._sources):
             revisions = trail_revision, source.revision(now_s)
@@ -48,6 +45,13 @@ class ObstacleCache:
             counts = [len(part) for part in self._parts]
             rows = np.repeat(np.arange(len(counts)), counts)
             points = joined(self._parts)
-            obstacles = Obstacles(points, rows, self._names, self._kinds)
-            self._newest = obstacles, Corridors.among(points)
+            self._newest = Obstacles(points, rows, self._names, self._kinds)
+            self._corridors = None
         return self._newest
+
+    def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
+        """The same, and the corridors among them: who shows a picture needs none."""
+        obstacles = self.obstacles(now_s)
+        if self._corridors is None:
+            self._corridors = Corridors.among(obstacles.points)
+        return obstacles, self._corridors

@@ -106,8 +106,17 @@ class Sweep:
     @cached_property
     def alone(self) -> NDArray[np.bool_]:
         """Beams that hit something where no beam beside them did: noise, as far as one scan tells."""
-        hit = np.isfinite(self.ends)
-        return hit & ~has_neighbour(np.where(hit, self.ends, np.nan))
+        return np.isfinite(self.ends) & ~has_neighbour(self._hits, self._steps)
+
+    @cached_property
+    def _hits(self) -> NDArray[np.float64]:
+        """How far each beam reached that hit something, NaN for the others."""
+        return np.where(np.isfinite(self.ends), self.ends, np.nan)
+
+    @cached_property
+    def _steps(self) -> list[NDArray[np.float64]]:
+        """How much the beams differ."""
+        return differences(self._hits)
 
     def points(self) -> Points:
         """What was hit, in the sensor's frame."""
@@ -119,11 +128,11 @@ class Sweep:
         Of many errors the largest counts: noise narrows every door, and in what is remembered it stays. Who
         compares scan with scan takes `points`: an average over the edge of a thing is where nothing is.
         """
-        hits = np.where(np.isfinite(self.ends), self.ends, np.nan)
+        hits = self._hits
         total, count = hits.copy(), np.ones(len(hits))
-        for beams in range(1, NEIGHBOUR_BEAMS + 1):
+        for beams, steps in enumerate(self._steps, 1):
             low, high = hits[:-beams], hits[beams:]
-            same = np.abs(high - low) < SAME_SURFACE_M
+            same = steps < SAME_SURFACE_M
             total[:-beams] += np.where(same, high, 0.0)
             total[beams:] += np.where(same, low, 0.0)
             count[:-beams] += same
@@ -133,7 +142,8 @@ class Sweep:
     def _at(self, ranges: NDArray[np.float64]) -> Points:
         """Where the beams that hit something end, if they are as long as this."""
         kept, cos, sin = self._rays
-        return from_columns(ranges[kept] * cos, ranges[kept] * sin)
+        ends = ranges.take(kept)
+        return from_columns(ends * cos, ends * sin)
 
     @cached_property
     def _rays(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
@@ -143,18 +153,23 @@ class Sweep:
         return kept, np.cos(angles), np.sin(angles)
 
 
-def has_neighbour(ranges: NDArray[np.float64]) -> NDArray[np.bool_]:
+def differences(hits: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """How much each beam differs from the next one, from the one after that, and so on."""
+    return [np.abs(hits[beams:] - hits[:-beams]) for beams in range(1, NEIGHBOUR_BEAMS + 1)]
+
+
+def has_neighbour(hits: NDArray[np.float64], steps: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
     """Beams with another within two beams and 10 cm of range: noise stands alone, the thinnest leg does not.
 
-    NaN marks no hit. The last beam is a neighbour of the first: so it is on a full circle, and elsewhere it only
-    keeps more.
+    NaN marks no hit, `steps` are the `differences`. The last beam is a neighbour of the first: so it is on a full
+    circle, and elsewhere it only keeps more.
     """
-    kept = np.zeros(len(ranges), dtype=np.bool_)
-    for beams in range(1, NEIGHBOUR_BEAMS + 1):
-        close = np.abs(ranges[beams:] - ranges[:-beams]) < NEIGHBOUR_M
+    kept = np.zeros(len(hits), dtype=np.bool_)
+    for beams, step in enumerate(steps, 1):
+        close = step < NEIGHBOUR_M
         kept[beams:] |= close
         kept[:-beams] |= close
-        around = np.abs(ranges[:beams] - ranges[-beams:]) < NEIGHBOUR_M
+        around = np.abs(hits[:beams] - hits[-beams:]) < NEIGHBOUR_M
         kept[:beams] |= around
         kept[-beams:] |= around
     return kept

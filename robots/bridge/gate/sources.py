@@ -52,7 +52,6 @@ class Laser:
         self.footprint = footprint
         self.sweep: scan.Sweep | None = None  # the newest
         self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
-        self.measured = NO_POINTS  # the same with all their noise
         self._complaint = ""
         self._revision = 0
         self._covered: dict[float, bool] = {}  # the directions of which the newest scan was asked
@@ -72,10 +71,13 @@ class Laser:
         self.sweep = sweep
         self._covered.clear()
         self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
-        self.measured = scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
         self._complaint = ""
         self._revision += 1
         return True
+
+    def measured(self, sweep: scan.Sweep) -> Points:
+        """The points of a scan of this laser as `seen`, but with all their noise."""
+        return scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
 
     def covers(self, direction: float) -> bool:
         """Whether its newest scan looks in a direction of the base frame; one that is half covered may not."""
