@@ -10,7 +10,7 @@ from pathlib import Path
 
 import benchmarks
 from benchmarks.gate import record
-from benchmarks.harness import machine, show
+from benchmarks.harness import machine, progress, show
 from script.stack.processes import Ended, ended_by_signals
 
 
@@ -40,7 +40,8 @@ def main() -> int:
     try:
         with ended_by_signals():
             figures = import_module(f"benchmarks.{module_of(asked.name)}").measure()
-    except Ended:
+    except Ended as ended:
+        progress(f"Ended by {ended} before all was measured: there are no figures.")
         return 130
     return 0 if show(asked.name, figures, facts, as_json=asked.json) else 1
 

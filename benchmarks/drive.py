@@ -23,7 +23,7 @@ from benchmarks.parts.bare import BareRospy
 from benchmarks.parts.chromium import ChromiumPage
 from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
-from benchmarks.parts.priority import prefer_loops
+from benchmarks.parts.priority import prefer_loops_or_say
 from robots.bridge.stick import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
@@ -69,10 +69,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
                 slots = Slots(bare, driver, observer)
                 if "alone" in parts:
                     figures += await slots.compare("ordinary priority", None, None)
-                if not prefer_loops(stack):
-                    progress(
-                        "Nobody may give real-time priority here: the limits are held against ordinary priority."
-                    )
+                prefer_loops_or_say(stack)
                 if "alone" in parts:
                     figures += await slots.compare("Python", P50_TIMES, P99_TIMES)
                 if "viewers" in parts:

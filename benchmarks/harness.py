@@ -79,7 +79,7 @@ def show(name: str, figures: Sequence[Figure], facts: dict[str, str | int], *, a
         day = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
         print(json.dumps({"bench": name, "date": day, "machine": facts, "figures": rows, "holds": holds}))
         return holds
-    width = max(len(figure.name) for figure in figures)
+    width = max((len(figure.name) for figure in figures), default=0)
     print(", ".join(f"{key} {value}" for key, value in facts.items()))
     for figure in figures:
         limit = "" if figure.limit is None else f"<= {figure.limit:g}"

@@ -76,7 +76,8 @@ def main() -> int:
                 return 0 if held else 1
             for what in [asked.what] if asked.what else ROUNDS:
                 soaks[what](asked.rounds or ROUNDS[what], asked.seed)
-    except Ended:
+    except Ended as ended:
+        progress(f"Ended by {ended}.")
         return 130
     except (RuleBrokenError, LostError, StartError, TimeoutError) as error:
         print(f"soak: {error}", file=sys.stderr)

@@ -17,7 +17,7 @@ from benchmarks.parts import proc
 from benchmarks.parts.bare import BareRospy
 from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer
-from benchmarks.parts.priority import prefer_loops
+from benchmarks.parts.priority import prefer_loops_or_say
 from robots import wire
 from script.stack.client import sign_in
 from script.stack.stack import Stack, temporary_stack
@@ -55,7 +55,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
     """Every figure."""
     cookie = await asyncio.to_thread(sign_in, stack, "observer")
     bench = Bench(stack, cookie)
-    prefer_loops(stack)
+    prefer_loops_or_say(stack)
     figures: list[Figure] = []
     async with Observer(stack.robots[ROBOT], "scan") as observer:
         await asyncio.sleep(SETTLED_S)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from benchmarks.harness import progress
 from benchmarks.parts import proc
 from robots.scheduling import REAL_TIME
 from script.stack.stack import Stack
@@ -22,6 +23,12 @@ def prefer_loops(stack: Stack) -> bool:
     except PermissionError:
         return False
     return True
+
+
+def prefer_loops_or_say(stack: Stack) -> None:
+    """The same; where that is not allowed, figures are of ordinary priority, and whoever reads them must know."""
+    if not prefer_loops(stack):
+        progress("Nobody may give real-time priority here: the limits are held against ordinary priority.")
 
 
 def prefer_witness(pid: int) -> None:

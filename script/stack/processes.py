@@ -35,17 +35,17 @@ LAST_WORDS = {"PYTHONFAULTHANDLER": "1"}
 
 
 class Ended(BaseException):
-    """Somebody asked us to end."""
+    """Somebody asked us to end; the text is the signal's name."""
 
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
     """Raise `Ended` in here on the first Ctrl-C, SIGTERM or closed terminal; clean up undisturbed by a second."""
 
-    def end(_number: int, _frame: FrameType | None) -> NoReturn:
+    def end(heard: int, _frame: FrameType | None) -> NoReturn:
         for number in ENDING_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
-        raise Ended
+        raise Ended(signal.Signals(heard).name)
 
     for number in ENDING_SIGNALS:
         signal.signal(number, end)

@@ -36,9 +36,9 @@ try:
     with ended_by_signals():
         for number in sys.argv[1:]:
             os.kill(os.getpid(), int(number))
-except Ended:
+except Ended as ended:
     os.kill(os.getpid(), int(number))
-    print("undisturbed")
+    print(ended, "undisturbed")
 """
 
 
@@ -47,7 +47,10 @@ def test_ctrl_c_and_a_closed_terminal_end_a_command_that_then_cleans_up_undistur
     number: signal.Signals,
 ) -> None:
     command = [sys.executable, "-c", WAITING, str(number.value)]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "undisturbed\n"
+    assert (
+        subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        == f"{number.name} undisturbed\n"
+    )
 
 
 def test_a_child_whose_parent_is_gone_already_does_not_begin() -> None:
