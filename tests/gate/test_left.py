@@ -174,10 +174,18 @@ def test_door_posts_that_slipping_wheels_put_beside_live_ones_are_gone():
         watcher.pose = Pose(float(x), 0.0, 0.0)
         watcher.stand(0.2)
     watcher.boxes = [FLOOR, *(((x + 0.1, *low), (u + 0.1, *high)) for (x, *low), (u, *high) in posts)]
-    before = remembered(watcher)
-    assert (before[:, 0] < 0.35).any()
     watcher.stand(0.5, looks=False)
     assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm before the live ones
+
+
+def test_a_counter_that_stands_back_at_the_floor_stays_though_the_laser_sees_below_it():
+    counter = [((0.6, -0.5, 0.12), (1.2, 0.5, 0.9)), ((0.65, -0.5, 0.0), (1.2, 0.5, 0.12))]
+    watcher = Watcher([FLOOR, *counter])
+    for x in np.arange(-1.0, 0.201, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    watcher.stand(1.0, looks=False)
+    assert watcher.nearest_by("depth, remembered") == pytest.approx(0.4, abs=0.03)
 
 
 def remembered(watcher):

@@ -295,14 +295,20 @@ def _level(height: Floats) -> Levels:
     return level
 
 
-def is_one_thing(columns: Columns) -> NDArray[np.bool_]:
-    """Which columns are tall, and something was seen at each level between their ends."""
+def is_one_thing(columns: Columns, gaps: bool = False) -> NDArray[np.bool_]:
+    """Which columns are tall, and something was seen at each level between their ends.
+
+    With `gaps`, two levels in a row may lack.
+    """
     if columns.levels is None:
         return np.zeros(len(columns.points), dtype=np.bool_)
     lowest, highest = _level(columns.low), _level(columns.high)
     between: Levels = (highest - lowest) | highest  # all levels from the lowest to the highest
     tall = columns.high - columns.low > TALL_M
-    one: NDArray[np.bool_] = tall & (columns.levels & between == between)
+    seen: Levels = columns.levels
+    if gaps:
+        seen = seen | np.left_shift(seen, np.uint16(1)) | np.right_shift(seen, np.uint16(1))
+    one: NDArray[np.bool_] = tall & (seen & between == between)
     return one
 
 

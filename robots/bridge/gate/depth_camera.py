@@ -41,7 +41,7 @@ from robots.bridge.gate.planar import (
 )
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.scan import Sweep, outside_hull
-from robots.bridge.gate.sight import BEHIND_M, sight
+from robots.bridge.gate.sight import BEHIND_M, SAME_M, Past, past, sight
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
@@ -59,8 +59,8 @@ CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it
 FOOT_M = 0.1
 NEAR_CELLS = 2
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
-REACHES_DOWN_M = 0.15  # a column that is seen from here on up stands on the floor
-MET_M = 0.03  # behind such a column, and to either side, the laser must see: less is noise
+MET_M = 0.03  # a laser that sees farther behind a column did not meet it
+MISSES_COUNT = 3  # times as much as meeting it
 HANGS = 3  # sightings without feet; fewer show no more than that the thing moved between scan and picture
 JOINED_M = 0.12  # two columns that are so near are of one thing
 MOVED_M = 0.005  # less is standing
@@ -111,7 +111,8 @@ class DepthCamera:
         self._resets = 0
         self.complaint = ""  # about the newest picture, in words
         self._frames = 0
-        self._known: tuple[int, int, bool] = (0, 0, False)
+        self._scans = 0
+        self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
     # --- what comes in --------------------------------------------------------------------------
@@ -179,21 +180,26 @@ class DepthCamera:
         remembered = self._memory.points(self._clock.now_s)
         if not len(remembered):
             return
-        is_met = self._spans.is_met(remembered)
-        free = is_met | (self._spans.stands(remembered) & ~self._feet.near(remembered))
+        self._scans += 1
+        free = self._spans.stands(remembered) & ~self._feet.near(remembered)
         below = np.flatnonzero(free)
         if len(below):
             x, y = placed(chosen(remembered, below), seen_from(ORIGIN, sensor)).T
             far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
-            wide_m = np.where(is_met[below], MET_M, FOOT_M)
-            behind_m = np.where(is_met[below], MET_M, BEHIND_M)
-            for side in (-1.0, 0.0, 1.0):
-                aside = side * wide_m / far
-                beside = from_columns(x - y * aside, y + x * aside)
-                free[below] &= sight(sweep, beside, behind_m).through
+            for aside_m in (-FOOT_M, 0.0, FOOT_M):
+                beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
+                free[below] &= sight(sweep, beside).through
+        met = np.flatnonzero(self._spans.is_met(remembered))
+        behind = past(sweep, placed(chosen(remembered, met), seen_from(ORIGIN, sensor)))
+        overruled = np.zeros(len(remembered), dtype=np.bool_)
+        overruled[met] = behind.likely > -SAME_M
+        self._spans.overrule(remembered, overruled)
+        free[met] |= behind.surely > MET_M
         gone = self._spans.pass_below(remembered, free)
         if gone.any():
-            self._memory.forget(gone & (is_met | ~self._spans.hold_together(remembered, gone)))
+            held = self._spans.hold_together(remembered, gone)
+            held[met] = False
+            self._memory.forget(gone & ~held)
 
     def _without_robot(self, columns: Columns) -> Columns:
         """Within its body, and a little about it, the camera sees the robot itself."""
@@ -242,7 +248,7 @@ class DepthCamera:
         return 2.0 * room / abs(curvature) if curvature else math.inf
 
     def revision(self, now_s: float) -> int:
-        known = (self._frames, self._memory.revision(self._clock.now_s), self.is_fresh(now_s))
+        known = (self._frames, self._scans, self._memory.revision(self._clock.now_s), self.is_fresh(now_s))
         if known != self._known:
             self._known = known
             self._revision += 1
@@ -264,6 +270,7 @@ class DepthCamera:
         remembered = self._memory.points(self._clock.now_s)
         if not len(remembered):
             return NO_POINTS
+        remembered = chosen(remembered, np.flatnonzero(~self._spans.is_overruled(remembered)))
         if self.is_fresh(now_s):
             remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
         return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
@@ -317,9 +324,7 @@ class _Feet:
     """How near the newest scan met something to a place: a rolling grid of cells as wide as a foot."""
 
     def __init__(self) -> None:
-        self._made: tuple[Flags, Flags, Flags] | None = (
-            None  # when somebody asked for what the newest scan met
-        )
+        self._made: tuple[Flags, Flags] | None = None  # once somebody asked what the newest scan met
         self._scan: tuple[Sweep, Pose] | None = None
 
     def forget(self) -> None:
@@ -330,40 +335,35 @@ class _Feet:
         """A scan came, of a laser that was at `sensor` (odometry frame)."""
         self._scan, self._made = (sweep, sensor), None
 
-    def at(self, points: Points) -> Flags:
-        """Whether it met something within 0.1 to 0.2 m of these places."""
-        at: Flags = self._grids[0][self._cells(points)]
-        return at
-
     def near(self, points: Points) -> Flags:
         """Whether it met something within 0.2 to 0.3 m of these places."""
-        near: Flags = self._grids[1][self._cells(points)]
+        near: Flags = self._grids[0][self._cells(points)]
         return near
 
-    def none_below(self, points: Points) -> Flags:
-        """Whether it saw the floor free at these places."""
+    def past(self, points: Points) -> Past:
+        """How far behind these places it saw."""
         if self._scan is None:
-            return np.zeros(len(points), dtype=np.bool_)
+            nothing = np.full(len(points), -math.inf)
+            return Past(nothing, nothing)
         sweep, sensor = self._scan
-        return sight(sweep, placed(points, seen_from(ORIGIN, sensor))).through
+        return past(sweep, placed(points, seen_from(ORIGIN, sensor)))
 
     def about(self, points: Points) -> Flags:
         """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
-        about: Flags = self._grids[2][self._cells(points)]
+        about: Flags = self._grids[1][self._cells(points)]
         return about
 
     @property
-    def _grids(self) -> tuple[Flags, Flags, Flags]:
-        """The cells that touch what the newest scan met, those near to it, and those about it."""
+    def _grids(self) -> tuple[Flags, Flags]:
+        """The cells near to what the newest scan met, and those about it."""
         if self._made is None:
-            met = np.zeros((FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+            near = np.zeros((FEET_CELLS, FEET_CELLS), dtype=np.bool_)
             if self._scan is not None:
                 sweep, sensor = self._scan
-                met[self._cells(placed(sweep.points(), sensor))] = True
-            touch = near = _widened(met)
-            for _ in range(NEAR_CELLS - 1):
+                near[self._cells(placed(sweep.points(), sensor))] = True
+            for _ in range(NEAR_CELLS):
                 near = _widened(near)
-            self._made = touch, near, _widened(near)
+            self._made = near, _widened(near)
         return self._made
 
     def _cells(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -391,9 +391,8 @@ class _Spans:
         self._memory = memory
         self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
         self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
-        self._footed, self._came, self._met = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
-        self._hung = np.zeros(CELLS * CELLS, dtype=np.int8)
-        self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
+        self._footed, self._came, self._overruled = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
+        self._hung, self._met, self._passes = np.zeros((3, CELLS * CELLS), dtype=np.int8)
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
 
     def note(self, points: Points, shown: Columns, new: Flags) -> None:
@@ -410,24 +409,29 @@ class _Spans:
         """Whether the laser sees feet below these columns, and whether they came by themselves."""
         entries = self._memory.entries(points)
         anew = entries[new]
-        self._footed[anew], self._came[anew], self._met[anew], self._hung[anew] = False, False, False, 0
+        self._footed[anew], self._came[anew], self._hung[anew], self._met[anew] = False, False, 0, 0
+        self._overruled[entries] = False
+        behind = feet.past(points)
         footed = feet.about(points)
         self._footed[entries] |= footed
-        self._met[entries] |= feet.at(points)
-        hung = self._hung[entries] + (~footed & feet.none_below(points))
+        met = self._met[entries] + (behind.likely > -SAME_M) - MISSES_COUNT * (behind.surely > MET_M)
+        self._met[entries] = np.clip(met, -HANGS, HANGS)
+        hung = self._hung[entries] + (~footed & (behind.surely > BEHIND_M))
         self._hung[entries] = np.minimum(hung, HANGS)
         self._came[entries] |= came
         self._passes[entries] = 0
 
     def is_met(self, points: Points) -> Flags:
-        """Which remembered columns the laser met as well: tall ones that reach down to it, as walls and legs do.
+        """Which remembered columns the laser met where the camera saw them: tall ones, such as walls and legs.
 
-        Such a one is where the laser meets it, and nowhere else: the odometry may have moved what is remembered.
+        They are where the laser meets them now: the odometry may have moved what is remembered. What stands back at
+        the floor, as a counter does, or hangs over its feet, is none of them.
         """
         entries = self._memory.entries(points)
-        met = np.flatnonzero(self._met[entries] & (self._low[entries] < REACHES_DOWN_M))
+        met = np.flatnonzero(self._met[entries] > 0)
         is_met = np.zeros(len(points), dtype=np.bool_)
-        is_met[met] = is_one_thing(self.columns(chosen(points, met), chosen(points, met)))
+        there = chosen(points, met)
+        is_met[met] = is_one_thing(self.columns(there, there), gaps=True)
         return is_met
 
     def stands(self, points: Points) -> Flags:
@@ -453,6 +457,15 @@ class _Spans:
             held[hanging] = True
         self._hung[entries[held]] = HANGS
         return held
+
+    def overrule(self, points: Points, overruled: Flags) -> None:
+        """A scan tells of these remembered points what there is now."""
+        self._overruled[self._memory.entries(points)] = overruled
+
+    def is_overruled(self, points: Points) -> Flags:
+        """Which of these remembered points the newest scan overrules."""
+        overruled: Flags = self._overruled[self._memory.entries(points)]
+        return overruled
 
     def pass_below(self, points: Points, free: Flags) -> Flags:
         """One scan sees no feet at these; which ones that makes gone."""

@@ -22,19 +22,36 @@ class Sight(NamedTuple):
     through: NDArray[np.bool_]
 
 
-def sight(sweep: Sweep, places: Points, behind_m: float | NDArray[np.float64] = BEHIND_M) -> Sight:
-    """`places` in the sensor's frame; a beam passed through one if it ends more than `behind_m` behind it.
+class Past(NamedTuple):
+    """How far behind each place the nearest three beams end at least, metres: -inf where one of them tells nothing.
+
+    In `surely`, a beam that hit something single counts as any other.
+    """
+
+    surely: NDArray[np.float64]
+    likely: NDArray[np.float64]
+
+
+def sight(sweep: Sweep, places: Points) -> Sight:
+    """`places` in the sensor's frame.
 
     Nothing is said of what is outside the field of view, behind what is hit, or where one of the three nearest
     beams measured nothing. A beam that noise may have shortened or lengthened shows nothing, but three in a row that
     end well behind a place do pass through it.
     """
+    surely, likely = past(sweep, places)
+    through = surely > BEHIND_M
+    return Sight(through | (likely >= -SAME_M), through)
+
+
+def past(sweep: Sweep, places: Points) -> Past:
+    """`places` in the sensor's frame."""
     x, y = places.T
     distances = np.sqrt(x * x + y * y)
     beams = _beams(sweep, np.arctan2(y, x))
-    through = _least_of_three(sweep, sweep.ends)[beams] > distances + behind_m
-    vouched = _least_of_three(sweep, np.where(sweep.alone, -math.inf, sweep.ends))[beams]
-    return Sight(through | (vouched >= distances - SAME_M), through)
+    surely = _least_of_three(sweep, sweep.ends)[beams]
+    likely = _least_of_three(sweep, np.where(sweep.alone, -math.inf, sweep.ends))[beams]
+    return Past(surely - distances, likely - distances)
 
 
 def _beams(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
