@@ -37,9 +37,10 @@ class Corridors(NamedTuple):
         x, y = points.T
         strips = (np.fmin(np.abs(y), 2.0 * STRIPS * STRIP_M) * _PER_M).astype(np.intp)
         np.minimum(strips, STRIPS, out=strips)
-        nearest = np.full((2, STRIPS + 1), np.inf)
-        np.fmin.at(nearest, ((x < 0.0).astype(np.intp), strips), np.abs(x))
-        front, rear = np.minimum.accumulate(nearest, axis=1).tolist()
+        strips += (STRIPS + 1) * (x < 0.0)  # numpy is quick at one index, not at two
+        nearest = np.full(2 * (STRIPS + 1), np.inf)
+        np.fmin.at(nearest, strips, np.abs(x))
+        front, rear = np.minimum.accumulate(nearest.reshape(2, -1), axis=1).tolist()
         return cls(front, rear)
 
     def are_clear(self, box: Box, *, reverse: bool = False) -> bool:

@@ -41,7 +41,7 @@ from robots.bridge.gate.planar import (
 )
 from robots.bridge.gate.posture import Disc
 from robots.bridge.gate.scan import Sweep, outside_hull
-from robots.bridge.gate.sight import BEHIND_M, SAME_M, Past, past, sight
+from robots.bridge.gate.sight import BEHIND_M, SAME_M, Past, past, seen_free
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
@@ -188,7 +188,7 @@ class DepthCamera:
             far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
             for aside_m in (-FOOT_M, 0.0, FOOT_M):
                 beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
-                free[below] &= sight(sweep, beside).through
+                free[below] &= seen_free(sweep, beside)
         met = np.flatnonzero(self._spans.is_met(remembered))
         behind = past(sweep, placed(chosen(remembered, met), seen_from(ORIGIN, sensor)))
         overruled = np.zeros(len(remembered), dtype=np.bool_)

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from, wrapped
+from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, chosen, placed, seen_from, wrapped
 from robots.bridge.gate.scan import Sweep
-from robots.bridge.gate.sight import sight
+from robots.bridge.gate.sight import seen_free, sight
 from robots.bridge.gate.values import Pose
 
 MOVER = "mover"
@@ -171,10 +171,14 @@ def _seen_through(observer: _Look, other: _Look, places: Points) -> Flags:
     passed_s = abs(other.stamp_s - observer.stamp_s)
     turned = abs(wrapped(other.sensor.yaw - observer.sensor.yaw))
     tolerance = TOLERANCE_RAD + SWEEP_S * turned / passed_s
-    through = np.ones(len(places), dtype=np.bool_)
-    for aside in (-tolerance, 0.0, tolerance):
+    rows = np.arange(
+        len(places)
+    )  # of what every look so far went through: of what stands, the first leaves little
+    for aside in (0.0, -tolerance, tolerance):
         sensor = observer.sensor._replace(yaw=observer.sensor.yaw + aside)
-        through &= sight(observer.sweep, _seen_by(sensor, places)).through
+        rows = rows[seen_free(observer.sweep, _seen_by(sensor, chosen(places, rows)))]
+    through = np.zeros(len(places), dtype=np.bool_)
+    through[rows] = True
     return through
 
 

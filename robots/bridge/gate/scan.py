@@ -118,6 +118,24 @@ class Sweep:
         """How much the beams differ."""
         return differences(self._hits)
 
+    @cached_property
+    def least_ends(self) -> NDArray[np.float64]:
+        """The shortest `ends` of each beam and its two neighbours, and one more that stands for what is out of view."""
+        return self._least_of_three(self.ends)
+
+    @cached_property
+    def least_sure_ends(self) -> NDArray[np.float64]:
+        """The same, where beams that hit something `alone` reached nowhere."""
+        return self._least_of_three(np.where(self.alone, -math.inf, self.ends))
+
+    def _least_of_three(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        least = np.full(len(ends) + 1, -math.inf)
+        np.minimum(np.minimum(ends[:-2], ends[1:-1]), ends[2:], out=least[1:-2])
+        if self.is_full_circle:
+            least[0] = min(ends[-1], ends[0], ends[1])
+            least[-2] = min(ends[-2], ends[-1], ends[0])
+        return least
+
     def points(self) -> Points:
         """What was hit, in the sensor's frame."""
         return self._at(self.ends)

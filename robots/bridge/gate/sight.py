@@ -46,12 +46,21 @@ def sight(sweep: Sweep, places: Points) -> Sight:
 
 def past(sweep: Sweep, places: Points) -> Past:
     """`places` in the sensor's frame."""
+    beams, distances = _looked_at(sweep, places)
+    return Past(sweep.least_ends[beams] - distances, sweep.least_sure_ends[beams] - distances)
+
+
+def seen_free(sweep: Sweep, places: Points) -> NDArray[np.bool_]:
+    """The `through` of `sight`, for less."""
+    beams, distances = _looked_at(sweep, places)
+    free: NDArray[np.bool_] = sweep.least_ends[beams] - distances > BEHIND_M
+    return free
+
+
+def _looked_at(sweep: Sweep, places: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The beam nearest to each of `places`, and how far it is."""
     x, y = places.T
-    distances = np.sqrt(x * x + y * y)
-    beams = _beams(sweep, np.arctan2(y, x))
-    surely = _least_of_three(sweep, sweep.ends)[beams]
-    likely = _least_of_three(sweep, np.where(sweep.alone, -math.inf, sweep.ends))[beams]
-    return Past(surely - distances, likely - distances)
+    return _beams(sweep, np.arctan2(y, x)), np.sqrt(x * x + y * y)
 
 
 def _beams(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -61,13 +70,3 @@ def _beams(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
     turned += math.tau * (turned < 0.0)
     nearest = (turned / abs(sweep.increment) + 0.5).astype(np.intp)
     return nearest % beams if sweep.is_full_circle else np.minimum(nearest, beams)
-
-
-def _least_of_three(sweep: Sweep, ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The shortest of each beam and its two neighbours, and one more that stands for what is out of view."""
-    least = np.full(len(ends) + 1, -math.inf)
-    np.minimum(np.minimum(ends[:-2], ends[1:-1]), ends[2:], out=least[1:-2])
-    if sweep.is_full_circle:
-        least[0] = min(ends[-1], ends[0], ends[1])
-        least[-2] = min(ends[-2], ends[-1], ends[0])
-    return least

@@ -28,7 +28,7 @@ from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, from_columns, placed, put, seen_from
 from robots.bridge.gate.scan import INSIDE_HULL_M, Sweep
-from robots.bridge.gate.sight import sight
+from robots.bridge.gate.sight import seen_free
 from robots.bridge.gate.trail import Trail
 from robots.bridge.gate.values import Kind, Pose, SensorHealth
 
@@ -142,9 +142,7 @@ class SonarMemory:
     def scan(self, sweep: Sweep, laser: Pose, base: Pose) -> None:
         """A scan came; `laser` is its pose on the robot, which was at `base`."""
         if self._table.shape[1]:
-            self.pass_through(
-                sight(sweep, placed(self.places(), seen_from(ORIGIN, put(laser, base)))).through
-            )
+            self.pass_through(seen_free(sweep, placed(self.places(), seen_from(ORIGIN, put(laser, base)))))
 
     def pass_through(self, free: Flags) -> None:
         """A sensor that covers these of `places` looked through them."""
