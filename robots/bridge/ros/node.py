@@ -34,7 +34,7 @@ from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
-from robots.bridge.ros.bounds.listening import speaker
+from robots.bridge.ros.bounds.listening import pause, speaker
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
@@ -66,7 +66,9 @@ JOINED_GAP_S = 5.0  # reading many motions may be 0.2 s of work, and who joins m
 SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
 REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
 SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
-ODOMETRY_WAITS = 10  # messages: the gate pairs scans with those between
+ODOMETRY_WAITS = 20  # messages: the gate pairs scans with those between
+RESTS_S = 0.08  # between reads of odometry, while the robot stands and nobody drives
+RESTS = 0.005  # m/s or rad/s: less is standing
 EVENTS_WAIT = 50  # of one action: goals that ended, words that were said
 MOST_PROBLEMS = 10  # that are told at once
 MOST_LOOKED_UP = 8  # nodes whose address is asked for in one survey
@@ -102,6 +104,7 @@ class RosBase:
         self._watcher = MasterWatcher(self._master, self)
         self._described = False
         self._runs = Runs()
+        self._moves = True  # as the last odometry has it
         self._mail = Mailboxes(self._post, lambda: self._core.hurries, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
@@ -269,6 +272,7 @@ class RosBase:
         )
         # What the network held up comes all at once: what is left out of it is a hole, and memory ends there.
         self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
+        pause(topics.odometry.name, lambda: 0.0 if self._core.hurries or self._moves else RESTS_S)
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
@@ -423,6 +427,7 @@ class RosBase:
     def _on_odometry(self, message: Any) -> None:
         arrival_s, wall_s = time.monotonic(), time.time()
         pose, velocity = planar(message)
+        self._moves = not all(abs(part) < RESTS for part in velocity)
         stamp_s, run = message.header.stamp.to_sec(), self._runs.of(message._connection_header)
         self._mail.post(
             "odometry",

@@ -1,6 +1,6 @@
 """Where the arm is: from joint states by the robot's description, or by the motion that it finished last.
 
-Joint states come fifty times a second on a thread of rospy's; ten times a second the posture is told.
+Joint states come fifty times a second; ten times a second a thread of rospy's reads them, and the posture is told.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from robots.bridge.config import ArmSource, Topic
 from robots.bridge.gate.posture import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
 from robots.bridge.gate.sweep import Motion, swept
+from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.types import message_class
@@ -27,6 +28,7 @@ from robots.bridge.urdf import BadDescription, Tree
 log = logging.getLogger(__name__)
 
 EVERY_S = 0.1
+JOINTS_WAIT = 10  # messages of one publisher: each may tell of other joints
 MOST_JOINTS = 4000  # of which positions are kept
 MOST_LINKS = 80  # of the arm's that are looked at; a hand with five fingers has 40
 MOVED = 0.02  # rad or m: less is noise
@@ -80,7 +82,8 @@ class PostureTopics:
     def subscribe(self, joint_states: Topic, motions: Topic | None) -> list[rospy.Subscriber]:
         """Listen."""
         expect(joint_states.name, "sensor_msgs/JointState")
-        subscribers = [rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._hear, queue_size=1)]
+        pause(joint_states.name, lambda: EVERY_S)
+        subscribers = [rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._hear, queue_size=JOINTS_WAIT)]
         if motions and self._arm.postures:
             kind = motions.type.removesuffix("Action")
             for part, hear in (("goal", self._begun), ("result", self._ended)):
