@@ -29,7 +29,7 @@ def test_in_mid_drive_another_publisher_stops_the_robot_until_the_stick_was_in_t
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion")
-        with ros.listen(ODOMETRY, Odometry) as told, ros.speak(ODOMETRY, Odometry) as base:
+        with ros.listen(ODOMETRY, Odometry) as told, ros.speak(ODOMETRY, Odometry, listeners=2) as base:
             message = told.next()
             message.header.stamp += rospy.Duration.from_sec(0.001)
             base.publish(message)
