@@ -188,6 +188,20 @@ def test_a_counter_that_stands_back_at_the_floor_stays_though_the_laser_sees_bel
     assert watcher.nearest_by("depth, remembered") == pytest.approx(0.4, abs=0.03)
 
 
+@pytest.mark.parametrize(("seconds", "stays"), [(0.3, False), (1.0, True)])
+def test_who_was_there_for_a_moment_only_fades_where_no_sensor_looks(seconds, stays):
+    """Also at standstill: an arm that passed beside the laser held the robot for 5 s after a person had gone."""
+    looker = Looker([FLOOR])
+    looker.stand(1.0)
+    looker.boxes = [FLOOR, ((1.0, -0.2, 0.8), (1.2, 0.2, 1.0))]
+    looker.stand(seconds)
+    looker.to_base = camera(pan=1.2)
+    looker.stand(1.5)
+    assert looker.nearest_by("depth, remembered") == pytest.approx(1.0, abs=0.05)
+    looker.stand(1.0)
+    assert math.isfinite(looker.nearest_by("depth, remembered")) == stays
+
+
 def remembered(watcher):
     """What the camera showed earlier, base frame."""
     known = watcher.gate.obstacles(watcher.now_s)

@@ -27,7 +27,7 @@ from robots.bridge.gate.depth import (
 )
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
-from robots.bridge.gate.memory import CELLS, DEPTH_LAYER, PASSES, Memory
+from robots.bridge.gate.memory import BRIEFLY_S, CELLS, DEPTH_LAYER, PASSES, Memory
 from robots.bridge.gate.near_side import NearSide
 from robots.bridge.gate.planar import (
     NO_POINTS,
@@ -59,6 +59,7 @@ CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it
 FOOT_M = 0.1
 NEAR_CELLS = 2
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
+PASSED_S = 2.0  # so long somebody who walks by is remembered, as by a laser
 MET_M = 0.03  # a laser that sees farther behind a column did not meet it
 MISSES_COUNT = 3  # times as much as meeting it
 HANGS = 3  # sightings without feet; fewer show no more than that the thing moved between scan and picture
@@ -130,7 +131,7 @@ class DepthCamera:
         self._frame = frame
         self._shows_tables = _shows_tables(frame)
         self._frames += 1
-        self._learn(frame, base, self._clock.pass_to(base, arrival_s))
+        self._learn(frame, base, self._clock.pass_to(base, arrival_s), arrival_s)
         if stamp_s - self._looked_s >= LOOK_EVERY_S:
             self._looks.append((frame, base))
             self._looked_s = stamp_s
@@ -144,7 +145,7 @@ class DepthCamera:
         self._memory.clear()
         self._near_side.clear()
 
-    def _learn(self, frame: Frame, base: Pose, moved_s: float) -> None:
+    def _learn(self, frame: Frame, base: Pose, moved_s: float, now_s: float) -> None:
         shown = self._without_robot(frame.columns)
         self._seen = placed(shown.points, base)
         kept = shown.only(self._cannot_be_arm(shown.points))
@@ -153,7 +154,9 @@ class DepthCamera:
         new = ~self._memory.knows(places)
         self._spans.note(places, kept, new)
         self._spans.note_feet(places, new, self._came(kept, new, base), self._feet)
+        self._spans.note_time(places, new, now_s)
         self._memory.see(places, base, moved_s)
+        self._memory.forget(self._spans.have_passed(self._memory.points(moved_s), now_s))
         remembered = self._memory.points(moved_s)
         from_base = placed(remembered, seen_from(ORIGIN, base))
         columns = self._spans.columns(remembered, from_base)
@@ -393,6 +396,7 @@ class _Spans:
         self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
         self._footed, self._came, self._overruled = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
         self._hung, self._met, self._passes = np.zeros((3, CELLS * CELLS), dtype=np.int8)
+        self._first_s, self._last_s = np.zeros((2, CELLS * CELLS))
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
 
     def note(self, points: Points, shown: Columns, new: Flags) -> None:
@@ -433,6 +437,20 @@ class _Spans:
         there = chosen(points, met)
         is_met[met] = is_one_thing(self.columns(there, there), gaps=True)
         return is_met
+
+    def note_time(self, points: Points, new: Flags, now_s: float) -> None:
+        """These columns are seen now."""
+        entries = self._memory.entries(points)
+        self._first_s[entries[new]] = now_s
+        self._last_s[entries] = now_s
+
+    def have_passed(self, points: Points, now_s: float) -> Flags:
+        """Which remembered columns came by themselves, were there for a moment, and have not been seen for a while."""
+        entries = self._memory.entries(points)
+        last_s = self._last_s[entries]
+        briefly = last_s - self._first_s[entries] < BRIEFLY_S
+        passed: Flags = self._came[entries] & briefly & (now_s - last_s > PASSED_S)
+        return passed
 
     def stands(self, points: Points) -> Flags:
         """Which remembered points have feet: of what came by itself they were seen, of all else always."""
