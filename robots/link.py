@@ -53,6 +53,7 @@ _ANSWER_TIMEOUT_S = 1.0
 _ORDER_TIMEOUT_S = 5.0  # the page gives up long before
 _QUESTION_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its inspector starts, and says so
 _ORDERS, _QUESTIONS = 64, 32  # under way at once, of all pages together
+SILENT_S = 2.0  # a bridge reports its state twice a second
 _BESIDE_S = 0.3  # a link that did not answer a stop by then may be dead
 _ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
 _NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
@@ -123,6 +124,7 @@ class BridgeLink:
         self.seen_at: float | None = None  # when the robot itself was last heard, in seconds since 1970
         self.offers: wire.Offers | None = None
         self.pending: wire.PendingStop | None = None  # the newest stop that waits
+        self._heard_s = 0.0  # of the monotonic clock: the last state
         self.highest_fence = 0
         self._open: ClientConnection | None = None
         self._socket: ClientConnection | None = (
@@ -184,6 +186,11 @@ class BridgeLink:
             self._topics = dict(topics)
             if self._telling is None:
                 self._tell_looks_soon()
+
+    @property
+    def silent(self) -> bool:
+        """Up, and without news for so long that the state is no longer the truth: the bridge is frozen, or cut off."""
+        return self.up and time.monotonic() - self._heard_s > SILENT_S
 
     # --- what is sent --------------------------------------------------------------------------------
 
@@ -516,7 +523,7 @@ class BridgeLink:
             self._viewer.on_seen(seen.topic, bytes(seen.shown).decode())
 
     def _tell_state(self, state: State) -> None:
-        self.state = state
+        self.state, self._heard_s = state, time.monotonic()
         if state.unseen_s is not None:
             self.seen_at = time.time() - state.unseen_s
         for listener in list(self._listeners):

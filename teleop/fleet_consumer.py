@@ -35,6 +35,9 @@ RIGHTS_S = 2.0
 CALM_S = 1.0  # between two pictures when nothing of note changed
 BUSY_S = 0.1  # and when it did
 
+_SILENT = Refusal(
+    "bridge_silent", "The robot’s bridge says nothing: it is held up, or its computer is.", "robot"
+)
 _UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
 _NONE = Refusal("no_such_robot", "There is no robot in service that you may stop.", "account")
 
@@ -169,10 +172,10 @@ class FleetConsumer(MessageSocket):
 
     def _card(self, slug: str) -> FleetCard:
         link, robot = self._links[slug], self._robots[slug]
-        refusal = None if link.up else robot.refusal or link.refusal
-        return FleetCard(
-            link.state if link.up else None, refusal, link.seen_at, robot.may_clear, link.pending
-        )
+        known = link.up and not link.silent
+        refusal = None if known else robot.refusal or link.refusal or _SILENT
+        state = link.state if known else None
+        return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending)
 
     def _note(self) -> None:
         if self._drawn and self._of_note() != self._noted:
@@ -181,7 +184,12 @@ class FleetConsumer(MessageSocket):
     def _of_note(self) -> list[object]:
         """What people want to see at once when it changes."""
         return [
-            (link.up, link.pending, state and (state.phase, state.holder, state.stop, state.verdict.code))
+            (
+                link.up,
+                link.silent,
+                link.pending,
+                state and (state.phase, state.holder, state.stop, state.verdict.code),
+            )
             for link in self._links.values()
             for state in (link.state,)
         ]

@@ -40,6 +40,7 @@ QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then th
 ODOMETRY_ONLINE_S = 1.0
 PRESSES_KNOWN = 1000  # the newest; a press that is delivered twice comes twice within seconds
 AT_ONCE_S = 0.05
+PRESS_KEPT_S = 60.0  # a press that a watchdog heard longer ago may be of another run of this computer
 REACHED_S = 1.0  # after joining the master: whoever listens to cancels is connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -127,7 +128,9 @@ class Core:
         self._passed = STILL  # what of it reached the gate
         self._sent = STILL
         self._publish_until_s = float("-inf")
-        self._stop_pressed_s: float | None = None
+        self._stop_latched_s: float | None = None  # None: before this process began
+        self._stop_pressed_s: float | None = None  # and when somebody pressed it; None: not known
+        self._stop_press: UUID | None = None  # the first one of this stop
         self._presses: deque[UUID] = deque(maxlen=PRESSES_KNOWN)  # that need not stop again
         self._cancelling = left.latched  # everybody's goals, again and again
         self._cancelled_s = float("-inf")
@@ -215,7 +218,8 @@ class Core:
         if is_first:
             stands = self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
             stop = StopState("stopping", number=stop.number, was_standing=stands)
-            self._stop_pressed_s = now_s
+            self._stop_latched_s = self._stop_pressed_s = now_s
+            self._stop_press = press
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self.halt("stopped", "the robot was stopped", now_s)
         self._cancelling = True
@@ -228,12 +232,27 @@ class Core:
                 holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
             )
 
-    def stopped_elsewhere(self, by: str, reason: str, press: UUID | None, now_s: float) -> None:
-        """The watchdog holds a stop: one that it heard, or (`press` None) one that an earlier bridge had latched."""
+    def stopped_elsewhere(
+        self, by: str, reason: str, press: UUID | None, now_s: float, pressed_s: float | None = None
+    ) -> None:
+        """The watchdog holds a stop: one that it heard, or (`press` None) one that an earlier bridge had latched.
+
+        It heard it at `pressed_s`: this process may have been held up since, or begun only now.
+        """
         stop = self.stop_state
         if press is None and stop.state != "clear" and (stop.by or "", stop.reason) == (by, reason):
             return  # the state file told of it as well
         self.stop(by, reason, now_s, press)
+        if press == self._stop_press and self._stop_pressed_s is not None:
+            self._pressed_at(pressed_s if pressed_s and 0.0 <= now_s - pressed_s < PRESS_KEPT_S else None)
+
+    def _pressed_at(self, pressed_s: float | None) -> None:
+        """The present stop was pressed then, and not when this process heard of it. None: nobody knows when."""
+        heard_s, self._stop_pressed_s = self._stop_pressed_s, pressed_s
+        took_ms = self.stop_state.standstill_ms
+        if took_ms is not None and heard_s is not None:
+            took_ms = None if pressed_s is None else took_ms + round((heard_s - pressed_s) * 1000)
+            self.stop_state = structs.replace(self.stop_state, standstill_ms=took_ms)
 
     def know(self, presses: Sequence[UUID]) -> None:
         """These presses need not stop the robot any more."""
@@ -250,7 +269,7 @@ class Core:
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
         self.know(presses)
-        self._stop_pressed_s = None
+        self._stop_latched_s = self._stop_pressed_s = self._stop_press = None
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
         self._verdict = _IDLE
@@ -621,10 +640,10 @@ class Core:
 
     def _see_standstill(self, still: bool | None, seen_s: float) -> None:
         """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""
-        pressed_s = self._stop_pressed_s  # None: before this process began
+        latched_s, pressed_s = self._stop_latched_s, self._stop_pressed_s
         if still is False:
             self.stop_state = structs.replace(self.stop_state, was_standing=False)
-        elif still and (pressed_s is None or seen_s > pressed_s):
+        elif still and (latched_s is None or seen_s > latched_s):
             took_ms = None
             if pressed_s is not None and not self.stop_state.was_standing:
                 took_ms = round((seen_s - pressed_s) * 1000)

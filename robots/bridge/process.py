@@ -193,7 +193,7 @@ class Bridge:
 
     def _pressed(self, press: Press) -> None:
         """A stop that the watchdog heard. It is the watchdog's until it is on disk."""
-        self._core.stopped_elsewhere(press.by, press.reason, press.press, time.monotonic())
+        self._core.stopped_elsewhere(press.by, press.reason, press.press, time.monotonic(), press.at_s)
         loop = asyncio.get_running_loop()
 
         def written(_saved: Future[None]) -> None:

@@ -359,8 +359,8 @@ class ControlPage {
     if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
       return;
     if (isErrand(of)) return this.#errands.refused(of, refusal);
-    const level = of === "stop" ? "error" : "warning";
-    this.#tell(level, `${of} ${refusal.code}`, refusal.text);
+    if (of === "stop") this.#tell("error", "stop", refusal.text);
+    else this.#tell("warning", `${of} ${refusal.code}`, refusal.text);
   }
 
   // --- the robot -------------------------------------------------------------------------------

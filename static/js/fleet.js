@@ -30,7 +30,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     const unknown = unknownText(seenByConsole);
     return {
       level: "fail",
-      status: gettext("No link"),
+      status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
       why: refusal?.text ?? "",
       driver: "–",
       battery: "–",
@@ -107,6 +107,7 @@ export class FleetPage {
         answered: (sinceMs) =>
           this.#heardMs > sinceMs &&
           Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
+        arrived: () => this.#words.say(gettext("Stopped.")),
         say: (text) => this.#words.say(text),
         fail: (text, robots) => this.#failed(text, robots),
       }),

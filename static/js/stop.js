@@ -16,6 +16,7 @@ export class StopButton {
   #answered;
   #say;
   #fail;
+  #arrived;
   #timer = null; // of the newest press: when its answer is late
   #pressedMs = -Infinity;
   #listening = new AbortController();
@@ -25,17 +26,19 @@ export class StopButton {
    * @param {object} ways
    * @param {() => boolean} ways.send over the socket; false if no answer can be expected there
    * @param {(sinceMs: number) => boolean} ways.answered whether the robot's side has reported a stop since
+   * @param {() => void} [ways.arrived] the robot's side has reported it, where nothing else shows that
    * @param {(text: string) => void} ways.say that it is on its way, and that it arrived
    * @param {(text: string, robots?: object) => void} ways.fail that it did not arrive, or not yet, and what to do;
    *   what each robot's bridge answered, by slug, if the server said so
    */
-  constructor(form, { send, answered, say, fail }) {
+  constructor(form, { send, answered, arrived = () => {}, say, fail }) {
     this.#form = form;
     this.#button = form.querySelector("button");
     this.#send = send;
     this.#answered = answered;
     this.#say = say;
     this.#fail = fail;
+    this.#arrived = arrived;
     const { signal } = this.#listening;
     this.#button.addEventListener("pointerdown", () => this.press(), { signal });
     form.addEventListener("submit", (event) => this.#submitted(event), { signal });
@@ -48,7 +51,8 @@ export class StopButton {
     clearTimeout(this.#timer);
     if (this.#send()) {
       this.#say(gettext("Stop sent, waiting for the robot"));
-      this.#timer = setTimeout(() => this.#answered(sinceMs) || this.#post(), ANSWER_MS);
+      const look = () => (this.#answered(sinceMs) ? this.#arrived() : this.#post());
+      this.#timer = setTimeout(look, ANSWER_MS);
     } else {
       this.#post();
     }

@@ -1,6 +1,7 @@
 """The chain as the bridge enforces it: lease, dead-man, stop, neutral stick, audit."""
 
 import itertools
+from uuid import uuid4
 
 import msgspec
 import pytest
@@ -285,6 +286,32 @@ def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):
     bench.pass_time(0.1)
     assert bench.core.stop_state.state == "stopped"
     assert bench.core.stop_state.standstill_ms == pytest.approx(250, abs=60)
+
+
+def test_the_time_to_standstill_begins_when_the_watchdog_heard_the_press(bench):
+    """Whichever way the press comes first to a bridge that was frozen for two seconds."""
+    bench.granted().driving()
+    bench.odometry(FORWARD)
+    pressed_s, press = bench.now_s - 2.0, uuid4()
+    for _ in range(2):
+        bench.core.stop("Bob", "", bench.now_s, press)
+    bench.pass_time(0.05)
+    bench.core.stopped_elsewhere("Bob", "", press, bench.now_s, pressed_s)
+    bench.odometry(STILL)
+    bench.pass_time(0.05)
+    took_ms = bench.core.stop_state.standstill_ms
+    assert took_ms == pytest.approx(2100, abs=110)
+    bench.core.stopped_elsewhere("Bob", "", press, bench.now_s, pressed_s - 1.0)  # told late, too
+    assert bench.core.stop_state.standstill_ms == took_ms + 1000
+
+
+def test_a_stop_of_another_time_has_no_time_to_standstill(bench):
+    bench.granted().driving()
+    bench.odometry(FORWARD)
+    bench.core.stopped_elsewhere("Bob", "", None, bench.now_s)
+    bench.odometry(STILL)
+    bench.pass_time(0.1)
+    assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
 
 
 def test_a_robot_that_stood_already_has_no_time_to_standstill(bench):

@@ -66,9 +66,13 @@ describe("the stop button", () => {
   });
 
   it("is content when the robot's side has answered", () => {
+    ways.arrived = vi.fn();
+    stop.close();
+    stop = new StopButton(form, ways);
     press();
     vi.advanceTimersByTime(5000);
     expect(fetch).not.toHaveBeenCalled();
+    expect(ways.arrived).toHaveBeenCalledTimes(1);
   });
 
   it("asks whether a stop was reported since this press", () => {

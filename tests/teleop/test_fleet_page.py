@@ -9,6 +9,7 @@ import pytest
 import pytest_asyncio
 
 from fleet.audit.models import Record
+from robots import link as robots_link
 from robots import wire
 from robots.models import Robot, RobotRole
 from teleop import fleet_consumer
@@ -62,6 +63,17 @@ async def test_a_card_shows_the_state_or_why_it_is_not_known(open_fleet, robot, 
     robots = await shows(page, lambda robots: robots[robot.slug]["state"])
     assert robots[robot.slug]["state"]["phase"] == "online"
     assert robots[other_robot.slug]["refusal"]["code"] == "bridge_down"
+
+
+async def test_a_card_of_a_bridge_that_says_nothing_more_is_unknown(open_fleet, robot, bridge, monkeypatch):
+    """It is frozen: what it said last is no longer the truth."""
+    page = await open_fleet("observer")
+    await shows(page, lambda robots: robots[robot.slug]["state"])
+    monkeypatch.setattr(robots_link, "SILENT_S", 0.2)
+    silent = (await shows(page, lambda robots: not robots[robot.slug]["state"]))[robot.slug]
+    assert silent["refusal"]["code"] == "bridge_silent"
+    bridge.say(wire.Status(IDLE))
+    await shows(page, lambda robots: robots[robot.slug]["state"])
 
 
 async def test_a_disabled_robot_is_said_to_be(open_fleet, robot, bridge):

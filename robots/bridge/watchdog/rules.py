@@ -33,6 +33,7 @@ class Press(Struct, frozen=True, tag_field="t", tag="press"):
     by: str
     reason: str = ""
     press: UUID | None = None  # as in `wire.LinkStop`
+    at_s: float | None = None  # of this computer's monotonic clock: when it was heard
 
 
 class Rules:
@@ -63,10 +64,10 @@ class Rules:
         """The drive topic that the bridge used last; empty: none was told."""
         return self._beat.drive
 
-    def press(self, by: str, reason: str, press: UUID | None = None) -> Press:
+    def press(self, by: str, reason: str, press: UUID | None = None, at_s: float | None = None) -> Press:
         """Somebody stops the robot. Returns what the bridge must be told."""
         self._number += 1
-        self._own = Press(self._number, by, reason, press)
+        self._own = Press(self._number, by, reason, press, at_s)
         return self._own
 
     def bridge_came(self, now_s: float) -> None:
