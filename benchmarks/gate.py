@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -18,10 +20,13 @@ from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.drives import DriveLog
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.obstacle_cache import ObstacleCache
 from robots.bridge.gate.posture import Disc
+from robots.bridge.gate.restraint import is_still
 from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pose, Velocity, Verdict
 from robots.bridge.head import Aim
 from robots.bridge.orders import Swept
+from robots.bridge.recording import replay
 from robots.bridge.records import Records
 from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, TakenMap
 from robots.bridge.speech import Utterance
@@ -42,7 +47,8 @@ STICKS = (Velocity(1.0, 0.0, 0.0), Velocity(0.8, 0.0, 1.2), Velocity(1.0, 0.0, -
 def measure() -> list[Figure]:
     """Decisions at 50 Hz with new odometry before each, roll-out and all: p50 and p99 of the computing time.
 
-    Not of the time that passes: what other processes take is not the gate's cost.
+    Not of the time that passes: what other processes take is not the gate's cost. In the bridge the points are carried
+    when odometry comes, so a command waits for less: `of which after the command`.
     """
     figures = []
     for hull, outline, limit_us in (("disc", None, 300.0), ("polygon", BOX, 300.0)):
@@ -53,10 +59,16 @@ def measure() -> list[Figure]:
         ):
             name = f"{hull}, {points} points {where}"
             progress(name)
-            spent_us = _decisions(_Clutter(outline, points, nearest_m, farthest_m))
+            spent = _decisions(outline, points, nearest_m, farthest_m)
+            whole_us, command_us = [cost.whole_us for cost in spent], [cost.command_us for cost in spent]
             half_us = limit_us if points == 700 else 800.0
-            figures.append(Figure(f"{name}: p50", quantile(spent_us, 0.5), "us", half_us))
-            figures.append(Figure(f"{name}: p99", quantile(spent_us, 0.99), "us", 1000.0))
+            figures.append(Figure(f"{name}: p50", quantile(whole_us, 0.5), "us", half_us))
+            figures.append(Figure(f"{name}: p99", quantile(whole_us, 0.99), "us", 1000.0))
+            figures.append(
+                Figure(f"{name}: of which after the command: p50", quantile(command_us, 0.5), "us")
+            )
+    progress("with memory and without")
+    figures += _beside_no_memory()
     progress("drive path in a room")
     with_gate_us, without_us = _drive_path()
     added_us = quantile(with_gate_us, 0.5) - quantile(without_us, 0.5)
@@ -122,20 +134,81 @@ def moved(turn: int) -> Pose:
     return Pose(1e-5 * (turn % 100), 0.0, 0.0)
 
 
-def _decisions(clutter: _Clutter) -> list[float]:
-    """Microseconds of each decision, none of them cut short; the base does what is sent 0.1 s later."""
-    spent_us = []
+class Cost(NamedTuple):
+    """Of one decision: with all that new odometry asks for before it, and what a command waits for."""
+
+    whole_us: float
+    command_us: float
+
+
+class _TimedGate(Gate):
+    """Takes note of what its decisions cost, those apart that ask for nothing."""
+
+    def __init__(self, profile: GateProfile) -> None:
+        super().__init__(profile)
+        self.spent: list[Cost] = []
+
+    def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
+        began_s = time.thread_time()
+        self.prepare(now_s)
+        prepared_s = time.thread_time()
+        verdict = super().decide(asked, sent, now_s)
+        decided_s = time.thread_time()
+        if not is_still(asked):
+            self.spent.append(Cost(1e6 * (decided_s - began_s), 1e6 * (decided_s - prepared_s)))
+        return verdict
+
+
+class _GateWithoutMemory(_TimedGate):
+    """Decides by what its sensors show now."""
+
+    def __init__(self, profile: GateProfile) -> None:
+        super().__init__(profile)
+        self._sources = self._sensors
+        self._cache = ObstacleCache(self._sources, self._trail)
+
+
+def _decisions(outline: Outline | None, points: int, nearest_m: float, farthest_m: float) -> list[Cost]:
+    """What each decision costs, none of them cut short; the base does what is sent 0.1 s later."""
+    clutter = _Clutter(outline, points, nearest_m, farthest_m, _TimedGate)
+    gate = cast(_TimedGate, clutter.gate)
     on_its_way = deque([STILL] * 5)
     for turn in range(DECISIONS):
         stick, now_s = STICKS[turn // HELD % len(STICKS)], 1.0 + turn / 50.0
         clutter.observe(turn, now_s, on_its_way.popleft())
-        before = time.thread_time()
-        verdict = clutter.gate.decide(stick, on_its_way[-1], now_s)
-        spent_us.append(1e6 * (time.thread_time() - before))
+        verdict = gate.decide(stick, on_its_way[-1], now_s)
         on_its_way.append(verdict.velocity)
         if verdict.neutral:
             raise RuntimeError(f"the gate saw nothing to decide upon: {verdict.text}")
-    return spent_us
+    return gate.spent
+
+
+def _beside_no_memory() -> list[Figure]:
+    """A minute of any stick in clutter with laser, sonars and pictures: with memory, times the same without."""
+    with tempfile.TemporaryDirectory(prefix="bench-gate-") as folder:
+        path = Path(folder) / "minute"
+        recorded(loop_of(clutter.build(SEED), "gate", SEED), path)
+        spent: dict[type[_TimedGate], list[Cost]] = {}
+
+        def gate_of(kind: type[_TimedGate]) -> Callable[[GateProfile], Gate]:
+            def make(profile: GateProfile) -> Gate:
+                gate = kind(profile)
+                spent[kind] = gate.spent
+                return gate
+
+            return make
+
+        kinds = _TimedGate, _GateWithoutMemory
+        for _ in zip(
+            *(replay(path, gate_of(kind)) for kind in kinds), strict=True
+        ):  # decision by decision in turn
+            pass
+    figures = []
+    for name, number in (("a decision in clutter", 0), ("of which after the command", 1)):
+        remembers_us, forgets_us = (quantile([cost[number] for cost in spent[kind]], 0.5) for kind in kinds)
+        figures.append(Figure(f"{name}, with memory: p50", remembers_us, "us"))
+        figures.append(Figure(f"{name}, with memory / without: p50", remembers_us / forgets_us, "times", 1.5))
+    return figures
 
 
 class _OpenGate(Gate):

@@ -113,6 +113,7 @@ class DepthCamera:
         self.complaint = ""  # about the newest picture, in words
         self._frames = 0
         self._scans = 0
+        self._unseen: tuple[int, Points] = (-1, NO_POINTS)  # for which revision, and in the odometry frame
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
@@ -270,12 +271,17 @@ class DepthCamera:
         newest = trail.newest
         if newest is None:
             return NO_POINTS
-        remembered = self._memory.points(self._clock.now_s)
+        revision = self.revision(now_s)
+        if self._unseen[0] != revision:  # a new pose alone does not change it
+            remembered = self._memory.points(self._clock.now_s)
+            if len(remembered):
+                remembered = chosen(remembered, np.flatnonzero(~self._spans.is_overruled(remembered)))
+            if self.is_fresh(now_s) and len(remembered):
+                remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
+            self._unseen = revision, remembered
+        remembered = self._unseen[1]
         if not len(remembered):
             return NO_POINTS
-        remembered = chosen(remembered, np.flatnonzero(~self._spans.is_overruled(remembered)))
-        if self.is_fresh(now_s):
-            remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
         return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:

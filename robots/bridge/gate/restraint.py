@@ -68,6 +68,8 @@ class Surroundings(NamedTuple):
 
     def only(self, rows: Rows) -> Surroundings:
         """Those of some points."""
+        if len(rows) == len(self.points):
+            return self
         return self._replace(
             points=chosen(self.points, rows), gaps=self.gaps.take(rows), growth=self.growth_of(rows)
         )
@@ -98,7 +100,8 @@ def restrain(
     near = _within_reach(points, arcs, footprint, profile)
     if not len(near):
         return Restraint(wanted)
-    points = chosen(points, near)
+    if len(near) < len(points):
+        points = chosen(points, near)
     gaps = footprint.gaps(points)
     growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
     way = arc.way(wanted)
@@ -139,28 +142,20 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
 
 def _first_whole(candidates: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
     """The first of these twists that is safe as it is."""
-    courses = _courses(candidates, surroundings)
-    whole = [
-        twist
-        for twist in candidates
-        if all(
+    passed: Rows | None = None  # of the first that brakes in time: all are equally fast
+    for twist in candidates:
+        course = arc.course(surroundings.points, surroundings.way, twist)
+        in_time = all(
             _braked_before(contact, twist, surroundings.profile) > _WHOLE
-            for contact in _contacts(courses[twist], surroundings)
+            for contact in _contacts(course, surroundings)
         )
-    ]
-    if not whole:
-        return None
-    passed = _passed(whole[0], surroundings, 1.0)
-    if not len(passed):
-        return whole[0]
-    return next(
-        (
-            twist
-            for twist in whole
-            if _passing_share(twist, courses[twist], passed, surroundings, 1.0).share > _WHOLE
-        ),
-        None,
-    )
+        if not in_time:
+            continue
+        if passed is None:
+            passed = _passed(twist, surroundings, 1.0)
+        if not len(passed) or _passing_share(twist, course, passed, surroundings, 1.0).share > _WHOLE:
+            return twist
+    return None
 
 
 def _courses(twists: Sequence[Velocity], surroundings: Surroundings) -> dict[Velocity, Course]:
