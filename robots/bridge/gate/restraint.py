@@ -263,7 +263,8 @@ def _within_reach(
     way = arc.speed(widest) * braking.horizon(widest, profile)
     reach = footprint.reach(parameters.lateral_margin_m) + parameters.front_margin_m + way
     x, y = points.T
-    return np.flatnonzero(x * x + y * y < reach**2)
+    within: Rows = (x * x + y * y < reach**2).nonzero()[0]  # flatnonzero costs 3 us more
+    return within
 
 
 def is_still(twist: Velocity) -> bool:
