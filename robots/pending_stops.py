@@ -42,7 +42,7 @@ class Waiting(Struct, frozen=True):
 
     def message(self) -> LinkStop:
         """What is sent."""
-        return LinkStop(self.by, self.reason, robot=self.robot, press=self.press)
+        return LinkStop(self.by, self.reason, robot=self.robot, press=self.press, waited=True)
 
     def told(self) -> PendingStop:
         """What people are told of it."""

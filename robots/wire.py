@@ -922,6 +922,9 @@ class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_default
     seq: Seq = 0
     robot: UUID | None = None
     press: UUID | None = None
+    waited: bool = (
+        False  # it was pending: since when the robot should stand, the one who hears it does not know
+    )
 
 
 class LinkLate(Struct, frozen=True, tag_field="t", tag="link_late"):

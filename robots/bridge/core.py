@@ -204,7 +204,9 @@ class Core:
         drive = Drive(order.fence, order.seq, order.sent_ms, stick.x, stick.w, stick.y, share=1.0)
         return self._twists.take(drive, now_s) or self._decide(now_s)
 
-    def stop(self, by: str, reason: str, now_s: float, press: UUID | None = None) -> None:
+    def stop(
+        self, by: str, reason: str, now_s: float, press: UUID | None = None, *, waited: bool = False
+    ) -> None:
         """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is one of its own.
 
         A press that arrives again, by another way or late, changes nothing: it may have been cleared meanwhile.
@@ -218,7 +220,8 @@ class Core:
         if is_first:
             stands = self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
             stop = StopState("stopping", number=stop.number, was_standing=stands)
-            self._stop_latched_s = self._stop_pressed_s = now_s
+            self._stop_latched_s = now_s
+            self._stop_pressed_s = None if waited else now_s
             self._stop_press = press
         self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
         self.halt("stopped", "the robot was stopped", now_s)

@@ -154,7 +154,7 @@ class Reception:
         if stop.robot is not None and stop.robot != self._robot:
             link.report(wire.Refused(_STOP, OTHER_ROBOT, stop.seq))
             return
-        self._core.stop(stop.by, stop.reason, now_s, stop.press)
+        self._core.stop(stop.by, stop.reason, now_s, stop.press, waited=stop.waited)
         self._latch_changed(link, stop.seq, stop.press)
 
     def _latch_changed(self, link: Link, seq: int, press: UUID | None = None) -> None:

@@ -359,7 +359,7 @@ class ControlPage {
     if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
       return;
     if (isErrand(of)) return this.#errands.refused(of, refusal);
-    if (of === "stop") this.#tell("error", "stop", refusal.text);
+    if (of === "stop") this.#stopButton.refused(refusal.text);
     else this.#tell("warning", `${of} ${refusal.code}`, refusal.text);
   }
 

@@ -17,6 +17,7 @@ export class StopButton {
   #say;
   #fail;
   #arrived;
+  #posting = 0; // by the form's address, and not answered yet
   #timer = null; // of the newest press: when its answer is late
   #pressedMs = -Infinity;
   #listening = new AbortController();
@@ -58,6 +59,11 @@ export class StopButton {
     }
   }
 
+  /** The socket's way says that it did not arrive, or not yet: the form's way has the word while it is tried. */
+  refused(text) {
+    if (!this.#posting) this.#fail(text);
+  }
+
   close() {
     clearTimeout(this.#timer);
     this.#timer = null;
@@ -74,6 +80,7 @@ export class StopButton {
   /** Waits as long as it takes: a stop under way is never withdrawn, only told to be late. */
   async #post() {
     this.#say(gettext("Sending the stop"));
+    this.#posting += 1;
     const late = setTimeout(() => this.#fail(noAnswer()), PATIENCE_MS);
     this.#timer = late;
     const failed = (...told) => this.#timer === late && this.#fail(...told); // a newer press has the word
@@ -90,6 +97,7 @@ export class StopButton {
     } catch {
       failed(noWay());
     } finally {
+      this.#posting -= 1;
       clearTimeout(late);
     }
   }

@@ -314,6 +314,17 @@ def test_a_stop_of_another_time_has_no_time_to_standstill(bench):
     assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
 
 
+def test_a_stop_that_was_pending_has_no_time_to_standstill(bench):
+    bench.granted().driving()
+    bench.odometry(FORWARD)
+    press = uuid4()
+    bench.core.stop("Bob", "", bench.now_s, press, waited=True)
+    bench.core.stopped_elsewhere("Bob", "", press, bench.now_s)  # its other way
+    bench.odometry(STILL)
+    bench.pass_time(0.1)
+    assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
+
+
 def test_a_robot_that_stood_already_has_no_time_to_standstill(bench):
     bench.pass_time(0.1)
     bench.core.stop("Bob", "", bench.now_s)

@@ -75,6 +75,21 @@ describe("the stop button", () => {
     expect(ways.arrived).toHaveBeenCalledTimes(1);
   });
 
+  it("tells once that a stop is pending, though both ways say so", async () => {
+    const pending = { ok: true, status: 202, json: async () => ({ text: "Pending." }) };
+    ways.answered.mockReturnValue(false);
+    let answered;
+    vi.stubGlobal("fetch", () => new Promise((resolve) => (answered = resolve)));
+    press();
+    vi.advanceTimersByTime(400);
+    stop.refused("The stop is pending.");
+    answered(pending);
+    await settle();
+    expect(ways.fail.mock.calls.map(([text]) => text)).toEqual(["Pending."]);
+    stop.refused("The stop is pending."); // of a press that only the socket took
+    expect(ways.fail).toHaveBeenCalledTimes(2);
+  });
+
   it("asks whether a stop was reported since this press", () => {
     press();
     const pressedMs = performance.now();

@@ -106,7 +106,7 @@ class Watchdog:
         if stop.robot is not None and stop.robot != self._config.robot_id:
             self._lane.send(connection, wire.encode(Refused("link_stop", _OTHER, stop.seq)))
             return
-        press = self._rules.press(stop.by, stop.reason, stop.press, now_s)
+        press = self._rules.press(stop.by, stop.reason, stop.press, None if stop.waited else now_s)
         self._zero_s = self._cancelled_s = float("-inf")  # both are due
         self._unanswered.append((connection, stop))
         if self._bridge is not None:
