@@ -98,7 +98,7 @@ function stopBanner(state) {
  * @param {number} now.sinceViewMs age of that state
  * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
  *   nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, info
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, watchdog, info
  */
 export function banner({
   outdated,
@@ -162,13 +162,10 @@ export function banner({
     };
   }
   if (state.watchdog_missing) {
-    const todo = gettext(
-      "Keep the red button in reach and tell staff: the console’s log says why.",
-    );
     return {
-      level: "console",
-      title: gettext("This robot’s watchdog is missing"),
-      text: `${watchdogText(state)} ${todo}`,
+      level: "watchdog",
+      title: gettext("No watchdog: keep the red button in reach"),
+      text: `${watchdogText(state)} ${gettext("Tell staff: the console’s log says why.")}`,
     };
   }
   return null;

@@ -46,9 +46,9 @@ describe("the banner", () => {
   it("says that the watchdog is missing, and what to do, below all that is worse", () => {
     const state = { ...ONLINE, watchdog_missing: true };
     expect(banner({ ...WELL, state })).toMatchObject({
-      level: "console",
-      title: "This robot’s watchdog is missing",
-      text: expect.stringContaining("Keep the red button in reach and tell staff"),
+      level: "watchdog",
+      title: "No watchdog: keep the red button in reach",
+      text: expect.stringContaining("A stop depends on the robot’s bridge alone"),
     });
     const stop = { ...CLEAR, state: "stopped", by: "Bo" };
     expect(banner({ ...WELL, state: { ...state, stop } }).title).toBe("Stopped by Bo");
