@@ -20,6 +20,7 @@ from robots.bridge.gate.memory import (
     PASSES,
     Layer,
     Memory,
+    grown,
 )
 from robots.bridge.gate.scan import Sweep
 from robots.bridge.gate.sight import sight
@@ -95,6 +96,39 @@ def test_of_what_is_near_the_robot_only_the_way_driven_forgets():
     away = Pose(-0.5, 0.0, 0.0)
     memory.follow(away, 120.0)
     assert len(memory.points(119.0 + DEPTH_LAYER.shortest_life_s + 0.1)) == 0
+
+
+def test_what_is_near_is_remembered_for_twice_the_way():
+    memory = Memory(DEPTH_LAYER)
+    memory.see(np.array([[0.8, 0.0], [1.5, 0.0]]), HERE, 0.0)
+    for step in range(110):  # 11 m, to and fro
+        memory.follow(Pose(0.1 * ((step + 1) % 2), 0.0, 0.0), 0.0)
+        assert len(memory.points(0.0)) == (2 if step < 60 else 1)
+    for step in range(15):
+        memory.follow(Pose(0.1 * ((step + 1) % 2), 0.0, 0.0), 0.0)
+    assert len(memory.points(0.0)) == 0
+
+
+def test_doubt_grows_with_the_way_and_with_turns_and_not_while_the_odometry_trembles():
+    memory = Memory(DEPTH_LAYER)
+    memory.see(SPOT, HERE, 0.0)
+    for step in range(1000):
+        memory.follow(Pose(0.002 * (step % 2), 0.0, 0.004 * (step % 2)), 0.0)
+    np.testing.assert_array_equal(memory.doubts_m(), [0.0])
+    memory.follow(Pose(0.5, 0.0, 0.0), 0.0)
+    np.testing.assert_array_equal(memory.doubts_m(), [0.0])  # what passes beside the hull
+    memory.follow(Pose(1.0, 0.0, 0.0), 0.0)
+    np.testing.assert_allclose(memory.doubts_m(), [0.015])
+    memory.follow(Pose(1.0, 0.0, 2.0), 0.0)
+    np.testing.assert_allclose(memory.doubts_m(), [0.045])
+    memory.see(SPOT, Pose(1.0, 0.0, 2.0), 0.0)
+    np.testing.assert_array_equal(memory.doubts_m(), [0.0])
+
+
+def test_doubt_brings_a_point_nearer_but_not_to_the_hull():
+    points = np.array([[1.0, 0.0], [0.0, -0.33], [-0.28, 0.0]])
+    nearer = grown(points, np.full(3, 0.05), Disc(0.27))
+    np.testing.assert_allclose(nearer, [[0.95, 0.0], [0.0, -0.30], [-0.28, 0.0]])
 
 
 def test_a_cell_keeps_the_mean_of_what_was_seen_in_it_not_where_noise_had_it_last():

@@ -27,7 +27,7 @@ from robots.bridge.gate.depth import (
 )
 from robots.bridge.gate.footprint import Footprint
 from robots.bridge.gate.health import DEPTH_STALE_S, Freshness
-from robots.bridge.gate.memory import BRIEFLY_S, CELLS, DEPTH_LAYER, PASSES, Memory
+from robots.bridge.gate.memory import BRIEFLY_S, CELLS, DEPTH_LAYER, PASSES, Memory, grown
 from robots.bridge.gate.near_side import NearSide
 from robots.bridge.gate.planar import (
     NO_POINTS,
@@ -113,7 +113,8 @@ class DepthCamera:
         self.complaint = ""  # about the newest picture, in words
         self._frames = 0
         self._scans = 0
-        self._unseen: tuple[int, Points] = (-1, NO_POINTS)  # for which revision, and in the odometry frame
+        # for which revision, in the odometry frame, and how far off each may be
+        self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
@@ -274,15 +275,17 @@ class DepthCamera:
         revision = self.revision(now_s)
         if self._unseen[0] != revision:  # a new pose alone does not change it
             remembered = self._memory.points(self._clock.now_s)
-            if len(remembered):
-                remembered = chosen(remembered, np.flatnonzero(~self._spans.is_overruled(remembered)))
+            counts = ~self._spans.is_overruled(remembered)
             if self.is_fresh(now_s) and len(remembered):
-                remembered = remembered.T[:, ~self._spans.share_cells(remembered, self._seen)].T
-            self._unseen = revision, remembered
-        remembered = self._unseen[1]
+                counts &= ~self._spans.share_cells(remembered, self._seen)
+            doubts_m = np.where(self._spans.hangs(remembered), self._memory.doubts_m(), 0.0)
+            kept = np.flatnonzero(counts)
+            self._unseen = revision, chosen(remembered, kept), doubts_m[kept]
+        _, remembered, doubts_m = self._unseen
         if not len(remembered):
             return NO_POINTS
-        return outside_hull(placed(remembered, seen_from(ORIGIN, newest)), self.footprint)
+        points = placed(remembered, seen_from(ORIGIN, newest))
+        return outside_hull(grown(points, doubts_m, self.footprint), self.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)
@@ -481,6 +484,11 @@ class _Spans:
             held[hanging] = True
         self._hung[entries[held]] = HANGS
         return held
+
+    def hangs(self, points: Points) -> Flags:
+        """Which remembered columns no laser will ever put right: those below which it saw nothing far and wide."""
+        hangs: Flags = self._hung[self._memory.entries(points)] == HANGS
+        return hangs
 
     def overrule(self, points: Points, overruled: Flags) -> None:
         """A scan tells of these remembered points what there is now."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from robots.bridge.gate.memory import LASER_LAYER, Memory
-from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, placed, seen_from
+import numpy as np
+
+from robots.bridge.gate.memory import LASER_LAYER, Memory, grown
+from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, chosen, placed, seen_from
 from robots.bridge.gate.scan import outside_hull
 from robots.bridge.gate.sight import sight
 from robots.bridge.gate.sources import Laser, carried
@@ -42,7 +44,10 @@ class LaserMemory:
         origin = seen_from(ORIGIN, base)
         remembered = self._memory.points(now_s)
         told = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
-        unseen = placed(remembered.T[:, ~told.vouched].T, origin)
+        kept = np.flatnonzero(~told.vouched)
+        unseen = grown(
+            placed(chosen(remembered, kept), origin), self._memory.doubts_m()[kept], self._laser.footprint
+        )
         self._points, self._stamp_s = outside_hull(unseen, self._laser.footprint), stamp_s
         self._memory.pass_through(told.through)
         self._revision += 1

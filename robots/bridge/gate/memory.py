@@ -1,8 +1,9 @@
 """What was seen and cannot be seen now (GATE.md, method 7): points in the odometry frame, forgotten in time.
 
-Two clocks of forgetting: seconds since a point was last seen, and metres travelled since, because the odometry
-drifts with them. Points that were watched for long live long; what was seen in passing (a ghost, a person who
-walks by) lives for the shortest life. Evidence of free space forgets at once.
+Two clocks of forgetting: seconds since a point was last seen, and the way since, because the odometry drifts with it:
+metres, and turns as so many metres more. Until then a point comes nearer by what the odometry may be off. Points that
+were watched for long live long; what was seen in passing (a ghost, a person who walks by) lives for the shortest life.
+Evidence of free space forgets at once.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.planar import Points, from_columns
+from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.planar import Points, from_columns, wrapped
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
@@ -21,6 +23,13 @@ PASSES = 2  # observations that see free space where a point is remembered, unti
 GAP_S = 0.2  # a cell that was not seen for longer was not watched meanwhile
 BRIEFLY_S = 0.6  # watched no longer than this is seen in passing: shortest life
 LONG_S = 2.0  # watched for this long: longest life
+STANDS_M = 0.005  # an odometry that trembles goes no way
+TURN_M = 0.5  # of way, for each radian turned
+SURE_M = 0.5  # of way after which the odometry is not off yet: what passes out of view beside the hull
+DOUBT_SHARE = 0.03  # of all way more
+MOST_DOUBT_M = 0.10
+KEEP_OFF_M = 0.03  # from the hull: doubt brings nothing nearer
+NEAR_LASTS = 2.0  # times as much way as the rest, what is near
 NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
 
 
@@ -33,7 +42,9 @@ class Layer(NamedTuple):
     shortest_life_s: float
     longest_life_s: float
     travel_m: float
-    near_m: float = 0.0  # from the robot's middle: while it is nearer than this, time forgets nothing
+    near_m: float = (
+        0.0  # from the robot's middle: while it is nearer than this, time forgets nothing, and way later
+    )
     cell_m: float = 0.025
 
 
@@ -42,6 +53,16 @@ LASER_LAYER = Layer(2.0, 30.0, 6.0)
 DEPTH_LAYER = Layer(
     20.0, 90.0, 6.0, near_m=1.2
 )  # a table top is out of view for long before the robot is past it
+
+
+def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -> Points:
+    """Points (base frame) as much nearer to the robot as each may be off, though none into its hull."""
+    if not doubts_m.any():
+        return points
+    room_m = np.maximum(footprint.gaps(points) - KEEP_OFF_M, 0.0)
+    x, y = points.T
+    share = 1.0 - np.minimum(doubts_m, room_m) / np.maximum(np.hypot(x, y), KEEP_OFF_M)
+    return from_columns(share * x, share * y)
 
 
 class Memory:
@@ -83,6 +104,12 @@ class Memory:
             self._points = from_columns(self._x[self._cells], self._y[self._cells])
         return self._points
 
+    def doubts_m(self) -> NDArray[np.float64]:
+        """How far off each of `points` may be since it was seen last, metres."""
+        way_m = self._travelled_m + self._layer.travel_m - self._expires_m[self._cells]
+        doubts_m: NDArray[np.float64] = np.clip(DOUBT_SHARE * (way_m - SURE_M), 0.0, MOST_DOUBT_M)
+        return doubts_m
+
     def entries(self, points: Points) -> NDArray[np.intp]:
         """Where in the arrays the cells of these places are; within the memory's reach no two cells share an entry."""
         x, y = points.T
@@ -95,15 +122,18 @@ class Memory:
 
     def follow(self, pose: Pose, now_s: float) -> None:
         """The robot is at `pose` (odometry frame): forget what is too old, too long a way ago, too far away."""
-        if self._robot is not None:
-            self._travelled_m += math.hypot(pose.x - self._robot.x, pose.y - self._robot.y)
-        self._robot = pose
+        there = self._robot or pose
+        way_m = math.hypot(pose.x - there.x, pose.y - there.y) + TURN_M * abs(wrapped(pose.yaw - there.yaw))
+        if self._robot is None or way_m > STANDS_M:
+            self._travelled_m += way_m
+            self._robot = pose
         cells = self._cells
         away = np.maximum(np.abs(self._x[cells] - pose.x), np.abs(self._y[cells] - pose.y))
-        far, near = away > self.reach_m, cells[away < self._layer.near_m]
+        far, is_near = away > self.reach_m, away < self._layer.near_m
+        near = cells[is_near]
         self._expires_s[near] = np.maximum(self._expires_s[near], now_s + self._layer.shortest_life_s)
-        old = (self._expires_s[cells] < now_s) | (self._expires_m[cells] < self._travelled_m)
-        self._forget(far | old)
+        lasts_m = self._expires_m[cells] + is_near * (NEAR_LASTS - 1.0) * self._layer.travel_m
+        self._forget(far | (self._expires_s[cells] < now_s) | (lasts_m < self._travelled_m))
 
     def see(self, points: Points, pose: Pose, now_s: float) -> None:
         """Something is at `points` (odometry frame), seen now by the robot at `pose`.
