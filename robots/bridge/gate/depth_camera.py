@@ -112,7 +112,7 @@ class DepthCamera:
         self._resets = 0
         self.complaint = ""  # about the newest picture, in words
         self._frames = 0
-        self._scans = 0
+        self._scans = 0  # that overruled others than the scan before
         # for which revision, in the odometry frame, and how far off each may be
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
@@ -185,7 +185,6 @@ class DepthCamera:
         remembered = self._memory.points(self._clock.now_s)
         if not len(remembered):
             return
-        self._scans += 1
         free = self._spans.stands(remembered) & ~self._feet.near(remembered)
         below = np.flatnonzero(free)
         if len(below):
@@ -198,7 +197,7 @@ class DepthCamera:
         behind = past(sweep, placed(chosen(remembered, met), seen_from(ORIGIN, sensor)))
         overruled = np.zeros(len(remembered), dtype=np.bool_)
         overruled[met] = behind.likely > -SAME_M
-        self._spans.overrule(remembered, overruled)
+        self._scans += self._spans.overrule(remembered, overruled)
         free[met] |= behind.surely > MET_M
         gone = self._spans.pass_below(remembered, free)
         if gone.any():
@@ -490,9 +489,12 @@ class _Spans:
         hangs: Flags = self._hung[self._memory.entries(points)] == HANGS
         return hangs
 
-    def overrule(self, points: Points, overruled: Flags) -> None:
-        """A scan tells of these remembered points what there is now."""
-        self._overruled[self._memory.entries(points)] = overruled
+    def overrule(self, points: Points, overruled: Flags) -> bool:
+        """A scan tells of these remembered points what there is now; whether others than before are overruled."""
+        entries = self._memory.entries(points)
+        changed = bool((self._overruled[entries] != overruled).any())
+        self._overruled[entries] = overruled
+        return changed
 
     def is_overruled(self, points: Points) -> Flags:
         """Which of these remembered points the newest scan overrules."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.footprint import Footprint
-from robots.bridge.gate.planar import Points, from_columns, wrapped
+from robots.bridge.gate.planar import Points, chosen, from_columns, wrapped
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
@@ -57,12 +57,16 @@ DEPTH_LAYER = Layer(
 
 def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -> Points:
     """Points (base frame) as much nearer to the robot as each may be off, though none into its hull."""
-    if not doubts_m.any():
+    off = np.flatnonzero(doubts_m)
+    if not len(off):
         return points
-    room_m = np.maximum(footprint.gaps(points) - KEEP_OFF_M, 0.0)
-    x, y = points.T
-    share = 1.0 - np.minimum(doubts_m, room_m) / np.maximum(np.hypot(x, y), KEEP_OFF_M)
-    return from_columns(share * x, share * y)
+    some = chosen(points, off)
+    room_m = np.maximum(footprint.gaps(some) - KEEP_OFF_M, 0.0)
+    x, y = points.T.copy()
+    share = 1.0 - np.minimum(doubts_m[off], room_m) / np.maximum(np.hypot(x[off], y[off]), KEEP_OFF_M)
+    x[off] *= share
+    y[off] *= share
+    return from_columns(x, y)
 
 
 class Memory:
