@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from benchmarks.world.loop import PERIOD_S, Moment, Trace
 from benchmarks.world.truth import Truth
-from robots.bridge.gate.values import STILL, Limits, Velocity
+from robots.bridge.gate.values import STILL, Limits, Parameters, Velocity
 
 FREE_M = 2.0  # of free way, in which the asked speed is expected
 FALSE_STOP = 0.3  # below this share of the reachable speed
@@ -18,6 +18,7 @@ LEAST_MPS, LEAST_RADPS = 0.05, 0.3  # of the asked twist
 STANDS_MPS, STANDS_RADPS = 0.02, 0.05
 LEAST_WAY_M = 0.3  # with less to go, nobody is stuck
 EVERY = 4  # of the decisions are judged
+REVERSE_MPS = Parameters().between_sonars_mps  # no stick gets more where sonars alone look
 
 
 class Keeping(NamedTuple):
@@ -55,7 +56,7 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
     """Published against reachable speed, wherever the true way is free.
 
     Reachable is the share of the asked twist that a base with these limits can have been brought to: from what was
-    published before the way became free, at its own accelerations.
+    published before the way became free, at its own accelerations. In reverse it is no more than `REVERSE_MPS`.
     """
     moments: list[Keeping] = []
     reached, was_free = STILL, False
@@ -71,6 +72,8 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
         reachable = min(_share(reached, asked), reached.w / asked.w if asked.w else 1.0)  # the arc is kept
         if not moment.trying or not was_free or reachable < REACHABLE or not _is_worth_judging(asked):
             continue
+        if asked.vx < 0.0:
+            reachable = min(reachable, REVERSE_MPS / -asked.vx)
         share = _share(moment.sent, asked) / reachable
         wide = free_m >= FREE_M
         moments.append(Keeping(int(wide), min(share, 1.0) if wide else 0.0, 1, int(share < FALSE_STOP)))

@@ -84,9 +84,9 @@ def test_what_hangs_above_the_robot_is_not_in_its_way():
     assert Truth(box_at(1.0, 0.0, z=1.3)).free_m(ORIGIN, AHEAD, 3.0) == 3.0
 
 
-def moments(sent_mps: float) -> Trace:
-    """Two seconds of full stick ahead at the origin, with this published."""
-    asked, sent = AHEAD, Velocity(sent_mps, 0.0, 0.0)
+def moments(sent_mps: float, asked: Velocity = AHEAD) -> Trace:
+    """Two seconds of full stick at the origin, with this published."""
+    sent = Velocity(sent_mps, 0.0, 0.0)
     return Trace(
         [Moment(0.05 * n, ORIGIN, Twist(), asked if n else STILL, sent, "", "", 1.0, True) for n in range(41)]
     )
@@ -99,6 +99,13 @@ def test_standing_in_the_open_is_a_false_stop_and_before_a_box_is_none():
     assert in_the_open.lost_percent == 100.0
     assert kept(moments(1.0), Truth(box_at(4.0, 0.0)), limits).lost_percent == pytest.approx(0.0)
     assert kept(moments(0.0), Truth(box_at(0.6, 0.0)), limits).free == 0
+
+
+def test_in_reverse_nothing_is_lost_of_more_than_the_gate_gives_any_stick():
+    limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
+    behind, back = Truth(box_at(-4.0, 0.0)), Velocity(-1.0, 0.0, 0.0)
+    assert kept(moments(-0.1, back), behind, limits).lost_percent == pytest.approx(0.0)
+    assert kept(moments(-0.05, back), behind, limits).lost_percent == pytest.approx(50.0)
 
 
 def test_every_case_leaves_room_where_it_begins():
