@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
@@ -82,24 +83,32 @@ def state(
 def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
     """What is seen, for pictures."""
     obstacles = gate.obstacles(now_s)
+    x, y = obstacles.points.T
+    near = np.flatnonzero(x * x + y * y < VIEW_RADIUS_M**2)
     return wire.Scan(
-        laser_cm=_centimetres(obstacles, {"scan"}),
+        laser_cm=_centimetres(obstacles, near, {"scan"}),
         sonar_cm=[_range_cm(gate, sonar, now_s) for sonar in sonars],
-        depth_cm=_centimetres(obstacles, {"depth"}, DRAWN_GRAIN_CM),
-        remembered_cm=_centimetres(obstacles, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
+        depth_cm=_centimetres(obstacles, near, {"depth"}, DRAWN_GRAIN_CM),
+        remembered_cm=_centimetres(obstacles, near, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
         unseen=[(round(start, 2), round(end, 2)) for start, end in gate.unseen(now_s)],
     )
 
 
-def _centimetres(obstacles: Obstacles, kinds: Collection[Kind], grain: int = 1) -> list[int]:
-    """What sources of these kinds know of, near enough to be drawn: flat, one point for each `grain` centimetres."""
+def _centimetres(
+    obstacles: Obstacles, near: NDArray[np.intp], kinds: Collection[Kind], grain: int = 1
+) -> list[int]:
+    """What sources of these kinds know of, of the rows `near`: flat, one point for each `grain` centimetres."""
     drawn = np.array([kind in kinds for kind in obstacles.kinds], dtype=np.bool_)
-    x, y = obstacles.points.T
-    rows = np.flatnonzero(drawn[obstacles.source] & (x * x + y * y < VIEW_RADIUS_M**2))
+    rows = near[drawn[obstacles.source[near]]]
+    if not len(rows):
+        return []
     places = np.rint(obstacles.points.T.take(rows, axis=1) * (100 / grain)).astype(np.int32)
     if grain > 1:
-        _, kept = np.unique(places[0] * 10_000 + places[1], return_index=True)
-        places = places.take(kept, axis=1) * grain
+        cells = places[0] * 10_000 + places[1]
+        order = cells.argsort(kind="stable")  # half of what np.unique takes for the same
+        ordered = cells[order]
+        first = np.append(True, ordered[1:] != ordered[:-1])
+        places = places.take(order[first], axis=1) * grain
     flat: list[int] = places.T.ravel().tolist()
     return flat
 
