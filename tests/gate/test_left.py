@@ -9,8 +9,8 @@ import pytest
 
 from robots.bridge.gate.depth import Columns, columns_of, seen_through, top_m
 from robots.bridge.gate.planar import from_columns
-from robots.bridge.gate.values import Pose
-from tests.gate.conftest import LASER
+from robots.bridge.gate.values import LaserScan, Pose
+from tests.gate.conftest import LASER, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, VIEW, WALL, Looker, camera, picture
 
 LASER_M = 0.09  # above the floor
@@ -63,12 +63,17 @@ def test_a_cupboard_above_the_picture_stays_when_the_box_below_it_goes():
 # --- what camera and laser tell together -----------------------------------------------------------------
 
 
-class Watcher(Looker):
-    """Its laser sees the same boxes as its camera."""
+REAR = "/scan_rear"
 
-    def __init__(self, boxes):
-        super().__init__(boxes)
+
+class Watcher(Looker):
+    """Its laser sees the same boxes as its camera. A second one at the rear, if it has one, sees nothing."""
+
+    def __init__(self, boxes, rear=False):
+        poses = tiago_profile().scan_poses
+        super().__init__(boxes, scan_poses={**poses, REAR: (-0.2, 0.0, math.pi)} if rear else poses)
         self.to_base = camera(LOOK_AHEAD)
+        self.rear = rear
 
     def scan(self, **changes):
         x, y, _ = self.gate.profile.scan_poses[LASER]
@@ -84,6 +89,20 @@ class Watcher(Looker):
                 met = (enter <= leave) & (enter > 0.0)
                 self.ranges[met] = np.minimum(self.ranges[met], enter[met])
         super().scan(**changes)
+        if self.rear:
+            half = math.radians(60)
+            self.gate.observe_scan(
+                LaserScan(
+                    REAR,
+                    self.stamp_s,
+                    self.now_s,
+                    np.full(121, math.inf),
+                    angle_min=-half,
+                    angle_increment=half / 60,
+                    range_min_m=0.05,
+                    range_max_m=25.0,
+                )
+            )
 
     def held(self):
         return self.decide(0.3).velocity.vx < 0.05
@@ -154,8 +173,9 @@ def test_a_desk_without_legs_is_not_forgotten_with_who_stood_before_it():
     assert watcher.held()
 
 
-def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than_a_second():
-    watcher = Watcher([FLOOR, *person(0.45, 0.05)])
+@pytest.mark.parametrize("rear", [False, True])
+def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than_a_second(rear):
+    watcher = Watcher([FLOOR, *person(0.45, 0.05)], rear)
     for x in np.arange(-1.0, 0.051, 0.05):
         watcher.pose = Pose(float(x), 0.0, 0.0)
         watcher.stand(0.2)
@@ -166,10 +186,11 @@ def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than
     assert not watcher.held()
 
 
-def test_door_posts_that_slipping_wheels_put_beside_live_ones_are_gone():
+@pytest.mark.parametrize("rear", [False, True])
+def test_door_posts_that_slipping_wheels_put_beside_live_ones_are_gone(rear):
     """The wheels slip, so the odometry moves what is remembered nearer than it is; the laser shows where it is."""
     posts = [((0.62, side * 0.35 - 0.1, 0.0), (0.74, side * 0.35 + 0.1, 2.0)) for side in (-1.3, 1.3)]
-    watcher = Watcher([FLOOR, *posts])
+    watcher = Watcher([FLOOR, *posts], rear)
     for x in np.arange(-1.0, 0.301, 0.05):
         watcher.pose = Pose(float(x), 0.0, 0.0)
         watcher.stand(0.2)

@@ -179,9 +179,11 @@ class DepthCamera:
             came[asked] = came_since(then.picture, then.to_base, known._replace(points=places))
         return came
 
-    def observe_scan(self, sweep: Sweep, sensor: Pose) -> None:
-        """Take a laser's scan, and where the laser was (odometry frame): what has feet is gone when they are."""
-        self._feet.see(sweep, sensor)
+    def observe_scan(self, sweep: Sweep, sensor: Pose, laser: int = 0) -> None:
+        """Take the scan of a laser, by its number, and where it was (odometry frame): what has feet is gone when they
+        are. Of what it cannot see, it changes nothing that another laser told.
+        """
+        self._feet.see(sweep, sensor, laser)
         remembered = self._memory.points(self._clock.now_s)
         if not len(remembered):
             return
@@ -194,12 +196,13 @@ class DepthCamera:
                 beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
                 free[below] &= seen_free(sweep, beside)
         met = np.flatnonzero(self._spans.is_met(remembered))
-        behind = past(sweep, placed(chosen(remembered, met), seen_from(ORIGIN, sensor)))
+        behind = past(sweep, placed(remembered, seen_from(ORIGIN, sensor)))
+        tells = behind.likely > -SAME_M
         overruled = np.zeros(len(remembered), dtype=np.bool_)
-        overruled[met] = behind.likely > -SAME_M
-        self._scans += self._spans.overrule(remembered, overruled)
-        free[met] |= behind.surely > MET_M
-        gone = self._spans.pass_below(remembered, free)
+        overruled[met] = tells[met]
+        self._scans += self._spans.overrule(remembered, overruled, laser)
+        free[met] |= behind.surely[met] > MET_M
+        gone = self._spans.pass_below(remembered, free, tells)
         if gone.any():
             held = self._spans.hold_together(remembered, gone)
             held[met] = False
@@ -332,19 +335,20 @@ class _MotionClock:
 
 
 class _Feet:
-    """How near the newest scan met something to a place: a rolling grid of cells as wide as a foot."""
+    """How near the newest scans met something to a place: a rolling grid of cells as wide as a foot."""
 
     def __init__(self) -> None:
-        self._made: tuple[Flags, Flags] | None = None  # once somebody asked what the newest scan met
-        self._scan: tuple[Sweep, Pose] | None = None
+        self._made: tuple[Flags, Flags] | None = None  # once somebody asked what the newest scans met
+        self._scans: dict[int, tuple[Sweep, Pose]] = {}  # the newest of each laser
 
     def forget(self) -> None:
         """No scan is known."""
-        self._scan = self._made = None
+        self._scans.clear()
+        self._made = None
 
-    def see(self, sweep: Sweep, sensor: Pose) -> None:
+    def see(self, sweep: Sweep, sensor: Pose, laser: int) -> None:
         """A scan came, of a laser that was at `sensor` (odometry frame)."""
-        self._scan, self._made = (sweep, sensor), None
+        self._scans[laser], self._made = (sweep, sensor), None
 
     def near(self, points: Points) -> Flags:
         """Whether it met something within 0.2 to 0.3 m of these places."""
@@ -352,12 +356,12 @@ class _Feet:
         return near
 
     def past(self, points: Points) -> Past:
-        """How far behind these places it saw."""
-        if self._scan is None:
-            nothing = np.full(len(points), -math.inf)
-            return Past(nothing, nothing)
-        sweep, sensor = self._scan
-        return past(sweep, placed(points, seen_from(ORIGIN, sensor)))
+        """How far behind these places any laser saw."""
+        surely, likely = np.full((2, len(points)), -math.inf)
+        for sweep, sensor in self._scans.values():
+            one = past(sweep, placed(points, seen_from(ORIGIN, sensor)))
+            surely, likely = np.maximum(surely, one.surely), np.maximum(likely, one.likely)
+        return Past(surely, likely)
 
     def about(self, points: Points) -> Flags:
         """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
@@ -366,11 +370,10 @@ class _Feet:
 
     @property
     def _grids(self) -> tuple[Flags, Flags]:
-        """The cells near to what the newest scan met, and those about it."""
+        """The cells near to what the newest scans met, and those about it."""
         if self._made is None:
             near = np.zeros((FEET_CELLS, FEET_CELLS), dtype=np.bool_)
-            if self._scan is not None:
-                sweep, sensor = self._scan
+            for sweep, sensor in self._scans.values():
                 near[self._cells(placed(sweep.points(), sensor))] = True
             for _ in range(NEAR_CELLS):
                 near = _widened(near)
@@ -402,7 +405,8 @@ class _Spans:
         self._memory = memory
         self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
         self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
-        self._footed, self._came, self._overruled = np.zeros((3, CELLS * CELLS), dtype=np.bool_)
+        self._footed, self._came = np.zeros((2, CELLS * CELLS), dtype=np.bool_)
+        self._overruled = np.zeros(CELLS * CELLS, dtype=np.uint8)  # a bit for each laser
         self._hung, self._met, self._passes = np.zeros((3, CELLS * CELLS), dtype=np.int8)
         self._first_s, self._last_s = np.zeros((2, CELLS * CELLS))
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
@@ -422,7 +426,7 @@ class _Spans:
         entries = self._memory.entries(points)
         anew = entries[new]
         self._footed[anew], self._came[anew], self._hung[anew], self._met[anew] = False, False, 0, 0
-        self._overruled[entries] = False
+        self._overruled[entries] = 0
         behind = feet.past(points)
         footed = feet.about(points)
         self._footed[entries] |= footed
@@ -489,22 +493,24 @@ class _Spans:
         hangs: Flags = self._hung[self._memory.entries(points)] == HANGS
         return hangs
 
-    def overrule(self, points: Points, overruled: Flags) -> bool:
+    def overrule(self, points: Points, overruled: Flags, laser: int) -> bool:
         """A scan tells of these remembered points what there is now; whether others than before are overruled."""
         entries = self._memory.entries(points)
-        changed = bool((self._overruled[entries] != overruled).any())
-        self._overruled[entries] = overruled
-        return changed
+        before, bit = self._overruled[entries], np.uint8(1 << laser % 8)
+        after = np.where(overruled, before | bit, before & ~bit)
+        self._overruled[entries] = after
+        return bool((before != after).any())
 
     def is_overruled(self, points: Points) -> Flags:
-        """Which of these remembered points the newest scan overrules."""
-        overruled: Flags = self._overruled[self._memory.entries(points)]
+        """Which of these remembered points the newest scan of a laser overrules."""
+        overruled: Flags = self._overruled[self._memory.entries(points)] > 0
         return overruled
 
-    def pass_below(self, points: Points, free: Flags) -> Flags:
-        """One scan sees no feet at these; which ones that makes gone."""
+    def pass_below(self, points: Points, free: Flags, tells: Flags) -> Flags:
+        """One scan sees no feet at those that are `free`, of those of which it `tells`; which ones that makes gone."""
         entries = self._memory.entries(points)
-        self._passes[entries] = np.where(free, self._passes[entries] + 1, 0)
+        passes = self._passes[entries]
+        self._passes[entries] = np.where(free, passes + 1, np.where(tells, 0, passes))
         gone: Flags = self._passes[entries] >= PASSES
         return gone
 

@@ -198,7 +198,7 @@ class Gate:
                 lambda: placed(laser.measured(sweep), base), sweep, sensor, stamp_s, self._trail.resets
             )
             if self._depth:
-                self._depth.observe_scan(sweep, sensor)
+                self._depth.observe_scan(sweep, sensor, list(self._lasers).index(laser.name))
 
     def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""
