@@ -3,7 +3,9 @@
 It counts from the moment when nothing is nearer to the hull than half a metre any more. A run in which the robot was
 not held, or touched something before, says nothing of this.
 
-Behind the robot no sensor looks as high as what laser and camera saw of a thing before: there no limit is set.
+Behind the robot no sensor looks as high as what laser and camera saw of a thing before, and a leg that leaves a sonar's
+cone by its rim is heard no more, though it stands there: nothing shows such a place free, so towards it there is no
+limit. Away from it the robot must drive at once: the same cases are played with a stick that goes ahead in the end.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import numpy as np
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world import crossing, objects
-from benchmarks.world.loop import Case, Leaving, Trace
+from benchmarks.world.loop import RELEASED, Case, Driver, Leaving, Seen, Stick, Trace
 from benchmarks.world.play import loop_of, played
 from robots.bridge.gate.planar import wrapped
 
@@ -26,6 +28,8 @@ AWAY_M = 3.0
 AGAIN_S = 1.0
 DRIVES_MPS = 0.1  # or this share of what is asked
 DRIVES_SHARE = 0.3
+HELD_S = 3.0  # after what stands behind began to go, the stick rests; it goes ahead
+RESTS_S = 0.5  # later
 
 
 class Kind(NamedTuple):
@@ -53,6 +57,21 @@ class Left(NamedTuple):
 
     kind: str
     seed: int
+    ahead: bool = False  # the stick, in the end
+
+
+class Ahead:
+    """Holds the stick as another does; rests from some second on, and then goes ahead."""
+
+    def __init__(self, first: Driver, from_s: float, share: float) -> None:
+        self._first = first
+        self._from_s = from_s
+        self._ahead = Stick(1.0, 0.0, share)
+
+    def hold(self, seen: Seen) -> Stick | None:
+        if seen.time_s < self._from_s:
+            return self._first.hold(seen)
+        return RELEASED if seen.time_s < self._from_s + RESTS_S else self._ahead
 
 
 class Outcome(NamedTuple):
@@ -71,7 +90,7 @@ def measure(repeats: int) -> list[Figure]:
     for kind in (CROSSED, *KINDS):
         mine = [(left, end) for left, end in done if left.kind == kind and end.again_s is not None]
         again_s = [end.again_s for _, end in mine if end.again_s is not None]
-        limited = kind == CROSSED or KINDS[kind].cold
+        limited = kind == CROSSED or KINDS[kind].angle == 0
         came_s = [min(seconds, PATIENCE_S) for seconds in again_s]
         figures += [
             Figure(f"{kind}, gone: longest until it drives again, of {len(mine)}", max(came_s, default=math.nan), "s",
@@ -81,22 +100,34 @@ def measure(repeats: int) -> list[Figure]:
                 0.0 if limited else None),
         ]  # fmt: skip
         _name_worst(mine)
-    return figures
+    behind = [
+        Left(kind, seed, ahead=True) for kind in KINDS for seed in range(seeds) if KINDS[kind].angle == 180
+    ]
+    ends = [(left, end) for left, end in played("away", behind, play) if end.again_s is not None]
+    slowest_s = max((end.again_s or 0.0 for _, end in ends), default=math.nan)
+    _name_worst(ends)
+    return [
+        *figures,
+        Figure(f"away from what stood behind, of {len(ends)}: longest until it drives", slowest_s, "s",
+            AGAIN_S if ends else None),
+    ]  # fmt: skip
 
 
 def _name_worst(done: list[tuple[Left, Outcome]]) -> None:
     left, end = max(done, key=lambda pair: pair[1].again_s or 0.0, default=(None, Outcome(0.0)))
     if left is not None and (end.again_s or 0.0) > AGAIN_S:
         progress(
-            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}  # {end.again_s:.1f} s, {end.held_by}'
+            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}{" --ahead" if left.ahead else ""}'
+            f"  # {end.again_s:.1f} s, {end.held_by}"
         )
 
 
 def play(left: Left) -> Outcome:
     """Play one."""
-    case = build(left.kind, left.seed)
+    case = build(left.kind, left.seed, ahead=left.ahead)
     trace = loop_of(case, "gate", left.seed).play()
-    return until_again(trace, case.leaving.since_s if case.leaving else 0.0)
+    since_s = case.leaving.since_s if case.leaving else 0.0
+    return until_again(trace, since_s + (HELD_S + RESTS_S if left.ahead else 0.0))
 
 
 def until_again(trace: Trace, since_s: float) -> Outcome:
@@ -123,7 +154,7 @@ def until_again(trace: Trace, since_s: float) -> Outcome:
     return Outcome(math.inf, held_by) if gone_s < math.inf else Outcome(None)
 
 
-def build(kind: str, seed: int) -> Case:
+def build(kind: str, seed: int, *, ahead: bool = False) -> Case:
     """The case. What stands aside goes aside, or straight away from the robot."""
     if kind == CROSSED:
         case = crossing.build(objects.SHARES[seed % 2], seed)
@@ -135,6 +166,9 @@ def build(kind: str, seed: int) -> Case:
     aside = float(random.choice((-1.0, 0.0, 1.0))) * math.pi / 2.0 + float(random.uniform(-0.2, 0.2))
     heading = wrapped((0.0 if angle == 0 else math.pi) + aside)
     way = (AWAY_M * math.cos(heading), AWAY_M * math.sin(heading))
+    if ahead:
+        first, share = case.driver, objects.SHARES[seed % 2]
+        case = replace(case, driver=lambda random: Ahead(first(random), since_s + HELD_S, share))
     leaving = Leaving(one.name, since_s, one.at, way, float(random.uniform(0.6, 1.2)))
     return replace(
         case, leaving=leaving, longest_s=since_s + PATIENCE_S, at_rest_s=math.inf, tries_s=math.inf
