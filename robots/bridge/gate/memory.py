@@ -116,6 +116,8 @@ class Memory:
 
     def entries(self, points: Points) -> NDArray[np.intp]:
         """Where in the arrays the cells of these places are; within the memory's reach no two cells share an entry."""
+        if points is self._points:  # asked again and again for all that is remembered
+            return self._cells
         x, y = points.T
         column = np.floor(x / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
         row = np.floor(y / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
