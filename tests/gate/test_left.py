@@ -223,6 +223,15 @@ def test_who_was_there_for_a_moment_only_fades_where_no_sensor_looks(seconds, st
     assert math.isfinite(looker.nearest_by("depth, remembered")) == stays
 
 
+def test_a_body_that_leans_over_its_feet_stays_though_the_laser_sees_below_it():
+    watcher = Watcher([FLOOR, *person(0.55, 0.05)])
+    for x in np.arange(-1.0, 0.051, 0.05):
+        watcher.pose = Pose(float(x), 0.0, 0.0)
+        watcher.stand(0.2)
+    watcher.stand(3.0, looks=False)
+    assert watcher.nearest_by("depth, remembered") == pytest.approx(0.46, abs=0.02)  # the feet are at 0.50
+
+
 def remembered(watcher):
     """What the camera showed earlier, base frame."""
     known = watcher.gate.obstacles(watcher.now_s)
