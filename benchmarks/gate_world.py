@@ -1,20 +1,23 @@
 """Whether the gate keeps a simulated robot from everything: physics decides, beside the cone method and nav2's monitor.
 
-Everything runs in one process per core, faster than real time; see `benchmarks.world`. The default takes some four
+Everything runs in one process per core, faster than real time; see `benchmarks.world`. The default takes five to ten
 minutes on two cores. FLEET_BENCH_REPEATS seeds of each case (1; figures.md has 30), FLEET_BENCH_DRAWS runs with drawn
 sensors (160; two of each object, way and start), FLEET_BENCH_METRES of random stick (100), FLEET_BENCH_PARTS names the
-parts to run.
+parts to run. `decision` is `script/bench gate`: what a decision costs.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
+from benchmarks import gate
 from benchmarks.harness import Figure, progress
 from benchmarks.world import clutter, crossing, doors, drawn, faults, late, leaving, objects, parked
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "1"))
-PARTS = {
+PARTS: dict[str, Callable[[int], list[Figure]]] = {
+    "decision": lambda _: gate.measure(),
     "cold": drawn.measure_cold,
     "parked": parked.measure,
     "drawn": drawn.measure_drawn,

@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     close = part.add_parser("parked", help="turns to what it was parked close to, and drives off")
     close.add_argument("thing", choices=list(objects.OBJECTS))
     gone = part.add_parser("leaving", help="what stood in the way goes away")
-    gone.add_argument("kind", choices=[leaving.CROSSED, *leaving.KINDS])
+    gone.add_argument("kind", choices=[leaving.CROSSED, *leaving.KINDS, *leaving.GLANCED])
     gone.add_argument("--ahead", action="store_true", help="in the end the stick goes away from it")
     minute = part.add_parser("clutter", help="a minute of adversarial stick in clutter")
     minute.add_argument(

@@ -6,6 +6,9 @@ not held, or touched something before, says nothing of this.
 Behind the robot no sensor looks as high as what laser and camera saw of a thing before, and a leg that leaves a sonar's
 cone by its rim is heard no more, though it stands there: nothing shows such a place free, so towards it there is no
 limit. Away from it the robot must drive at once: the same cases are played with a stick that goes ahead in the end.
+
+In `GLANCED` the head is turned aside before the thing goes, so that no sensor sees all of the place, until somebody
+presses *Look ahead*: from then on it counts.
 """
 
 from __future__ import annotations
@@ -18,9 +21,10 @@ import numpy as np
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world import crossing, objects
-from benchmarks.world.loop import RELEASED, Case, Driver, Leaving, Seen, Stick, Trace
+from benchmarks.world.loop import RELEASED, Case, Driver, Glance, Leaving, Seen, Stick, Trace
 from benchmarks.world.play import loop_of, played
 from robots.bridge.gate.planar import wrapped
+from robots.simulator.worlds import Chair, Person, Table
 
 GONE_M = 0.5  # from the hull
 PATIENCE_S = 20.0  # after it began to go
@@ -50,6 +54,14 @@ KINDS = {
     "chair seen before, behind": Kind("chair", 180, 20.0, cold=False),
 }
 CROSSED = "person who crossed"
+GLANCED = {
+    "chair pulled away, head aside": Kind("chair", 0, 8.0, cold=True),
+    "desk pulled away, head aside": Kind("desk without legs", 0, 8.0, cold=True),
+    "table pulled away, head aside": Kind("table top", 0, 8.0, cold=True),
+}
+LOOK_AHEAD_S = 5.0  # within which it drives again
+ASIDE_RAD = 1.2
+ASIDE_S, PRESSED_S = 2.0, 8.0  # before the thing begins to go, and after it
 
 
 class Left(NamedTuple):
@@ -84,19 +96,20 @@ class Outcome(NamedTuple):
 def measure(repeats: int) -> list[Figure]:
     """The longest and the median by kind, and how many robots never drove again."""
     seeds = 3 * repeats
-    jobs = [Left(kind, seed) for kind in (CROSSED, *KINDS) for seed in range(seeds)]
+    jobs = [Left(kind, seed) for kind in (CROSSED, *KINDS, *GLANCED) for seed in range(seeds)]
     done = list(played("leaving", jobs, play))
     figures = []
-    for kind in (CROSSED, *KINDS):
+    for kind in (CROSSED, *KINDS, *GLANCED):
         mine = [(left, end) for left, end in done if left.kind == kind and end.again_s is not None]
         again_s = [end.again_s for _, end in mine if end.again_s is not None]
-        limited = kind == CROSSED or KINDS[kind].angle == 0
+        limited = kind == CROSSED or (KINDS | GLANCED)[kind].angle == 0
+        what, most_s = ("Look ahead", LOOK_AHEAD_S) if kind in GLANCED else ("gone", AGAIN_S)
         came_s = [min(seconds, PATIENCE_S) for seconds in again_s]
         figures += [
-            Figure(f"{kind}, gone: longest until it drives again, of {len(mine)}", max(came_s, default=math.nan), "s",
-                AGAIN_S if mine and limited else None),
-            Figure(f"{kind}, gone: p50 until it drives again", quantile(came_s, 0.5), "s"),
-            Figure(f"{kind}, gone: not within {PATIENCE_S:.0f} s", again_s.count(math.inf), "",
+            Figure(f"{kind}, {what}: longest until it drives again, of {len(mine)}", max(came_s, default=math.nan), "s",
+                most_s if mine and limited else None),
+            Figure(f"{kind}, {what}: p50 until it drives again", quantile(came_s, 0.5), "s"),
+            Figure(f"{kind}, {what}: not within {PATIENCE_S:.0f} s", again_s.count(math.inf), "",
                 0.0 if limited else None),
         ]  # fmt: skip
         _name_worst(mine)
@@ -126,7 +139,7 @@ def play(left: Left) -> Outcome:
     """Play one."""
     case = build(left.kind, left.seed, ahead=left.ahead)
     trace = loop_of(case, "gate", left.seed).play()
-    since_s = case.leaving.since_s if case.leaving else 0.0
+    since_s = case.glance.ahead_s if case.glance else case.leaving.since_s if case.leaving else 0.0
     return until_again(trace, since_s + (HELD_S + RESTS_S if left.ahead else 0.0))
 
 
@@ -159,10 +172,11 @@ def build(kind: str, seed: int, *, ahead: bool = False) -> Case:
     if kind == CROSSED:
         case = crossing.build(objects.SHARES[seed % 2], seed)
         return replace(case, longest_s=case.longest_s + PATIENCE_S - 2.5)
-    thing, angle, since_s, cold = KINDS[kind]
+    thing, angle, since_s, cold = (KINDS | GLANCED)[kind]
     case = objects.build(objects.Full("gate", thing, angle, objects.SHARES[seed % 2], seed, cold=cold))
     random = np.random.default_rng([seed, 57])
-    one = case.world.people[0] if case.world.people else case.world.chairs[0]
+    things: list[Person | Chair | Table] = [*case.world.people, *case.world.chairs, *case.world.tables]
+    one = things[0]
     aside = float(random.choice((-1.0, 0.0, 1.0))) * math.pi / 2.0 + float(random.uniform(-0.2, 0.2))
     heading = wrapped((0.0 if angle == 0 else math.pi) + aside)
     way = (AWAY_M * math.cos(heading), AWAY_M * math.sin(heading))
@@ -170,6 +184,9 @@ def build(kind: str, seed: int, *, ahead: bool = False) -> Case:
         first, share = case.driver, objects.SHARES[seed % 2]
         case = replace(case, driver=lambda random: Ahead(first(random), since_s + HELD_S, share))
     leaving = Leaving(one.name, since_s, one.at, way, float(random.uniform(0.6, 1.2)))
+    pan = math.copysign(ASIDE_RAD, float(random.uniform(-1.0, 1.0)))
+    glance = Glance(since_s - ASIDE_S, pan, since_s + PRESSED_S) if kind in GLANCED else None
+    longest_s = (glance.ahead_s if glance else since_s) + PATIENCE_S
     return replace(
-        case, leaving=leaving, longest_s=since_s + PATIENCE_S, at_rest_s=math.inf, tries_s=math.inf
+        case, leaving=leaving, glance=glance, longest_s=longest_s, at_rest_s=math.inf, tries_s=math.inf
     )

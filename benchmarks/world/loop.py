@@ -23,7 +23,8 @@ from robots.bridge.config import HeadSource
 from robots.bridge.gate import values
 from robots.bridge.gate.depth import Transform
 from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
-from robots.bridge.head import FOLLOW_RADPS, Head
+from robots.bridge.head import AHEAD_TAKES_S, FOLLOW_RADPS, Head
+from robots.bridge.ros.frames import TURNING_RADPS
 from robots.simulator.base import Twist, clamp
 from robots.simulator.depth import DepthCamera
 from robots.simulator.faults import Faults
@@ -170,6 +171,14 @@ class Leaving(NamedTuple):
         return self.at[0] + share * self.way[0], self.at[1] + share * self.way[1]
 
 
+class Glance(NamedTuple):
+    """Somebody turns the head aside, and later presses *Look ahead*: seconds since the start, radians."""
+
+    aside_s: float
+    pan: float
+    ahead_s: float
+
+
 @dataclass(frozen=True)
 class Case:
     """One thing to play. It is over `longest_s` after the start, `tries_s` after the first try, or after some rest."""
@@ -184,6 +193,7 @@ class Case:
     ends_on_touch: bool = True
     person_starts_s: float | None = None  # when whoever is in the world begins to walk
     leaving: Leaving | None = None
+    glance: Glance | None = None
 
 
 class Loop:
@@ -233,6 +243,7 @@ class Loop:
         self.looks: list[Look] = []  # of sensors that worked
         self._head = Head(HeadSource("", "", "", LOOKS_DOWN, follows_turn=case.conditions.head_pan is None))
         self._aim = self._pan = case.conditions.head_pan or 0.0
+        self._head_turns = False  # so fast that its pictures are not used
 
     def play(self) -> Trace:
         """To the end."""
@@ -243,7 +254,7 @@ class Loop:
             self._happen(now_s)
             self._walk(now_s)
             self.robot.tick(now_s)
-            self._pan += clamp(self._aim - self._pan, -FOLLOW_RADPS * TICK_S, FOLLOW_RADPS * TICK_S)
+            self._turn_head(now_s)
             self._look(now_s + TICK_S)
             self._measure(now_s + TICK_S, ticks)
             ticks += 1
@@ -270,6 +281,18 @@ class Loop:
                 self.robot.people[leaving.name].place(*place)
             else:
                 self.robot.physics.place_furniture(leaving.name, *place)
+
+    def _turn_head(self, now_s: float) -> None:
+        glance, radps = self.case.glance, FOLLOW_RADPS
+        if glance and glance.aside_s <= now_s - STARTS_S:
+            radps = abs(glance.pan) / AHEAD_TAKES_S
+            if now_s - STARTS_S < glance.ahead_s:
+                self._aim = glance.pan
+            elif now_s - STARTS_S < glance.ahead_s + TICK_S:
+                self._aim = self._head.ahead(now_s).pan
+        turned = clamp(self._aim - self._pan, -radps * TICK_S, radps * TICK_S)
+        self._pan += turned
+        self._head_turns = abs(turned) > TURNING_RADPS * TICK_S
 
     def _look(self, now_s: float) -> None:
         """What the robot touches, and how far it came."""
@@ -301,7 +324,7 @@ class Loop:
             self._tell_scan(stamp_s, now_s)
         if _is_due(ticks - sonars, SONAR_HZ) and not faults.sonar_dead:
             self._tell_sonars(stamp_s, now_s)
-        looks = self.controller.looks and not faults.depth_dead
+        looks = self.controller.looks and not faults.depth_dead and not self._head_turns
         if looks and _is_due(ticks - depths, self._sensors.depth_hz):
             self._tell_depth(stamp_s, now_s)
 

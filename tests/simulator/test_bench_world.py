@@ -304,6 +304,21 @@ def test_a_chair_is_pulled_away():
     assert physics.cast(np.array([0.0, 0.0, 0.2]), np.array([[1.0, 0.0, 0.0]])) == [-1.0]
 
 
+def test_a_head_is_turned_aside_before_a_chair_goes_and_looks_ahead_later():
+    kind = "chair pulled away, head aside"
+    case = leaving.build(kind, 0)
+    glance = case.glance
+    assert glance.aside_s < case.leaving.since_s < glance.ahead_s < case.longest_s
+    loop = loop_of(case, "gate", 0)
+    loop.play()
+    pans = {round(look.time_s, 1): look.told for look in loop.looks if look.sensor == "depth"}
+    aside = [pan for at_s, pan in pans.items() if glance.aside_s + 1.6 < at_s < glance.ahead_s]
+    assert aside == [glance.pan] * len(aside) != []
+    assert all(abs(pan) < 0.31 for at_s, pan in pans.items() if at_s > glance.ahead_s + 1.6)
+    turning = [at_s for at_s in pans if glance.ahead_s + 0.1 < at_s < glance.ahead_s + 1.4]
+    assert not turning  # the bridge takes no pictures of a head that turns so fast
+
+
 def test_random_stick_drives_as_far_back_as_ahead_and_every_second_one_begins_cold():
     random = Restless(np.random.default_rng(1), looks=False)
     sticks = [random.hold(Seen(0.05 * n, ORIGIN)) for n in range(40_000)]
