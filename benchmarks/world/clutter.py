@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -89,6 +90,8 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
     ours = name.startswith("gate")
     if ours:
         _name_worst(done)
+        _name_causes("stuck", sums.stuck_by)
+        _name_causes("false stops", sums.stopped_by)
         figures += [
             Figure(f"{where}: contacts with what was seen or heard", met.known, "", 0.0),
             Figure(f"{where}: contacts with what was seen too late", met.late, ""),
@@ -106,7 +109,15 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
     return [
         *figures,
         Figure(f"{where}: false stops", sums.false_stop_percent, "%", 1.0 if ours else None),
-        Figure(f"{where}: speed lost with 2 m free", sums.lost_percent, "%", 10.0 if ours else None),
+        Figure(
+            f"{where}: speed lost with 2 m free ahead", sums.lost_ahead_percent, "%", 10.0 if ours else None
+        ),
+        Figure(
+            f"{where}: of 0.1 m/s lost with 2 m free behind",
+            sums.lost_back_percent,
+            "%",
+            10.0 if ours else None,
+        ),
     ]
 
 
@@ -120,6 +131,12 @@ def _name_worst(done: list[tuple[Minute, Outcome]]) -> None:
     for contact, minute in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
         drawn = " --drawn" if minute.drawn else ""
         progress(f"python -m benchmarks.world clutter {minute.seed}{drawn} --quiet  # {contact}")
+
+
+def _name_causes(title: str, causes: Counter[str]) -> None:
+    """Say what held the robot, most often first."""
+    for cause, times in causes.most_common(WORST):
+        progress(f"{title}: {100.0 * times / causes.total():3.0f} % {cause}")
 
 
 def play(minute: Minute) -> Outcome:

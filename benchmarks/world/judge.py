@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import operator
+import re
+from collections import Counter
 from collections.abc import Iterable
+from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,15 +30,29 @@ class Keeping(NamedTuple):
 
     wide: int = 0  # moments with `FREE_M` free
     wide_share: float = 0.0  # sum of published / reachable in them
+    back: int = 0  # of them, those in reverse, and their share of the sum
+    back_share: float = 0.0
     free: int = 0  # moments in which the way to stop in is free
     false_stops: int = 0
     tried: int = 0  # moments in which the stick asked for something
     stuck: int = 0  # of them, the robot stood and was held though there was a free way, or only a turn
+    stopped_by: Counter[str] = Counter()  # causes of the false stops, by what the gate said
+    stuck_by: Counter[str] = Counter()
 
     @property
     def lost_percent(self) -> float:
         """Of the reachable speed, in the wide."""
         return 100.0 * (1.0 - self.wide_share / self.wide) if self.wide else math.nan
+
+    @property
+    def lost_ahead_percent(self) -> float:
+        """The same forward and turning."""
+        return Keeping(self.wide - self.back, self.wide_share - self.back_share).lost_percent
+
+    @property
+    def lost_back_percent(self) -> float:
+        """The same in reverse."""
+        return Keeping(self.back, self.back_share).lost_percent
 
     @property
     def false_stop_percent(self) -> float:
@@ -49,7 +67,7 @@ class Keeping(NamedTuple):
 
 def together(parts: Iterable[Keeping]) -> Keeping:
     """The sums of all."""
-    return Keeping(*(sum(column) for column in zip(Keeping(), *parts, strict=True)))
+    return Keeping(*(reduce(operator.add, column) for column in zip(Keeping(), *parts, strict=True)))
 
 
 def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
@@ -63,7 +81,8 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
     for number, (before, moment) in enumerate(pairwise(trace.moments)):
         asked = moment.asked
         if number % EVERY == 0 and moment.trying and _is_worth_judging(asked):
-            moments.append(Keeping(tried=1, stuck=int(is_stuck(moment, truth, limits))))
+            stuck = is_stuck(moment, truth, limits)
+            moments.append(Keeping(tried=1, stuck=int(stuck), stuck_by=_causes(moment, stuck)))
         reached = _stepped(reached if was_free else before.sent, asked, limits)
         if number % EVERY and was_free:
             continue
@@ -75,8 +94,13 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
         if asked.vx < 0.0:
             reachable = min(reachable, REVERSE_MPS / -asked.vx)
         share = _share(moment.sent, asked) / reachable
-        wide = free_m >= FREE_M
-        moments.append(Keeping(int(wide), min(share, 1.0) if wide else 0.0, 1, int(share < FALSE_STOP)))
+        stopped = share < FALSE_STOP
+        one = Keeping(free=1, false_stops=int(stopped), stopped_by=_causes(moment, stopped))
+        if free_m >= FREE_M:
+            one = one._replace(wide=1, wide_share=min(share, 1.0))
+        if free_m >= FREE_M and asked.vx < 0.0:
+            one = one._replace(back=1, back_share=min(share, 1.0))
+        moments.append(one)
     return together(moments)
 
 
@@ -90,6 +114,15 @@ def is_stuck(moment: Moment, truth: Truth, limits: Limits) -> bool:
         return True
     needed_m = max(_needed_m(asked, limits), LEAST_WAY_M)
     return truth.free_m(moment.pose, asked, FREE_M, from_near=True) >= needed_m
+
+
+def _causes(moment: Moment, counts: bool) -> Counter[str]:
+    """What the gate said held it, without figures, and which way the stick was; nothing if the moment is none."""
+    if not counts:
+        return Counter()
+    said = re.sub(r", [\d.]+ m .*| \(.*\)|[\d.]+ ", "", moment.text.partition(": ")[2] or moment.text)
+    way = "reverse" if moment.asked.vx < 0.0 else "forward" if moment.asked.vx > 0.0 else "turn"
+    return Counter([f"{way}: {said or 'nothing said'}"])
 
 
 def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:

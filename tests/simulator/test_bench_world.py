@@ -80,6 +80,26 @@ def test_an_arc_meets_what_a_line_passes():
     assert truth.free_m(ORIGIN, Velocity(1.0, 0.0, 1.0), 3.0) < 1.4
 
 
+def test_reverse_is_judged_by_its_own_limit_and_apart_and_what_held_is_told():
+    limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
+    text = "stopped (0.2 m/s asked): sonar, remembered, 0.1 m behind"
+    asked = Velocity(-0.2, 0.0, 0.0)
+
+    def in_the_open(sent_mps):
+        sent = Velocity(sent_mps, 0.0, 0.0)
+        said = [
+            Moment(0.05 * n, ORIGIN, Twist(), asked if n else STILL, sent, "", text, 1.0, True)
+            for n in range(41)
+        ]
+        return kept(Trace(said), Truth(box_at(4.0, 0.0)), limits)
+
+    assert in_the_open(-0.1).lost_back_percent == pytest.approx(0.0)
+    held = in_the_open(0.0)
+    assert held.lost_back_percent == 100.0
+    assert held.wide == held.back > 0
+    assert dict(held.stopped_by) == {"reverse: sonar, remembered": held.false_stops}
+
+
 def test_what_hangs_above_the_robot_is_not_in_its_way():
     assert Truth(box_at(1.0, 0.0, z=1.3)).free_m(ORIGIN, AHEAD, 3.0) == 3.0
 
