@@ -115,7 +115,8 @@ def test_joystick_and_stop_are_in_sight_whatever_the_window(person: Arrive, widt
 
 def test_nothing_is_too_small_for_a_finger_nor_jumps_under_it_when_control_is_taken(person: Arrive) -> None:
     operator, staff = person("operator", width=360, height=640, touch=True), person("staff")
-    operator.watch("tiago-2")
+    operator.take("tiago-2")  # another test may have left it stopped
+    operator.release()
     before = places_on_tabs(operator)
     operator.take("tiago-2")
     assert places_on_tabs(operator) == before
