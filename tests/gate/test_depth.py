@@ -139,6 +139,7 @@ def test_a_cloud_shows_what_a_picture_shows(organised, big_endian):
         {"encoding": "rgb8"},
         {"encoding": ""},
         {"width": 0},
+        {"width": 2},
         {"height": -3},
         {"width": 2**31},
         {"height": 100_000},

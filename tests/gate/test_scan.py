@@ -56,6 +56,7 @@ MALFORMED = {
     "no increment": {"angle_increment": 0.0},
     "increment not a number": {"angle_increment": NAN},
     "increment absurd": {"angle_increment": 40.0},
+    "increment next to nothing": {"angle_increment": 1e-300},
     "round and round": {"angle_increment": 0.1},
     "range limits swapped": {"range_min_m": 5.0, "range_max_m": 1.0},
     "range limit not a number": {"range_max_m": NAN},
@@ -84,12 +85,13 @@ def test_stamps_that_are_no_numbers_are_no_data(stamp_s, tiago):
     assert not any(sensor.ok for sensor in gate.sensor_health(now_s))
 
 
-@pytest.mark.parametrize("pose", [Pose(NAN, 0, 0), Pose(0, INF, 0)])
+@pytest.mark.parametrize("pose", [Pose(NAN, 0, 0), Pose(0, INF, 0), Pose(1e300, 0, 0), Pose(0, 0, -1e300)])
 def test_odometry_of_no_numbers_is_no_odometry(pose):
     feeder = Feeder(tiago_profile())
     feeder.scan()
     feeder.gate.observe_odometry(1.0, feeder.now_s, pose, STILL)
     feeder.gate.observe_odometry(2.0, feeder.now_s, Pose(0, 0, 0), Velocity(NAN, 0, 0))
+    feeder.gate.observe_odometry(3.0, feeder.now_s, Pose(0, 0, 0), Velocity(1e300, 0, 0))
     assert feeder.decide(0.5).code == "odometry_missing"
 
 

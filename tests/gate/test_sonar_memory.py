@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from robots.bridge.gate.values import STILL, Pose, Velocity
-from tests.gate.conftest import tiago_profile
+from robots.bridge.gate.depth_camera import frame_of
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
+from tests.gate.conftest import LASER, SONARS, tiago_profile
+from tests.gate.test_depth import FLOOR, LOOK_AHEAD, camera, picture
 from tests.gate.world import World, leg, wall
 
 REVERSE = Velocity(-0.2, 0.0, 0.0)
@@ -141,3 +145,58 @@ def test_a_laser_clears_what_it_looks_through_on_a_robot_without_depth_camera():
     world.put(FAR)
     world.drive(lambda world: Velocity(0.0, 0.0, 2.0 if world.pose.yaw < math.pi - 0.3 else 0.0), 3.0)
     assert not len(world.gate.obstacles(world.now_s).points)
+
+
+@pytest.mark.parametrize("other_hz", [10, 25, 40])
+@pytest.mark.parametrize("sonar_hz", [4, 10])
+@pytest.mark.parametrize("other", ["laser", "depth"])
+def test_no_other_sensor_denies_what_a_sonar_hears_now(other, sonar_hz, other_hz):
+    """Glass, which only the sonar meets; or a seat above the laser's plane."""
+    view = DepthView(1.10) if other == "depth" else None
+    ahead = {"ahead": (0.25, 0.0, 0.0)}
+    gate = Gate(
+        tiago_profile(sonar_poses=ahead, sonar_fov={"ahead": 0.5}, has_depth=view is not None, depth=view)
+    )
+    to_base = camera(LOOK_AHEAD)
+    frame = frame_of(picture([FLOOR], to_base), to_base, view) if view else None
+    nothing = np.full(571, math.inf)
+    for step in range(600):
+        now_s = 100.0 + 0.005 * step
+        if step % 4 == 0:
+            gate.observe_odometry(now_s, now_s, Pose(0.0, 0.0, 0.0), STILL)
+        if step % (200 // (10 if frame else other_hz)) == 0:
+            gate.observe_scan(LaserScan(LASER, now_s, now_s, nothing, -1.66, 3.32 / 570, 0.05, 25.0))
+        if frame and step % (200 // other_hz) == 0:
+            gate.observe_depth(frame, now_s, now_s)
+        if step % (200 // sonar_hz) == 0:
+            gate.observe_range("ahead", now_s, now_s, 0.9, 1.0)
+        if step % 10 == 5:
+            known = gate.obstacles(now_s)
+            assert len(known.points), f"{step / 200} s after the first echo"
+
+
+def test_sonars_whose_stamps_differ_do_not_make_the_way_longer():
+    """What was heard is forgotten by the way driven since: 4 m, and not 1.4 m."""
+    gate = Gate(tiago_profile())
+    for step in range(400):
+        now_s = 100.0 + 0.01 * step
+        way_m = min(0.4 * (now_s - 100.0), 1.4)
+        gate.observe_odometry(now_s, now_s, Pose(way_m, 0.0, 0.0), Velocity(0.4, 0.0, 0.0))
+        if step == 0:
+            gate.observe_range("base_sonar_01_link", now_s, now_s, 0.2, 1.0)
+        elif step % 10 == 5:
+            for late, name in enumerate(SONARS):
+                gate.observe_range(name, now_s - 0.1 * late, now_s, math.inf, 1.0)
+    assert len(gate.obstacles(now_s).points), "out of every cone, 1.8 m behind"
+
+
+def test_an_odometry_that_trembles_goes_no_way():
+    gate, random = Gate(tiago_profile()), np.random.default_rng(0)
+    for step in range(3000):
+        now_s = 100.0 + 0.1 * step
+        x = random.normal(0.0, 0.0015)
+        gate.observe_odometry(now_s, now_s, Pose(x, 0.0, 0.0), STILL)
+        for name in SONARS:
+            heard = step == 0 and name == "base_sonar_02_link"
+            gate.observe_range(name, now_s, now_s, 0.1 if heard else math.inf, 1.0)
+    assert len(gate.obstacles(now_s).points), "the rim of its cone"

@@ -24,6 +24,7 @@ Transform = NDArray[np.float64]  # (4, 4), from the camera's frame to the base f
 
 COLUMNS = 160  # of a thinned picture, about
 MOST_PIXELS = 4096  # along a side
+LEAST_WIDE, LEAST_HIGH = 3, 2  # a place is looked up in a column of the picture and the two beside it
 NEAREST_M = 0.25
 LEAST_AHEAD_M = 0.05  # what is nearer to the lens than this is not in its picture
 FARTHEST_M = 4.0  # twice what is needed to stop from 1 m/s; beyond, tilt errors make obstacles of the floor
@@ -202,7 +203,7 @@ def _view(
 
 
 def _check_size(width: int, height: int) -> None:
-    if not (2 <= width <= MOST_PIXELS and 2 <= height <= MOST_PIXELS):
+    if not (LEAST_WIDE <= width <= MOST_PIXELS and LEAST_HIGH <= height <= MOST_PIXELS):
         raise Malformed(f"its pictures have {width} x {height} pixels")
 
 

@@ -77,6 +77,7 @@ from robots.bridge.gate.values import (
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
+BEYOND_REASON = 1e6  # metres, radians, or these a second; what is reckoned with more of them overflows
 PERIOD_S = 0.05  # what is sent holds at most this long before the gate decides again
 
 
@@ -122,8 +123,10 @@ class Gate:
     # --- what comes in ------------------------------------------------------------------------
 
     def observe_odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> bool:
-        """Take odometry; whether it was new. Numbers that are none are as if nothing had come."""
-        if not all(map(math.isfinite, (stamp_s, arrival_s, *pose, *velocity))):
+        """Take odometry; whether it was new. Numbers that are none, or beyond reason, are as if nothing had come."""
+        if not all(map(math.isfinite, (stamp_s, arrival_s))):
+            return False
+        if not all(abs(number) < BEYOND_REASON for number in (*pose, *velocity)):
             return False
         silent_s = self._odometry.age_s(arrival_s) or 0.0
         if not self._odometry.advances(stamp_s, arrival_s):
@@ -162,7 +165,7 @@ class Gate:
             self._memories[scan.source].learn(self._trail, scan.arrival_s)
             base = self._trail.pose_at(scan.stamp_s)
             if not self.profile.has_depth and laser.sweep is not None and base is not None:
-                self._echoes.scan(laser.sweep, laser.pose, base)
+                self._echoes.scan(laser.sweep, laser.pose, base, scan.arrival_s)
             self._look_for_movers(laser)
 
     def observe_range(
@@ -181,7 +184,7 @@ class Gate:
             taken_s = self._depth.freshness.stamp_s
             base = None if taken_s is None or taken_s == before_s else self._trail.pose_at(taken_s)
             if base is not None:
-                self._echoes.look(frame, base)
+                self._echoes.look(frame, base, arrival_s)
 
     def observe_bad_depth(self, why: str) -> None:
         """A depth camera's picture came that cannot be used."""

@@ -18,6 +18,7 @@ NEIGHBOUR_M = 0.10
 SAME_SURFACE_M = 0.05  # two beams beside each other that differ by less met the same surface
 INSIDE_HULL_M = 0.03  # what lies deeper than this in the hull is the robot itself
 MOST_BEAMS = 20_000
+FINEST_RAD = 1e-5  # between two beams; with less, the number of the beam that looks somewhere overflows
 LEAST_KNOWN_SHARE = 0.5  # a scan, or a part of it, that mostly measures nothing vouches for nothing
 CONE_POINTS = 9  # over a cone of 0.5 rad at 1 m they stand 6 cm apart
 
@@ -44,7 +45,7 @@ class Sweep:
     def _check(self) -> None:
         if self.ranges.ndim != 1 or not 2 <= len(self.ranges) <= MOST_BEAMS:
             raise Malformed("its scans have no beams, or far too many")
-        if not (abs(self.angle_min) <= math.tau and 0.0 < abs(self.increment) <= math.pi / 2.0):
+        if not (abs(self.angle_min) <= math.tau and FINEST_RAD <= abs(self.increment) <= math.pi / 2.0):
             raise Malformed("the angles of its scans make no sense")
         if self.span > math.tau + 2.0 * abs(self.increment):
             raise Malformed("its scans go round more than once")

@@ -9,7 +9,7 @@ way, and then the sonar is silent. So silence about a place is told apart from n
   it goes what the same thing left behind on the way there.
 * A depth picture shows free what it looks through at all heights that sonars hear. A laser looks through one plane
   only, below seats and drawers: it has a say where the robot has no depth camera, since there it is trusted with the
-  whole way ahead anyhow.
+  whole way ahead anyhow. Neither has a say about what is heard now: glass is met by the sonar alone.
 
 Echoes get lost: nothing heard counts for less than something heard farther off, and less still from a sonar that just
 had an echo again. Near standstill the smallest of the last readings stays, so noise does not let the robot creep.
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from robots.bridge.gate.depth import Columns, seen_through
 from robots.bridge.gate.depth_camera import Frame
 from robots.bridge.gate.footprint import Footprint
+from robots.bridge.gate.memory import STANDS_M
 from robots.bridge.gate.planar import NO_POINTS, ORIGIN, Points, from_columns, placed, put, seen_from
 from robots.bridge.gate.scan import INSIDE_HULL_M, Sweep
 from robots.bridge.gate.sight import seen_free
@@ -132,21 +133,22 @@ class SonarMemory:
             self._add(reading, eye, placed(reading.arc, base), now_s)
         self._revision += 1
 
-    def look(self, frame: Frame, base: Pose) -> None:
+    def look(self, frame: Frame, base: Pose, now_s: float) -> None:
         """A depth picture came that was taken when the robot was at `base`."""
         if self._table.shape[1]:
             places = placed(self.places(), seen_from(ORIGIN, base))
             low, high = (np.full(len(places), height_m, dtype=np.float32) for height_m in HEARD_BETWEEN_M)
-            self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)))
+            self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)), now_s)
 
-    def scan(self, sweep: Sweep, laser: Pose, base: Pose) -> None:
+    def scan(self, sweep: Sweep, laser: Pose, base: Pose, now_s: float) -> None:
         """A scan came; `laser` is its pose on the robot, which was at `base`."""
         if self._table.shape[1]:
-            self.pass_through(seen_free(sweep, placed(self.places(), seen_from(ORIGIN, put(laser, base)))))
+            there = placed(self.places(), seen_from(ORIGIN, put(laser, base)))
+            self.pass_through(seen_free(sweep, there), now_s)
 
-    def pass_through(self, free: Flags) -> None:
-        """A sensor that covers these of `places` looked through them."""
-        self._table[PASSES, free] += FARTHER_COUNTS
+    def pass_through(self, free: Flags, now_s: float) -> None:
+        """A sensor that covers these of `places` looked through them: those that are heard now stay."""
+        self._table[PASSES, free & (self._table[HEARD_S] < now_s - LIVE_S)] += FARTHER_COUNTS
         self._keep(self._table[PASSES] < GONE)
 
     def forget(self) -> None:
@@ -170,15 +172,19 @@ class SonarMemory:
         if trail.resets != self._resets:
             self._resets = trail.resets
             self.clear()
-        if self._base is not None:
-            self._travelled_m += math.hypot(base.x - self._base.x, base.y - self._base.y)
-        self._base, self._now_s = base, now_s
+        self._now_s = now_s
+        here = trail.newest or base  # stamps of several sonars go to and fro
+        there = self._base or here
+        way_m = math.hypot(here.x - there.x, here.y - there.y)
+        if self._base is None or way_m > STANDS_M:
+            self._travelled_m += way_m
+            self._base = here
         if not self._table.shape[1]:
             return
-        there = placed(self.places(), seen_from(ORIGIN, base))
-        near = np.hypot(*there.T) < REACH_M
+        places = placed(self.places(), seen_from(ORIGIN, base))
+        near = np.hypot(*places.T) < REACH_M
         lasting = self._table[HEARD_M] > self._travelled_m - TRAVEL_M
-        outside = (self._footprint.gaps(there) >= -INSIDE_HULL_M) | self._lately()
+        outside = (self._footprint.gaps(places) >= -INSIDE_HULL_M) | self._lately()
         self._keep(near & lasting & outside)
 
     def _seen_from(self, eye: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
