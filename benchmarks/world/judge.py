@@ -32,6 +32,7 @@ class Keeping(NamedTuple):
     wide_share: float = 0.0  # sum of published / reachable in them
     back: int = 0  # of them, those in reverse, and their share of the sum
     back_share: float = 0.0
+    given_share: float = 0.0  # the same, of no more than `REVERSE_MPS`
     free: int = 0  # moments in which the way to stop in is free
     false_stops: int = 0
     tried: int = 0  # moments in which the stick asked for something
@@ -51,8 +52,8 @@ class Keeping(NamedTuple):
 
     @property
     def lost_back_percent(self) -> float:
-        """The same in reverse."""
-        return Keeping(self.back, self.back_share).lost_percent
+        """In reverse, of `REVERSE_MPS`."""
+        return Keeping(self.back, self.given_share).lost_percent
 
     @property
     def false_stop_percent(self) -> float:
@@ -74,7 +75,7 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
     """Published against reachable speed, wherever the true way is free.
 
     Reachable is the share of the asked twist that a base with these limits can have been brought to: from what was
-    published before the way became free, at its own accelerations. In reverse it is no more than `REVERSE_MPS`.
+    published before the way became free, at its own accelerations.
     """
     moments: list[Keeping] = []
     reached, was_free = STILL, False
@@ -91,15 +92,16 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
         reachable = min(_share(reached, asked), reached.w / asked.w if asked.w else 1.0)  # the arc is kept
         if not moment.trying or not was_free or reachable < REACHABLE or not _is_worth_judging(asked):
             continue
-        if asked.vx < 0.0:
-            reachable = min(reachable, REVERSE_MPS / -asked.vx)
         share = _share(moment.sent, asked) / reachable
         stopped = share < FALSE_STOP
         one = Keeping(free=1, false_stops=int(stopped), stopped_by=_causes(moment, stopped))
         if free_m >= FREE_M:
             one = one._replace(wide=1, wide_share=min(share, 1.0))
         if free_m >= FREE_M and asked.vx < 0.0:
-            one = one._replace(back=1, back_share=min(share, 1.0))
+            given = min(reachable, REVERSE_MPS / -asked.vx)
+            one = one._replace(
+                back=1, back_share=min(share, 1.0), given_share=min(share * reachable / given, 1.0)
+            )
         moments.append(one)
     return together(moments)
 

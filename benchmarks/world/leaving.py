@@ -4,8 +4,9 @@ It counts from the moment when nothing is nearer to the hull than half a metre a
 not held, or touched something before, says nothing of this.
 
 Behind the robot no sensor looks as high as what laser and camera saw of a thing before, and a leg that leaves a sonar's
-cone by its rim is heard no more, though it stands there: nothing shows such a place free, so towards it there is no
-limit. Away from it the robot must drive at once: the same cases are played with a stick that goes ahead in the end.
+cone by its rim is heard no more, though it stands there. So what was seen before has no limit behind, and what was only
+heard does not keep the limit in every run. Away from both the robot must drive at once: the same cases are played with
+a stick that goes ahead in the end.
 
 In `GLANCED` the head is turned aside before the thing goes, so that no sensor sees all of the place, until somebody
 presses *Look ahead*: from then on it counts.
@@ -102,7 +103,7 @@ def measure(repeats: int) -> list[Figure]:
     for kind in (CROSSED, *KINDS, *GLANCED):
         mine = [(left, end) for left, end in done if left.kind == kind and end.again_s is not None]
         again_s = [end.again_s for _, end in mine if end.again_s is not None]
-        limited = kind == CROSSED or (KINDS | GLANCED)[kind].angle == 0
+        limited = kind == CROSSED or (KINDS | GLANCED)[kind].cold
         what, most_s = ("Look ahead", LOOK_AHEAD_S) if kind in GLANCED else ("gone", AGAIN_S)
         came_s = [min(seconds, PATIENCE_S) for seconds in again_s]
         figures += [

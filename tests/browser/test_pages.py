@@ -148,18 +148,8 @@ def places_on_tabs(person: Person) -> list[dict[str, float]]:
         person.page.locator(f".control[data-tab={tab}]").wait_for()
         assert too_small(person) == [], tab
         for name in [*names, "form.stop .stop-button"]:
-            places.append(undisturbed(person, name))
+            places.append(box_of(person.page.locator(name).first))
     return places
-
-
-def undisturbed(person: Person, name: str) -> dict[str, float]:
-    """Its place while no banner is there: beside tabs without a stick a banner has a row, and takes the inputs away."""
-    banner = person.part("banner")
-    while True:
-        banner.wait_for(state="hidden")
-        place = box_of(person.page.locator(name).first)
-        if banner.is_hidden():
-            return place
 
 
 def too_small(person: Person) -> list[str]:

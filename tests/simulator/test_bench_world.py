@@ -121,11 +121,13 @@ def test_standing_in_the_open_is_a_false_stop_and_before_a_box_is_none():
     assert kept(moments(0.0), Truth(box_at(0.6, 0.0)), limits).free == 0
 
 
-def test_in_reverse_nothing_is_lost_of_more_than_the_gate_gives_any_stick():
+def test_reverse_is_judged_by_the_whole_stick_and_beside_it_by_what_the_gate_gives_any():
     limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
     behind, back = Truth(box_at(-4.0, 0.0)), Velocity(-1.0, 0.0, 0.0)
-    assert kept(moments(-0.1, back), behind, limits).lost_percent == pytest.approx(0.0)
-    assert kept(moments(-0.05, back), behind, limits).lost_percent == pytest.approx(50.0)
+    all_given, half = (kept(moments(mps, back), behind, limits) for mps in (-0.1, -0.05))
+    assert all_given.lost_back_percent == pytest.approx(0.0)
+    assert half.lost_back_percent == pytest.approx(50.0)
+    assert half.lost_percent > all_given.lost_percent > 50.0
 
 
 def test_every_case_leaves_room_where_it_begins():
