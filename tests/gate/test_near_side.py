@@ -42,11 +42,11 @@ class NearSighted(Looker):
             self.pose = self.pose._replace(yaw=begin + (yaw - begin) * step / steps)
             self.stand(0.1)
 
-    def drive(self, speed, seconds=6.0):
+    def drive(self, speed, seconds=6.0, looks=True):
         for step in range(round(seconds / 0.05)):
             self.now_s += 0.05
             self.all()
-            if step % 2:
+            if step % 2 and looks:
                 self.look()
             verdict = self.decide(speed)
             way = 0.05 * verdict.velocity.vx
@@ -84,3 +84,26 @@ def test_it_may_turn_away_and_back_off():
     assert looker.decide(-0.2).velocity.vx < 0.0
     looker.drive(-0.2, seconds=2.0)
     assert looker.gap_m > 0.2
+
+
+@pytest.mark.parametrize("gap_m", [0.04, 0.10])
+@pytest.mark.parametrize("why", ["no pictures", "turned round"])
+def test_what_no_picture_can_show_stays_unseen_when_the_pictures_end(gap_m, why):
+    looker = NearSighted(gap_m, 1.067)
+    looker.turn(math.pi / 2.0)
+    looker.stand(0.5)
+    if why == "turned round":
+        looker.turn(-math.pi / 2.0, seconds=4.0)
+    looker.drive(0.5 if why == "no pictures" else -0.2, looks=why != "no pictures")
+    assert looker.gap_m > 0.0
+
+
+def test_what_may_be_too_near_goes_with_the_table_that_it_belongs_to():
+    looker = NearSighted(0.06, 1.067)
+    looker.turn(math.pi / 2.0)
+    looker.stand(0.5)
+    looker.turn(-math.pi / 2.0, seconds=4.0)
+    looker.boxes = [FLOOR]
+    looker.turn(math.pi / 2.0, seconds=4.0)
+    looker.stand(1.0)
+    assert looker.decide(0.5).velocity.vx > 0.2

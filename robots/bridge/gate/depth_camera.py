@@ -163,8 +163,9 @@ class DepthCamera:
         from_base = placed(remembered, seen_from(ORIGIN, base))
         columns = self._spans.columns(remembered, from_base)
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
-        hidden = self._near_side.hidden(kept, frame.to_base, base, remembered, self.body, moved_s)
-        self._hidden = placed(hidden, base)
+        self._hidden = self._near_side.hidden(
+            kept, frame.to_base, base, self._memory.points(moved_s), self.body, moved_s
+        )
 
     def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
         """Which of the `new` columns came by themselves, as an earlier picture tells."""
@@ -282,7 +283,9 @@ class DepthCamera:
                 counts &= ~self._spans.share_cells(remembered, self._seen)
             doubts_m = np.where(self._spans.hangs(remembered), self._memory.doubts_m(), 0.0)
             kept = np.flatnonzero(counts)
-            self._unseen = revision, chosen(remembered, kept), doubts_m[kept]
+            hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
+            known = np.concatenate((chosen(remembered, kept), hidden))
+            self._unseen = revision, known, np.concatenate((doubts_m[kept], np.zeros(len(hidden))))
         _, remembered, doubts_m = self._unseen
         if not len(remembered):
             return NO_POINTS

@@ -2,7 +2,8 @@
 
 A camera such as the Xtion measures nothing within half a metre. Of a table at which the robot was parked it shows the
 far part only, and the edge that would be met first is in no picture. So whatever reaches into that range is taken to
-reach on to the robot, unless its near edge was seen before, from farther away.
+reach on to the robot, unless its near edge was seen before, from farther away. It stays so while the thing itself is
+remembered and out of the picture: also when the robot turns round, or the pictures end.
 """
 
 from __future__ import annotations
@@ -33,10 +34,13 @@ class NearSide:
         """`blind_m`: along the camera's axis; nothing nearer is measured."""
         self._blind_m = blind_m
         self._edges = Memory(DEPTH_LAYER)
+        self._tops = self._places = NO_POINTS  # what hides, and where something may be; odometry frame
+        self._top_of: NDArray[np.intp] = np.empty(0, dtype=np.intp)  # of each place, its row in `_tops`
 
     def clear(self) -> None:
-        """Forget the edges."""
+        """Forget the edges, and what is hidden."""
         self._edges.clear()
+        self._keep(np.zeros(len(self._tops), dtype=np.bool_))
 
     def hidden(
         self,
@@ -47,19 +51,42 @@ class NearSide:
         body: Footprint,
         now_s: float,
     ) -> Points:
-        """Where something may be that the camera at `to_base` cannot measure, base frame.
+        """Where something may be that the camera at `to_base` cannot measure, odometry frame.
 
         `shown` is its picture (base frame) from `base`, `remembered` (odometry frame) what stands of earlier ones.
         """
         cut = self._is_cut(shown, to_base)
-        whole = placed(shown.points[~cut], base)
-        self._edges.see(whole, base, now_s)
-        if not cut.any():
-            return NO_POINTS
-        there = seen_from(ORIGIN, base)
-        edges = _near(placed(self._edges.points(now_s), there))
-        edges = edges[_beside(edges, _near(placed(remembered, there)))]
-        return _filled(_unvouched(shown.points[cut], edges), body)
+        places = placed(shown.points, base)
+        self._edges.see(chosen(places, np.flatnonzero(~cut)), base, now_s)
+        self._forget(places, remembered, base, body)
+        if cut.any():
+            there = seen_from(ORIGIN, base)
+            edges = _near(placed(self._edges.points(now_s), there))
+            edges = edges[_beside(edges, _near(placed(remembered, there)))]
+            self._add(_unvouched(shown.points[cut], edges), base, body)
+        return self._places
+
+    def _forget(self, shown: Points, remembered: Points, base: Pose, body: Footprint) -> None:
+        """Tops in the picture are judged anew; those that are gone hide nothing, nor does any where the robot is."""
+        if not len(self._tops):
+            return
+        self._keep(_beside(self._tops, remembered) & ~_beside(self._tops, shown))
+        outside = np.flatnonzero(body.gaps(placed(self._places, seen_from(ORIGIN, base))) >= 0.0)
+        self._places, self._top_of = chosen(self._places, outside), self._top_of[outside]
+
+    def _keep(self, tops: Flags) -> None:
+        """Only these tops, and what they hide."""
+        places = np.flatnonzero(tops[self._top_of])
+        self._places = chosen(self._places, places)
+        self._top_of = (np.cumsum(tops) - 1)[self._top_of[places]]
+        self._tops = chosen(self._tops, np.flatnonzero(tops))
+
+    def _add(self, tops: Points, base: Pose, body: Footprint) -> None:
+        """These tops (base frame) may reach on to the robot."""
+        places, top_of = _filled(tops, body)
+        self._places = np.concatenate((self._places, placed(places, base)))
+        self._top_of = np.concatenate((self._top_of, len(self._tops) + top_of))
+        self._tops = np.concatenate((self._tops, placed(tops, base)))
 
     def _is_cut(self, shown: Columns, to_base: Transform) -> Flags:
         """Which tops may go on nearer: what is a little nearer, at their own height, cannot be measured."""
@@ -94,13 +121,13 @@ def _unvouched(cut: Points, edges: Points) -> Points:
     return chosen(cut, np.flatnonzero(~vouched.any(axis=1)))
 
 
-def _filled(cut: Points, body: Footprint) -> Points:
-    """Places from there to the hull."""
-    if not len(cut):
-        return NO_POINTS
+def _filled(cut: Points, body: Footprint) -> tuple[Points, NDArray[np.intp]]:
+    """Places from there to the hull, and to which of `cut` each belongs."""
     far = np.hypot(*cut.T)
     steps = np.arange(CELL_M, NEAR_M, CELL_M)
     share = 1.0 - steps[:, None] / far
     x, y = (share * cut[:, 0]).ravel(), (share * cut[:, 1]).ravel()
-    places = from_columns(x, y)[share.ravel() > 0.0]
-    return chosen(places, np.flatnonzero(body.gaps(places) >= HULL_M))
+    ahead = np.flatnonzero(share.ravel() > 0.0)
+    places = chosen(from_columns(x, y), ahead)
+    outside = np.flatnonzero(body.gaps(places) >= HULL_M)
+    return chosen(places, outside), ahead[outside] % max(len(cut), 1)
