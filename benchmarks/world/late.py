@@ -18,6 +18,7 @@ from benchmarks.world.loop import Case, Conditions, Jump, Loop
 from benchmarks.world.play import SCAN, loop_of, played
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.truth import Truth
+from robots.bridge.gate.values import Parameters
 from robots.simulator.physics import Pose
 from robots.simulator.worlds import Wall, World
 
@@ -34,7 +35,8 @@ WALL_M = (2.4, 3.2)  # from the hull
 JUMP_WITHIN_S = (-0.4, 0.3)
 HICCUP_S = (0.06, 0.10)
 HICCUP_EVERY_S = 2.0  # on average
-SPARES_S = (0.1, 0.2, 0.3)  # of the setting that trades speed for it
+SPARE_S = Parameters().latency_spare_s
+SPARES_S = (0.2, 0.3)  # of the setting that trades speed for it
 SEEDS = 12  # at least: a share of one run is no share
 # Of the runs at 1 m/s, by ms: none at +200, half of what the gate had that waited for a silence of 0.2 s at +300 and
 # +400. Slower ones have none.
@@ -49,7 +51,7 @@ class Late(NamedTuple):
     ms: int
     share: float
     seed: int
-    spare_s: float = 0.0  # `latency_spare_s` of the profile
+    spare_s: float = SPARE_S  # `latency_spare_s` of the profile
 
 
 class Outcome(NamedTuple):
@@ -84,7 +86,7 @@ def measure(repeats: int) -> list[Figure]:
         crashes = [end.crash_mps for job, end in done if _kind(job) == (way, ms, share, spare_s)]
         hit = [mps for mps in crashes if mps is not None]
         name = f"first drive, {ms} ms late" if way == "first" else f"{way} later by {ms} ms, {share:g} m/s"
-        name += f", {spare_s:g} s spare" if spare_s else ""
+        name += f", {spare_s:g} s spare" if spare_s != SPARE_S else ""
         most = float(math.floor(MOST_SHARE.get(ms, 0.0) * len(crashes))) if share == 1.0 else 0.0
         figures.append(Figure(f"{name}: crashes of {len(crashes)}", len(hit), "", most))
         figures.append(Figure(f"{name}: fastest crash", max(hit, default=0.0), "m/s"))

@@ -60,7 +60,7 @@ class Witness(Ours):
     """
 
     robot: Robot
-    _DISPARITY = 0.004  # between two distances that the camera tells apart, 1/m
+    _DISPARITY = 0.005  # between two distances that the camera tells apart, 1/m
     _THIN = 10
 
     def __init__(self, profile: GateProfile, fan: Fan) -> None:

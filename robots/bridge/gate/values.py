@@ -55,7 +55,7 @@ class Parameters(Struct, frozen=True):
     hard_margin_m: float = 0.01  # m_hard
     deceleration_share: float = 0.65  # a = share x limit
     latency_s: float = 0.20  # T, until it is measured
-    latency_spare_s: float = 0.0  # that T may grow by from one moment to the next: always reckoned with
+    latency_spare_s: float = 0.1  # that T may grow by from one moment to the next: always reckoned with
     operator_delay_s: float = 0.30  # to the page and back; a longer one limits speed
     creep_mps: float = 0.10  # v_creep
     near_miss_s: float = 0.08  # c_lat
