@@ -24,7 +24,7 @@ from benchmarks.parts.chromium import ChromiumPage
 from benchmarks.parts.looking import Crowd
 from benchmarks.parts.observer import Observer, Seen, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
-from robots.bridge.stick import COMMAND_LIFE_S
+from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 

@@ -16,21 +16,29 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world import clutter
 from benchmarks.world.play import loop_of, recorded
 from robots import wire
+from robots.bridge.audit.record_sink import (
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    TakenMap,
+)
+from robots.bridge.audit.records import Records
 from robots.bridge.config import BridgeConfig, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.drives import DriveLog
+from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.obstacle_cache import ObstacleCache
-from robots.bridge.gate.posture import Disc
-from robots.bridge.gate.restraint import is_still
+from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.motion.restraint import is_still
+from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pose, Velocity, Verdict
-from robots.bridge.head import Aim
-from robots.bridge.orders import Swept
-from robots.bridge.recording import replay
-from robots.bridge.records import Records
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, TakenMap
-from robots.bridge.speech import Utterance
-from robots.bridge.store import Persisted
+from robots.bridge.gate_recording import replay
+from robots.bridge.lease.state_store import Persisted
+from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.speech import Utterance
+from robots.bridge.tasks.tasks import Swept
 from robots.wire import Drive, Grant, Refusal
 
 SEED = 1  # of the recorded minute

@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks.harness import Figure, progress
 from benchmarks.parts import hand
 from benchmarks.parts.hand import Array, Movement, Trace
-from robots.bridge.stick import Mean, Memory, OneEuro, Position, StickStep, shaped
+from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, Position, StickStep, shaped
 
 PAGE_HZ = 30
 SCHEMES: dict[str, tuple[StickStep, ...]] = {"none": (), "mean": (Mean(),), "One-Euro": (OneEuro(),)}

@@ -59,7 +59,7 @@ INSTALLED_APPS = [
     "fleet",
     "fleet.audit",
     "fleet.accounts",
-    "robots",
+    "robots.registry",
     "teleop",
 ]
 if DEBUG:
@@ -82,8 +82,8 @@ MIDDLEWARE = [
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
 ]
 
-ROOT_URLCONF = "fleet.urls"
-ASGI_APPLICATION = "fleet.asgi.application"
+ROOT_URLCONF = "fleet.site.urls"
+ASGI_APPLICATION = "fleet.site.asgi.application"
 
 TEMPLATES = [
     {
@@ -227,6 +227,8 @@ LOGGING = {
         # One line for each request says nothing that the audit log does not say better.
         "django.channels.server": {"level": "WARNING"},
         "daphne": {"level": "WARNING"},
-        "websockets": {"level": "WARNING"},  # links come and go; robots.link and the bridge say what matters
+        "websockets": {
+            "level": "WARNING"
+        },  # links come and go; robots.link.client and the bridge say what matters
     },
 }

@@ -1004,7 +1004,7 @@ class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
 
 
 class LaneToken(Struct, frozen=True, tag_field="t", tag="lane"):
-    """Beside this link's socket is a lane (`robots.lane`); its first datagram is this token."""
+    """Beside this link's socket is a lane (`robots.link.lane`); its first datagram is this token."""
 
     token: str
 

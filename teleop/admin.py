@@ -19,10 +19,10 @@ from fleet.audit.addresses import beside, by_day, number, session_url_of
 from fleet.audit.admin import Line, ListAdmin, count_of
 from fleet.audit.forms import FilterForm
 from fleet.audit.listing import COUNTED, PAGE
-from robots.models import Robot
-from teleop.durations import clock
+from robots.registry.models import Robot
+from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason
-from teleop.selectors import end_notes
+from teleop.reports.durations import clock
 
 GOES_ON = "goes_on"  # in place of how it ended
 _COLUMNS = [

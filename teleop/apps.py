@@ -8,4 +8,4 @@ class TeleopConfig(AppConfig):
 
     def ready(self) -> None:
         """Importing connects the receiver."""
-        from teleop import signals  # noqa: F401
+        from teleop.control import signals  # noqa: F401

@@ -9,7 +9,7 @@ from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
-from robots.models import Robot
+from robots.registry.models import Robot
 
 
 class EndReason(models.TextChoices):

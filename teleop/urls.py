@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from django.urls import path
 
-from teleop import report_views, stop_views, views
+from teleop import views
+from teleop.reports import views as report_views
+from teleop.stop import views as stop_views
 
 urlpatterns = [
     path("", views.fleet, name="fleet"),

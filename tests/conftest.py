@@ -23,9 +23,10 @@ from django.test import Client, TransactionTestCase
 from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
-from robots.models import Robot, RobotProfile, RobotRole, Role
-from teleop import refusals, stopping
-from teleop.folding import E, FoldingLog
+from robots.registry.models import Robot, RobotProfile, RobotRole, Role
+from teleop.recording import refusals
+from teleop.recording.repeat_suppression import E, FoldingLog
+from teleop.stop import emergency_stop
 from tests.disk import Disk
 from tests.pristine import pristine_copy
 
@@ -80,10 +81,10 @@ def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[refusals
 
 
 @pytest.fixture(autouse=True)
-def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[stopping.Press]]:
+def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[emergency_stop.Press]]:
     """Stops that are pressed in a test are written in it or not at all: the next test would wait for the database."""
-    own = FoldingLog(stopping.put_on_record, most=None)
-    yield from _while_test_lasts(own, stopping, monkeypatch)
+    own = FoldingLog(emergency_stop.put_on_record, most=None)
+    yield from _while_test_lasts(own, emergency_stop, monkeypatch)
 
 
 def _while_test_lasts(

@@ -17,7 +17,7 @@ def main() -> None:
     """Say "ready", then for each line what came of it."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     django.setup()
-    import robots.management.commands.stop  # noqa: F401  (loaded before the first press)
+    import robots.registry.management.commands.stop  # noqa: F401  (loaded before the first press)
 
     print("ready", flush=True)
     for _ in sys.stdin:

@@ -35,10 +35,10 @@ from fleet.audit import AuditUnavailable, exports, record
 from fleet.audit.listing import CONSOLE, Selection, Wanted
 from fleet.audit.models import Record
 from fleet.audit.verify import verify_all
-from robots.models import Robot
-from teleop import report_views
+from robots.registry.models import Robot
 from teleop.models import ControlSession
-from teleop.robot_report import PERIODS_DAYS
+from teleop.reports import views
+from teleop.reports.robot_report import PERIODS_DAYS
 
 FAST_MS = 100.0  # a page that took no longer is not looked at again
 TIMES = 5  # each of the others, after once that is not counted
@@ -121,7 +121,7 @@ def _addresses(newest: datetime) -> Iterator[tuple[str, str, list[str]]]:
     for name in FILTERS:
         app = "teleop" if name == "controlsession" else "audit"
         yield name, reverse(f"admin:{app}_{name}_changelist"), [*_queries(name)]
-    with patch.object(report_views, "now", lambda: newest):
+    with patch.object(views, "now", lambda: newest):
         for robot in Robot.objects.filter(pk__in=_robots()):
             periods = [f"days={days}" for days in PERIODS_DAYS]
             yield "report", reverse("robot-report", args=[robot.slug]), periods

@@ -22,7 +22,7 @@ from benchmarks.parts.lab import Event, Scenes
 from fleet.accounts.models import User
 from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain
 from fleet.audit.models import Actor, Chain, Content, Record
-from robots.models import Robot, RobotProfile
+from robots.registry.models import Robot, RobotProfile
 from teleop.models import ControlSession
 
 AT_ONCE = 10_000  # records in one transaction

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.harness import progress
 from benchmarks.parts import proc
-from robots.scheduling import REAL_TIME
+from robots.processes.scheduling import REAL_TIME
 from script.stack.stack import Stack
 
 

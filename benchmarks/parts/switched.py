@@ -26,7 +26,7 @@ class Switched(AppConfig):
 
     def ready(self) -> None:
         """Before a bridge makes its sink."""
-        from robots.records import AuditSink
+        from robots.recording.bridge_records import AuditSink
 
         off = Path(os.environ["FLEET_BENCH_UNRECORDED"])
         for name in ("pulse", "begin_drive", "end_drive", "begin_gate", "end_gate"):

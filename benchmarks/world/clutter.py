@@ -22,7 +22,7 @@ from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import at_most, loop_of, played
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import Contact, count, first_contact, worst_first
-from robots.simulator.physics import Pose
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
 
 MINUTE_S = 60.0

@@ -9,13 +9,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.bridge.gate.depth import DepthImage, Lens, Transform, picture_of_image
-from robots.bridge.gate.depth_camera import frame_of
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.posture import AT_HOME
-from robots.bridge.gate.scan import Malformed
+from robots.bridge.gate.geometry.arm_discs import AT_HOME
+from robots.bridge.gate.obstacles.depth_camera import frame_of
+from robots.bridge.gate.sensing.depth import DepthImage, Lens, Transform, picture_of_image
+from robots.bridge.gate.sensing.scan import Malformed
 from robots.bridge.gate.values import STILL, GateProfile, Hold, LaserScan, Pose, Velocity
-from robots.simulator.depth import FOCAL_PX, WIDTH
+from robots.simulator.sensors.depth import FOCAL_PX, WIDTH
 
 Ranges = NDArray[np.float32]
 Floats = NDArray[np.float64]

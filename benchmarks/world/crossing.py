@@ -11,7 +11,7 @@ from benchmarks.harness import Figure
 from benchmarks.world.drivers import FullStick
 from benchmarks.world.loop import WARM_UP_S, Case
 from benchmarks.world.play import loop_of, played
-from robots.simulator.physics import Pose
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Person, World
 
 CONTROLLERS = ("none", "gate", "cone", "monitor")

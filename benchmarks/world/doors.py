@@ -13,7 +13,7 @@ from benchmarks.world.drivers import Follower
 from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
 from benchmarks.world.sensors import DEPTH_SIZES, STANDARD, Sensors
-from robots.simulator.physics import Pose
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Wall, World
 
 AT_M = 2.0

@@ -21,7 +21,7 @@ from benchmarks.world.play import at_most, played
 from benchmarks.world.sensors import SLIPS, Sensors
 from benchmarks.world.witness import count, worst_first
 from robots.simulator.faults import Faults
-from robots.simulator.odometry import Drift
+from robots.simulator.sensors.odometry import Drift
 
 DRAWS = int(os.environ.get("FLEET_BENCH_DRAWS", "160"))
 FIRST = int(os.environ.get("FLEET_BENCH_FIRST", "0"))  # seed, to go on where another run ended

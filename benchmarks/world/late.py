@@ -19,7 +19,7 @@ from benchmarks.world.play import SCAN, loop_of, played
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.truth import Truth
 from robots.bridge.gate.values import Parameters
-from robots.simulator.physics import Pose
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Wall, World
 
 FIRST_LATE_S = 0.48

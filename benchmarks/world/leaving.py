@@ -24,7 +24,7 @@ from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world import crossing, objects
 from benchmarks.world.loop import RELEASED, Case, Driver, Glance, Leaving, Seen, Stick, Trace
 from benchmarks.world.play import loop_of, played
-from robots.bridge.gate.planar import wrapped
+from robots.bridge.gate.geometry.planar import wrapped
 from robots.simulator.worlds import Chair, Person, Table
 
 GONE_M = 0.5  # from the hull

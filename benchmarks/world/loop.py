@@ -18,21 +18,21 @@ import numpy as np
 from benchmarks.world.controllers import Controller, Fan, Ranges
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.witness import DEPTH, LASER, Look
-from robots.bridge.commands import velocity_of
 from robots.bridge.config import HeadSource
+from robots.bridge.drive.drive_input import velocity_of
 from robots.bridge.gate import values
-from robots.bridge.gate.depth import Transform
+from robots.bridge.gate.sensing.depth import Transform
 from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
-from robots.bridge.head import AHEAD_TAKES_S, FOLLOW_RADPS, Head
-from robots.bridge.ros.frames import TURNING_RADPS
-from robots.simulator.base import Twist, clamp
-from robots.simulator.depth import DepthCamera
+from robots.bridge.ros.sensors.frames import TURNING_RADPS
+from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RADPS, Head
 from robots.simulator.faults import Faults
-from robots.simulator.joints import camera_pose
-from robots.simulator.mux import TwistMux
-from robots.simulator.odometry import Drift
-from robots.simulator.physics import Onlooker, Pose
+from robots.simulator.joints.joint_table import camera_pose
+from robots.simulator.physics.base import Twist, clamp
+from robots.simulator.physics.mujoco_world import Onlooker, Pose
+from robots.simulator.physics.mux import TwistMux
 from robots.simulator.robot import TICK_S, Robot
+from robots.simulator.sensors.depth import DepthCamera
+from robots.simulator.sensors.odometry import Drift
 from robots.simulator.worlds import World
 from robots.wire import Drive
 

@@ -20,8 +20,8 @@ from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import at_most, loop_of, played
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import Contact, first_contact
-from robots.simulator.body import TIAGO
-from robots.simulator.physics import Physics, Pose
+from robots.simulator.physics.mujoco_world import Physics, Pose
+from robots.simulator.sensors.body import TIAGO
 from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
 
 Random = np.random.Generator

@@ -17,9 +17,9 @@ from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
 from benchmarks.world.sensors import Sensors
 from benchmarks.world.witness import Contact, count, first_contact, worst_first
-from robots.bridge.gate.planar import wrapped
-from robots.simulator.body import TIAGO
-from robots.simulator.physics import Physics, Pose
+from robots.bridge.gate.geometry.planar import wrapped
+from robots.simulator.physics.mujoco_world import Physics, Pose
+from robots.simulator.sensors.body import TIAGO
 
 GAPS_M = (0.04, 0.10)  # between hull and object
 BLIND_M = 0.5

@@ -13,7 +13,7 @@ from benchmarks.harness import progress
 from benchmarks.world.controllers import CONTROLLERS, Ours
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.robot import tiago_profile
-from robots.bridge.recording import Recorder
+from robots.bridge.gate_recording import Recorder
 
 Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")

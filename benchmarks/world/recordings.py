@@ -24,9 +24,9 @@ from benchmarks.world.loop import Case, Loop
 from benchmarks.world.play import SCAN, recorded
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.truth import RADIUS_M, Truth
-from robots.bridge.gate.depth import Transform
+from robots.bridge.gate.sensing.depth import Transform
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
-from robots.simulator.physics import Pose as TruePose
+from robots.simulator.physics.mujoco_world import Pose as TruePose
 from robots.simulator.robot import Robot
 
 Point = tuple[float, float]

@@ -15,10 +15,10 @@ def tiago_profile() -> GateProfile:
     """What the registry would tell the bridge of a TIAGo without entries of its own."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
     django.setup()
-    from robots import effective
-    from robots.models import Robot, RobotProfile
-    from robots.shipped import fill, profile_files
+    from robots.registry import robot_config
+    from robots.registry.models import Robot, RobotProfile
+    from robots.registry.shipped import fill, profile_files
 
     profile = RobotProfile()
     fill(profile, next(file for file in profile_files() if file.slug == "tiago"))
-    return effective.of(Robot(profile=profile)).gate
+    return robot_config.of(Robot(profile=profile)).gate

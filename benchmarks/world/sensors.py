@@ -13,8 +13,8 @@ import numpy as np
 from msgspec import structs
 
 from robots.bridge.gate.values import GateProfile
-from robots.simulator.body import TIAGO, Body
-from robots.simulator.depth import HEIGHT, NEAREST_M, WIDTH
+from robots.simulator.sensors.body import TIAGO, Body
+from robots.simulator.sensors.depth import HEIGHT, NEAREST_M, WIDTH
 
 DEPTH_SIZES = ((80, 60), (96, 72), (160, 120), (320, 240), (640, 480))
 SLIPS = 3  # one draw in so many has wheels that slip

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Velocity
-from robots.simulator.physics import Physics, Pose
-from robots.simulator.scene import ROBOT_GROUP
+from robots.simulator.physics.mujoco_world import Physics, Pose
+from robots.simulator.physics.scene import ROBOT_GROUP
 
 RADIUS_M = 0.27
 ASIDE_M = 0.05  # a way that is nearer to something than this does not count as free

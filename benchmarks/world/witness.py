@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.world.truth import TOP_M, outline
-from robots.simulator.depth import FARTHEST_M as DEPTH_FARTHEST_M
-from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH
-from robots.simulator.joints import camera_pose
-from robots.simulator.laser import in_world
-from robots.simulator.physics import Onlooker, Snapshot
+from robots.simulator.joints.joint_table import camera_pose
+from robots.simulator.physics.mujoco_world import Onlooker, Snapshot
+from robots.simulator.sensors.depth import FARTHEST_M as DEPTH_FARTHEST_M
+from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH
+from robots.simulator.sensors.laser import in_world
 
 if TYPE_CHECKING:
     from benchmarks.world.loop import Loop, Touch

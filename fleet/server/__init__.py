@@ -2,5 +2,5 @@
 
 `limits` holds the rules, `connections` counts; `channel` applies both to HTTP, `websocket` to WebSockets.
 
-    python -m fleet.server --port 8000 fleet.asgi:application      # the command line is Daphne's
+    python -m fleet.server --port 8000 fleet.site.asgi:application      # the command line is Daphne's
 """

@@ -15,7 +15,7 @@ from twisted.internet import reactor, task
 from fleet.server import channel, limits, pages, websocket
 from fleet.server.connections import Connections, Places
 from fleet.server.turns import Turns
-from robots.scheduling import Garbage, prefer_this_thread
+from robots.processes.scheduling import Garbage, prefer_this_thread
 
 GARBAGE_S = 0.1  # between two collections: what is young by then is few
 

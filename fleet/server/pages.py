@@ -25,7 +25,7 @@ from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
 from fleet.server import limits
-from robots.ending import leave_within
+from robots.processes.shutdown import leave_within
 
 log = logging.getLogger(__name__)
 

@@ -27,5 +27,5 @@ def without_query(line: bytes) -> bytes:
 
 
 def needs_no_body(method: bytes, uri: bytes, headers: Headers) -> bool:
-    """Whether the head of a stop says all: the body is read only for a form's token (`teleop.stop_views`)."""
+    """Whether the head of a stop says all: the body is read only for a form's token (`teleop.stop.views`)."""
     return is_head_of_stop(method, uri) and headers.hasHeader(b"X-CSRFToken")

@@ -1,6 +1,6 @@
 """What a bridge is told about its robot: plain values, no Django, no ROS.
 
-The registry builds a `BridgeConfig` (`robots.selectors.bridge_config`), the supervisor compares
+The registry builds a `BridgeConfig` (`robots.registry.selectors.bridge_config`), the supervisor compares
 their digests to notice edits.
 Poses are (x, y, yaw) in the base frame, metres and radians.
 """
@@ -13,8 +13,8 @@ from typing import Literal
 import msgspec
 from msgspec import Struct
 
+from robots.bridge.drive.input_filters import StickStep
 from robots.bridge.gate.values import GateProfile
-from robots.bridge.stick import StickStep
 from robots.wire import ReverseSteering, Role, Use
 
 CLOCK_SKEW_S = 0.5  # above it the robot's and the console's clocks disagree: that is told, and nothing else
@@ -106,7 +106,7 @@ What = Literal["choose", "publish", "call", "set"]
 
 
 class Allowed(Struct, frozen=True):
-    """One entry of the admin's allow-list: what is not there, nobody may. `robots.bridge.never` knows what never is."""
+    """One entry of the admin's allow-list: what is not there, nobody may. `robots.bridge.tasks.denylist` knows what never is."""
 
     what: What
     name: str  # of the topic, action, service or parameter
@@ -143,7 +143,7 @@ class BridgeConfig(Struct, frozen=True):
     state_dir: str  # lock, latch and fencing number
     allowed: tuple[Allowed, ...] = ()
     stick: tuple[StickStep, ...] = ()  # what stick positions pass on their way to the gate, in order
-    run_dir: str | None = None  # where stops wait that nobody has confirmed (robots.pending_stops)
+    run_dir: str | None = None  # where stops wait that nobody has confirmed (robots.stop.pending_stops)
     last_fence: int = 0  # highest number the database knows: with it a lost latch file shows
 
     def digest(self) -> str:

@@ -16,22 +16,22 @@ from uuid import UUID
 from msgspec import Struct, structs
 
 from robots import wire
-from robots.bridge import view
-from robots.bridge.commands import Stick, stick_of, velocity_of
+from robots.bridge import state_view
+from robots.bridge.audit.records import Asker, Records, unrecorded
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drives import WAITING, DriveLog
-from robots.bridge.gate.depth_camera import Frame
+from robots.bridge.drive.drive_input import Stick, stick_of, velocity_of
+from robots.bridge.drive.drive_log import WAITING, DriveLog
+from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.posture import Posture
+from robots.bridge.gate.geometry.arm_discs import Posture
+from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
-from robots.bridge.goals import CANCEL_AGAIN_S
-from robots.bridge.grants import Grants
-from robots.bridge.orders import Orders, Performer, holder_of
+from robots.bridge.lease.lease_guard import Grants
+from robots.bridge.lease.state_store import Persisted
 from robots.bridge.overload import Lateness
-from robots.bridge.publishings import Publisher
-from robots.bridge.records import Asker, Records, unrecorded
-from robots.bridge.stick import COMMAND_LIFE_S
-from robots.bridge.store import Persisted
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S
+from robots.bridge.tasks.publishing import Publisher
+from robots.bridge.tasks.tasks import Orders, Performer, holder_of
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
@@ -442,7 +442,7 @@ class Core:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
         told = self._reported
-        standing = view.Standing(
+        standing = state_view.Standing(
             phase=phase,
             text=text,
             stop=self.stop_state,
@@ -459,7 +459,7 @@ class Core:
             overload=self._late.told(now_s) or self._console_late.told(now_s),
             alone=self.alone,
         )
-        return view.state(standing, self._gate, self.orders, now_s, watchers, watchers_more)
+        return state_view.state(standing, self._gate, self.orders, now_s, watchers, watchers_more)
 
     # --- what orders must know (orders.Rules) ------------------------------------------------------
 

@@ -18,27 +18,27 @@ from uuid import UUID
 from msgspec import Struct, structs
 
 from robots import wire
-from robots.bridge import view
+from robots.bridge import state_view
+from robots.bridge.audit.record_sink import RecordSink
+from robots.bridge.audit.records import Records
 from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
-from robots.bridge.drives import DriveLog
+from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.inspection import Inspection
-from robots.bridge.leasing import Leasing
-from robots.bridge.link import LinkServer
-from robots.bridge.maps import Maps
-from robots.bridge.reception import Reception
-from robots.bridge.records import Records
+from robots.bridge.lease.fencing import Leasing
+from robots.bridge.lease.state_store import AlreadyRunning, Persisted, Store
+from robots.bridge.link_handler import Reception
+from robots.bridge.maps.map_fetch import Maps
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
-from robots.bridge.sink import RecordSink
-from robots.bridge.store import AlreadyRunning, Persisted, Store
+from robots.bridge.server.link_server import LinkServer
+from robots.bridge.topics.inspector_client import Inspection
 from robots.bridge.watchdog.beats import Beats
 from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Beat, Press
-from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
-from robots.pending_stops import PendingStops, Waiting, name_of
-from robots.scheduling import Garbage, prefer_this_thread
+from robots.processes.scheduling import Garbage, prefer_this_thread
+from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
+from robots.stop.pending_stops import PendingStops, Waiting, name_of
 
 log = logging.getLogger(__name__)
 
@@ -225,7 +225,7 @@ class Bridge:
         if not looked_at or now_s - self._viewed_s < gap_s:
             return
         self._viewed_s = now_s
-        scan = view.scan(self._gate, self._sonars, now_s)
+        scan = state_view.scan(self._gate, self._sonars, now_s)
         shown = wire.encode_report(wire.View(self._core.state(now_s, *self._watchers()), scan))
         for link in looked_at:
             link.show(shown)

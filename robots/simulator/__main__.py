@@ -6,10 +6,10 @@ import argparse
 import logging
 import math
 
-from robots.simulator.body import BODIES
-from robots.simulator.odometry import Drift
-from robots.simulator.physics import Pose
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
+from robots.simulator.sensors.body import BODIES
+from robots.simulator.sensors.odometry import Drift
 from robots.simulator.worlds import World, load_world
 
 

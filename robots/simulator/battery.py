@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robots.simulator.base import Twist, clamp
+from robots.simulator.physics.base import Twist, clamp
 
 _IDLE_PERCENT_PER_S = 100.0 / (6 * 3600)
 _DRIVING_PERCENT_PER_S = 100.0 / (3 * 3600)

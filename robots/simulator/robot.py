@@ -6,20 +6,20 @@ from collections import deque
 
 import numpy as np
 
-from robots.simulator.arm import MOVED_BY, capsules
-from robots.simulator.base import BaseController, Twist
 from robots.simulator.battery import Battery
-from robots.simulator.body import Body
 from robots.simulator.faults import Faults
-from robots.simulator.frames import frames
-from robots.simulator.laser import Laser
-from robots.simulator.localisation import Localisation
-from robots.simulator.motions import Player, load_motions
-from robots.simulator.odometry import Drift, Odometry
-from robots.simulator.people import Walker
-from robots.simulator.physics import Physics, Pose
-from robots.simulator.sonar import Sonar
-from robots.simulator.wheels import Wheels
+from robots.simulator.joints.arm import MOVED_BY, capsules
+from robots.simulator.joints.frames import frames
+from robots.simulator.joints.motions import Player, load_motions
+from robots.simulator.physics.base import BaseController, Twist
+from robots.simulator.physics.mujoco_world import Physics, Pose
+from robots.simulator.physics.people import Walker
+from robots.simulator.physics.wheels import Wheels
+from robots.simulator.sensors.body import Body
+from robots.simulator.sensors.laser import Laser
+from robots.simulator.sensors.localisation import Localisation
+from robots.simulator.sensors.odometry import Drift, Odometry
+from robots.simulator.sensors.sonar import Sonar
 from robots.simulator.worlds import World
 
 TICK_HZ = 50

@@ -422,7 +422,7 @@ def temporary_stack(
 
 def daphne() -> list[str]:
     """The web process's command, without where it listens."""
-    return [sys.executable, "-m", "fleet.server", "--verbosity", "0", "fleet.asgi:application"]
+    return [sys.executable, "-m", "fleet.server", "--verbosity", "0", "fleet.site.asgi:application"]
 
 
 def tls_endpoint(certificate: Certificate, address: str, port: int) -> str:

@@ -15,7 +15,7 @@ from fleet.accounts.models import User
 from fleet.audit import record, retention
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.verify import verify_all
-from teleop import refusals
+from teleop.recording import refusals
 from tests.script.support import until
 
 pytestmark = pytest.mark.django_db

@@ -10,7 +10,7 @@ import pytest
 
 from fleet.audit import wording
 from fleet.audit.kinds import KINDS
-from robots.records import ENDS
+from robots.recording.bridge_records import ENDS
 
 ROOT = Path(__file__).parents[2]
 RECORDING = {
@@ -24,20 +24,20 @@ KIND = re.compile(r"[a-z]+\.[a-z_]+|refusal|fault")
 # Where no kind is written out: file, as it is written there, and which kinds that can be.
 INDIRECT = {
     ("fleet/accounts/throttle.py", "KIND"): {"account.sign_in_failed"},
-    ("robots/services.py", "f'{entry._meta.model_name}.{verb}'"): {
+    ("robots/registry/services.py", "f'{entry._meta.model_name}.{verb}'"): {
         "phrase.create",
         "phrase.delete",
         "allowance.create",
         "allowance.delete",
     },
-    ("teleop/calls.py", "kind"): {"service.call", "parameter.set"},
-    ("teleop/orders.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
-    ("robots/records.py", "kind"): {end for end, _ in ENDS.values()},
+    ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
+    ("teleop/live/tasks.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
+    ("robots/recording/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
     # Those hand on what is written out where they are called, or the kind of what is on record already.
     ("fleet/accounts/changes.py", "kind"): set(),
-    ("teleop/services.py", "kind"): set(),
-    ("robots/stops.py", "record.kind"): set(),
-    ("teleop/calls.py", "begun.kind"): set(),
+    ("teleop/control/services.py", "kind"): set(),
+    ("robots/stop/presses.py", "record.kind"): set(),
+    ("teleop/live/service_calls.py", "begun.kind"): set(),
 }
 
 

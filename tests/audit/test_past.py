@@ -8,9 +8,9 @@ from fleet.audit import record
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.audit.verify import verify_all
-from robots.models import Robot
-from teleop import robot_report, session_report
+from robots.registry.models import Robot
 from teleop.models import ControlSession
+from teleop.reports import robot_report, session_report
 
 pytestmark = pytest.mark.django_db
 COUNT = 1500  # records of the past, beside one that was there before

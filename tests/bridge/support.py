@@ -12,13 +12,24 @@ import msgspec
 import numpy as np
 
 from robots import wire
+from robots.bridge.audit.record_sink import (
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    RecordError,
+    RecordSink,
+)
+from robots.bridge.audit.records import Records
 from robots.bridge.config import Allowed, BridgeConfig, HeadSource, LinkAddress, Topic, Topics
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.drives import DriveLog
+from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.holds import Fault
-from robots.bridge.gate.latency import Latency
-from robots.bridge.gate.posture import Disc
+from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
@@ -30,21 +41,10 @@ from robots.bridge.gate.values import (
     Velocity,
     Verdict,
 )
-from robots.bridge.head import Aim
-from robots.bridge.orders import Swept
-from robots.bridge.records import Records
-from robots.bridge.sink import (
-    DriveSummary,
-    GateStart,
-    GateSummary,
-    Holder,
-    Parameters,
-    Place,
-    RecordError,
-    RecordSink,
-)
-from robots.bridge.speech import Utterance
-from robots.bridge.store import Persisted
+from robots.bridge.lease.state_store import Persisted
+from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.speech import Utterance
+from robots.bridge.tasks.tasks import Swept
 from robots.wire import Drive, Ended, Grant, Refusal
 
 LIMITS = Limits(1.0, 0.2, 0.0, 2.0, 1.0, 2.0)

@@ -4,9 +4,9 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge.choices import PARTING_S, PATIENCE_S
 from robots.bridge.config import Allowed, ArmSource
 from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.tasks.input_routing import PARTING_S, PATIENCE_S
 from tests.bridge.support import CONFIG, Bench, Outcome
 
 TTS, PLAY, TWIST = (

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.bridge.commands import AgeEstimator, Stick, velocity_of
+from robots.bridge.drive.drive_input import AgeEstimator, Stick, velocity_of
 from robots.bridge.gate.values import STILL, Limits
 from robots.wire import Drive
 

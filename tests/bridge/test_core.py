@@ -9,7 +9,7 @@ import pytest
 from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
 from robots.bridge.gate.holds import Fault
 from robots.bridge.gate.values import STILL, Hold, LaserScan, Pose, Velocity, Verdict
-from robots.bridge.store import Persisted
+from robots.bridge.lease.state_store import Persisted
 from robots.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from robots.bridge.audit.record_sink import DriveSummary, GateStart, GateSummary, Place
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Place
 from robots.wire import Refusal
 from tests.bridge.support import Bench
 

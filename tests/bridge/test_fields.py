@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.fields import FLOATS, INTEGERS, STAMPS, BadField, fitted
-from robots.bridge.packing import Broken, Detail, Layout
+from robots.bridge.messages.fields import FLOATS, INTEGERS, STAMPS, BadField, fitted
+from robots.bridge.messages.packing import Broken, Detail, Layout
 from robots.wire import Field
 
 ALL = Detail(10**6, 10**6, 10**6)

@@ -8,7 +8,7 @@ import pytest
 from robots import wire
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
-from robots.bridge.head import AHEAD_TAKES_S, FOLLOW_RAD, FOLLOW_RADPS, Head
+from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RAD, FOLLOW_RADPS, Head
 from tests.bridge.support import CONFIG, Bench, Outcome
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)

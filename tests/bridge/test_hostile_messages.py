@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from robots.bridge.packing import LARGEST_WRITTEN, MOST_STEPS, Detail, Layout, TooLarge
+from robots.bridge.messages.packing import LARGEST_WRITTEN, MOST_STEPS, Detail, Layout, TooLarge
 from robots.wire import Field
 
 DETAIL = Detail(whole=32, first=16, text=500)

@@ -13,8 +13,8 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge import helper, inspection
-from robots.bridge.inspection import MOST_ASKED, Inspection
+from robots.bridge.topics import inspector_client, line_process
+from robots.bridge.topics.inspector_client import MOST_ASKED, Inspection
 from tests.bridge.support import CONFIG
 
 PATIENCE_S = 20.0
@@ -173,7 +173,7 @@ async def test_a_question_without_an_answer_is_refused_in_time(relay, monkeypatc
     ann = Viewer()
     relay.ask(ann, question(1))
     await ann.answer(1)
-    monkeypatch.setattr(inspection, "ANSWER_S", 0.05)
+    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.05)
     relay.ask(ann, question(2, "/silent"))
     refused = await ann.answer(2)
     assert (refused.of, refused.refusal.code, refused.seq) == ("parameter", "inspector_silent", 1002)
@@ -191,8 +191,8 @@ async def test_too_many_questions_at_once_are_refused(relay):
 
 @pytest.mark.parametrize("how", ["/die", "/babble"])
 async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_same(relay, monkeypatch, how):
-    monkeypatch.setattr(helper, "RESTART_S", (0.01, 0.05))
-    monkeypatch.setattr(helper, "END_S", 0.5)
+    monkeypatch.setattr(line_process, "RESTART_S", (0.01, 0.05))
+    monkeypatch.setattr(line_process, "END_S", 0.5)
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     relay.ask(ann, question(1))
@@ -205,7 +205,7 @@ async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_sa
 
 
 async def test_what_was_published_at_a_rate_is_told_as_lost_when_the_process_dies(make, monkeypatch):
-    monkeypatch.setattr(helper, "RESTART_S", (0.01, 0.05))
+    monkeypatch.setattr(line_process, "RESTART_S", (0.01, 0.05))
     lost = asyncio.Event()
     relay = make(lost=lost.set)
     ann = Viewer()
@@ -239,7 +239,7 @@ async def test_fields_are_checked_before_anything_is_published(relay):
 
 
 async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypatch):
-    monkeypatch.setattr(inspection, "SILENCE_S", 0.05)
+    monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
@@ -256,7 +256,7 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
 
 
 async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
-    monkeypatch.setattr(helper, "LARGEST_BACKLOG", 10_000)
+    monkeypatch.setattr(line_process, "LARGEST_BACKLOG", 10_000)
     ann = Viewer()
     relay.look_at(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
@@ -271,7 +271,7 @@ async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
 
 
 async def test_a_program_that_cannot_be_started_leaves_every_question_refused(make, monkeypatch):
-    monkeypatch.setattr(inspection, "START_S", 0.1)
+    monkeypatch.setattr(inspector_client, "START_S", 0.1)
     relay = make(command=("/nowhere/inspector",))
     ann = Viewer()
     relay.ask(ann, question(1))

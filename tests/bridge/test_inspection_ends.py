@@ -12,8 +12,8 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge import helper, inspection
-from robots.bridge.pipe import Question, TooLate
+from robots.bridge.topics import inspector_client, line_process
+from robots.bridge.topics.inspector_messages import Question, TooLate
 from tests.bridge.test_inspection import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
 from tests.bridge.test_publishings import bench, note, settled
 
@@ -101,7 +101,7 @@ async def test_a_halt_reaches_the_inspector_also_after_a_single_message_and_only
 
 
 async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monkeypatch):
-    monkeypatch.setattr(inspection, "SILENCE_S", 0.05)
+    monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
     relay, ear = await listen(confirms=False)
     await ear.hears("look_at")
     process = relay._helper._process
@@ -162,15 +162,15 @@ def test_the_bridge_gives_it_in_every_tick_and_only_while_something_is_published
 
 
 async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_later(listen, monkeypatch):
-    monkeypatch.setattr(inspection, "START_S", 0.05)
-    monkeypatch.setattr(helper, "RESTART_S", (0.2, 0.2))
+    monkeypatch.setattr(inspector_client, "START_S", 0.05)
+    monkeypatch.setattr(line_process, "RESTART_S", (0.2, 0.2))
     relay, ear = await listen()
     relay._helper._command, command = ("/nowhere/inspector",), relay._helper._command
     relay.ask(ear, wire.Inspect(1, CALL))
     refusal = (await ear.answer(1)).refusal
     assert refusal.code == "inspector_silent"
     assert refusal.text.endswith("ask again.")
-    monkeypatch.setattr(inspection, "START_S", PATIENCE_S)
+    monkeypatch.setattr(inspector_client, "START_S", PATIENCE_S)
     relay._helper._command = command
     relay.ask(ear, question(2))
     await ear.answer(2)
@@ -179,7 +179,7 @@ async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_la
 
 async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(talk, monkeypatch):
     relay, ear = talk
-    monkeypatch.setattr(inspection, "ANSWER_S", 0.05)
+    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.05)
     for seq, ask in enumerate((CALL, wire.SetParameter("/silent", 1)), 1):
         relay.ask(ear, wire.Inspect(seq, ask))
     assert (await ear.answer(1)).refusal.text.endswith("whether it was carried out is not known.")
@@ -187,7 +187,7 @@ async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(t
 
 async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_answer(talk, monkeypatch):
     relay, ear = talk
-    monkeypatch.setattr(inspection, "ANSWER_S", 3.0)
+    monkeypatch.setattr(inspector_client, "ANSWER_S", 3.0)
     before_s = time.monotonic()
     relay.ask(ear, question(1))
     await ear.answer(1)
@@ -204,9 +204,9 @@ async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_an
 async def test_who_asks_an_inspector_that_is_being_let_go_is_answered_by_the_next_without_a_pause(
     listen, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(helper, "RESTART_S", (600.0, 600.0))
-    monkeypatch.setattr(helper, "END_S", PATIENCE_S)
-    monkeypatch.setattr(inspection, "ANSWER_S", 0.0)  # not enough for the process that ends
+    monkeypatch.setattr(line_process, "RESTART_S", (600.0, 600.0))
+    monkeypatch.setattr(line_process, "END_S", PATIENCE_S)
+    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # not enough for the process that ends
     may_end = tmp_path / "may end"
     os.mkfifo(may_end)
     relay, ear = await listen(end=f"open({str(may_end)!r}).read()")

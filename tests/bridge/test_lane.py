@@ -13,9 +13,9 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.bridge.link import LinkServer
-from robots.lane import lane_path
-from robots.link import BridgeLink
+from robots.bridge.server.link_server import LinkServer
+from robots.link.client import BridgeLink
+from robots.link.lane import lane_path
 from tests.bridge.support import CONFIG, Bench
 
 PATIENCE_S = 10.0

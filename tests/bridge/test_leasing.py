@@ -10,12 +10,12 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.bridge.inspection import Inspection
-from robots.bridge.leasing import Leasing
-from robots.bridge.link import LinkServer
-from robots.bridge.reception import Reception
-from robots.bridge.store import Persisted
-from robots.link import BridgeLink
+from robots.bridge.lease.fencing import Leasing
+from robots.bridge.lease.state_store import Persisted
+from robots.bridge.link_handler import Reception
+from robots.bridge.server.link_server import LinkServer
+from robots.bridge.topics.inspector_client import Inspection
+from robots.link.client import BridgeLink
 from tests.bridge.support import Bench, Wire
 from tests.bridge.test_link import Follower
 

@@ -18,13 +18,13 @@ from cryptography.x509.oid import NameOID
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus, WebSocketException
 
-import robots.link
+import robots.link.client
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.bridge.link import LinkServer
-from robots.bridge.reception import OTHER_ROBOT
-from robots.connections import _headers
-from robots.link import BridgeLink, LinkRefused, Links, state_once, stop_once
+from robots.bridge.link_handler import OTHER_ROBOT
+from robots.bridge.server.link_server import LinkServer
+from robots.link.client import BridgeLink, LinkRefused, Links, state_once, stop_once
+from robots.link.connections import _headers
 from tests.bridge.support import CONFIG, Bench
 
 ROBOT = uuid.UUID(CONFIG.robot_id)  # of the bridge on the bench
@@ -381,7 +381,7 @@ async def test_a_link_that_is_ended_closes_after_its_last_word(link, bridge):
 
 
 async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, monkeypatch):
-    monkeypatch.setattr(robots.link, "_LINGER_S", 0.05)
+    monkeypatch.setattr(robots.link.client, "_LINGER_S", 0.05)
     links, follower = Links(), Follower()
     link = links.get(ROBOT, address)
     link.subscribe(follower)

@@ -11,11 +11,11 @@ import msgspec
 import psutil
 import pytest
 
-from robots.bridge import maps
+from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.gate.values import Pose
-from robots.bridge.maps import AGAIN_S, FRESH_S, Maps, MapWanted, NoMap
-from robots.bridge.sink import TakenMap
+from robots.bridge.maps import map_fetch
+from robots.bridge.maps.map_fetch import AGAIN_S, FRESH_S, Maps, MapWanted, NoMap
 from tests.bridge.support import CONFIG
 from tests.script.support import until
 
@@ -108,11 +108,11 @@ async def test_while_one_is_taken_no_other_is(taker):
         (b"\xff\xff", "failed"),
         (msgspec.msgpack.encode(TAKEN)[:-1], "failed"),
         (msgspec.msgpack.encode({"type": "TakenMap", "resolution_m": "x"}), "failed"),
-        (bytes(maps.LARGEST_ANSWER + 1), "failed"),
+        (bytes(map_fetch.LARGEST_ANSWER + 1), "failed"),
     ],
 )
 async def test_without_a_map_it_is_tried_again_after_a_while_and_said_once(answer, why, taker, caplog):
-    caplog.set_level(logging.INFO, maps.__name__)
+    caplog.set_level(logging.INFO, map_fetch.__name__)
     taker.answers(answer)
     for now_s in (0.0, AGAIN_S - 1.0, AGAIN_S, 2.0 * AGAIN_S):
         await taker.look(7, now_s)
@@ -134,8 +134,8 @@ def hangs() -> bool:
 
 
 async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
-    caplog.set_level(logging.INFO, maps.__name__)
-    monkeypatch.setattr(maps, "END_S", 0.2)
+    caplog.set_level(logging.INFO, map_fetch.__name__)
+    monkeypatch.setattr(map_fetch, "END_S", 0.2)
     hanging = Maps(with_map(MAP), lambda taken: None, HANGS)
     hanging.look(7, 0.0)
     await settled()
@@ -152,7 +152,7 @@ async def test_a_bridge_that_ends_waits_for_no_map():
 
 
 async def test_a_process_that_cannot_be_started_harms_nobody(caplog):
-    caplog.set_level(logging.INFO, maps.__name__)
+    caplog.set_level(logging.INFO, map_fetch.__name__)
     broken = Maps(with_map(MAP), lambda taken: None, ("/nowhere/nothing",))
     broken.look(7, 0.0)
     await settled()

@@ -4,7 +4,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.gate.values import STILL, SensorHealth, Velocity
-from robots.bridge.motions import offered, recorded
+from robots.bridge.tasks.motions import offered, recorded
 from tests.bridge.support import Bench, Outcome
 
 AHEAD = ((0.6, 0.0, 0.2),)

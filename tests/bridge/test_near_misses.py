@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.values import Velocity
-from robots.bridge.recording import Decision, replay
+from robots.bridge.gate_recording import Decision, replay
 
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.gate"))
 THINGS = [path for path in RECORDINGS if not path.stem.startswith("doorway")]

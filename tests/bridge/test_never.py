@@ -3,7 +3,7 @@
 import pytest
 
 from robots.bridge.config import DepthSource, ScanSource, Topic, Topics
-from robots.bridge.never import COUNTERFEITED, names_set, why_never, why_never_sent
+from robots.bridge.tasks.denylist import COUNTERFEITED, names_set, why_never, why_never_sent
 from robots.wire import Field
 
 TEXT = "std_msgs/String"

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.path import LEVER_M, TOLERANCE_M, Path, Sample, simplified
+from robots.bridge.audit.drive_path import LEVER_M, TOLERANCE_M, Path, Sample, simplified
 
 CENTIMETRE = 0.01
 

@@ -14,14 +14,15 @@ import pytest
 import pytest_asyncio
 from django.conf import settings
 
-from robots import courier, wire
+from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.bridge.link import Link, LinkServer
+from robots.bridge.lease.state_store import Persisted
 from robots.bridge.process import heeding
-from robots.bridge.store import Persisted
-from robots.link import BridgeLink
-from robots.pending_stops import FOLDER, PendingStops, Waiting, name_of
-from robots.stops import Pending, press
+from robots.bridge.server.link_server import Link, LinkServer
+from robots.link.client import BridgeLink
+from robots.stop import courier
+from robots.stop.pending_stops import FOLDER, PendingStops, Waiting, name_of
+from robots.stop.presses import Pending, press
 from tests.bridge.support import CONFIG, Bench
 
 ROBOT = UUID(CONFIG.robot_id)

@@ -9,8 +9,8 @@ import pytest
 from msgspec import structs
 
 from robots.bridge.config import LinkAddress
+from robots.bridge.lease.state_store import Persisted, Store
 from robots.bridge.process import TICK_S, Bridge
-from robots.bridge.store import Persisted, Store
 from robots.wire import Grant
 from tests.bridge.support import CONFIG, MemorySink
 

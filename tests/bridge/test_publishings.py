@@ -9,13 +9,13 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge.commands import stick_of, velocity_of
+from robots.bridge.audit.record_sink import Holder
+from robots.bridge.audit.records import Asker
 from robots.bridge.config import Allowed
+from robots.bridge.drive.drive_input import stick_of, velocity_of
+from robots.bridge.drive.twists import velocity_from
 from robots.bridge.gate.values import STILL, Limits, Velocity
-from robots.bridge.publishings import Publishings
-from robots.bridge.records import Asker
-from robots.bridge.sink import Holder
-from robots.bridge.twists import velocity_from
+from robots.bridge.tasks.publishing import Publishings
 from robots.wire import Refusal
 from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome
 

@@ -12,11 +12,11 @@ import pytest
 
 from robots import wire
 from robots.bridge.gate.values import STILL
-from robots.bridge.inspection import Inspection
-from robots.bridge.leasing import Leasing
-from robots.bridge.orders import Orders
-from robots.bridge.reception import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, Reception
-from robots.bridge.store import Store
+from robots.bridge.lease.fencing import Leasing
+from robots.bridge.lease.state_store import Store
+from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, Reception
+from robots.bridge.tasks.tasks import Orders
+from robots.bridge.topics.inspector_client import Inspection
 from tests.bridge.support import Bench, Wire
 from tests.bridge.test_leasing import GRANT
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robots.bridge.gate.depth import DepthImage, Lens, picture_of_image
-from robots.bridge.gate.depth_camera import Frame, frame_of
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.posture import Posture
+from robots.bridge.gate.geometry.arm_discs import Posture
+from robots.bridge.gate.obstacles.depth_camera import Frame, frame_of
+from robots.bridge.gate.sensing.depth import DepthImage, Lens, picture_of_image
 from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
-from robots.bridge.recording import BadRecording, Recorder, replay
+from robots.bridge.gate_recording import BadRecording, Recorder, replay
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 

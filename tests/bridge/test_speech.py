@@ -5,7 +5,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.bridge.speech import (
+from robots.bridge.tasks.speech import (
     LINGER_S,
     LONGEST_CHARACTERS,
     Utterance,

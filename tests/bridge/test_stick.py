@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robots.bridge.commands import Stick
-from robots.bridge.stick import (
+from robots.bridge.drive.drive_input import Stick
+from robots.bridge.drive.input_filters import (
     COMMAND_LIFE_S,
     DEFAULT,
     STEADYING,

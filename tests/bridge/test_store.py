@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import pytest
 
-from robots.bridge.store import AlreadyRunning, Persisted, Store
+from robots.bridge.lease.state_store import AlreadyRunning, Persisted, Store
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.urdf import BadDescription, Tree
-from robots.simulator.body import BODIES
-from robots.simulator.frames import frames, place, urdf
-from robots.simulator.joints import HOME
+from robots.bridge.tasks.urdf import BadDescription, Tree
+from robots.simulator.joints.frames import frames, place, urdf
+from robots.simulator.joints.joint_table import HOME
+from robots.simulator.sensors.body import BODIES
 
 ARM = """<robot name="r">
   <joint name="lift" type="prismatic"><parent link="base"/><child link="torso"/><origin xyz="0 0 1"/>

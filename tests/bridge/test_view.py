@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robots.bridge import view
+from robots.bridge import state_view
 from robots.bridge.gate.values import Obstacles
 from tests.bridge.support import CONFIG, OpenGate
 
@@ -13,7 +13,7 @@ def test_a_picture_has_one_point_for_each_six_centimetres_of_what_is_remembered(
     gate.obstacles = lambda _now_s: Obstacles(
         near, np.array([1, 1, 1, 1]), ("laser", "seen"), ("scan", "memory")
     )
-    scan = view.scan(gate, (), 100.0)
+    scan = state_view.scan(gate, (), 100.0)
     assert sorted(zip(scan.remembered_cm[::2], scan.remembered_cm[1::2], strict=True)) == [
         (102, 48),
         (120, -48),

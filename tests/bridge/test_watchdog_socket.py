@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge.store import Persisted, Store
+from robots.bridge.lease.state_store import Persisted, Store
 from robots.bridge.watchdog.beats import MISSING_S, Beats
 from robots.bridge.watchdog.kept import Kept
 from robots.bridge.watchdog.lane import Heard, Lane

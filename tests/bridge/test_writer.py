@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from robots.bridge.sink import BadRecord, RecordError
-from robots.bridge.writer import Writer
+from robots.bridge.audit.record_sink import BadRecord, RecordError
+from robots.bridge.audit.record_writer import Writer
 
 
 class Log:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from robots.bridge.gate.planar import wrapped
+from robots.bridge.gate.geometry.planar import wrapped
 
 START = (1.7, 1.7, 0.0)  # in the office: x, y, heading in degrees; odometry begins there
 # Before the door, in it, behind it; from the start.
@@ -42,7 +42,7 @@ class Follower:
 
 
 def pushed(axis: float) -> float:
-    """How far a thumb goes for this: the page's stick (static/js/shaping.js) is fine near its middle."""
+    """How far a thumb goes for this: the page's stick (static/js/drive/shaping.js) is fine near its middle."""
     wanted, low, high = abs(axis), 0.0, 1.0
     for _ in range(20):
         middle = (low + high) / 2.0

@@ -7,9 +7,9 @@ from channels.testing import WebsocketCommunicator
 from django.contrib.sessions.models import Session
 from django.urls import path
 
-from fleet.asgi import application
-from fleet.doors import guarded
-from teleop.socket import CloseCode
+from fleet.site.asgi import application
+from fleet.site.websocket_doors import guarded
+from teleop.live.socket import CloseCode
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

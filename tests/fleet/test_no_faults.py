@@ -10,8 +10,8 @@ from django.contrib import admin
 from django.test import Client
 from django.urls import URLPattern, get_resolver
 
-from fleet.asgi import application
-from teleop.socket import CloseCode
+from fleet.site.asgi import application
+from teleop.live.socket import CloseCode
 
 ACCEPTS = [None, "text/html", "q=;;,/"]
 BODIES = [

@@ -13,7 +13,7 @@ from django.urls import reverse
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.recorded_admin import RecordedAdmin
-from robots.models import RobotRole
+from robots.registry.models import RobotRole
 
 pytestmark = pytest.mark.django_db
 

@@ -11,7 +11,7 @@ from fleet.accounts import views
 from fleet.accounts.models import SignIn, User
 from fleet.unavailable import error_page
 from robots.wire import Stopped, StopState
-from teleop import stopping
+from teleop.stop import emergency_stop
 from tests.conftest import PASSWORD
 
 SIGN_IN = "/accounts/sign-in/"
@@ -81,8 +81,8 @@ def test_a_script_is_told_in_json(lock, operator, signed_in):
 
 
 def test_a_stop_without_scripts_is_answered_while_it_is_locked(lock, robot, operator, signed_in, monkeypatch):
-    monkeypatch.setattr(stopping.log, "note", lambda _press: None)
-    monkeypatch.setattr(stopping, "press_all", lambda _robots, _by: [Stopped(StopState("stopped"))])
+    monkeypatch.setattr(emergency_stop.log, "note", lambda _press: None)
+    monkeypatch.setattr(emergency_stop, "press_all", lambda _robots, _by: [Stopped(StopState("stopped"))])
     desk = signed_in(operator)
     lock()
     answer = desk.post(f"/robots/{robot.slug}/stop/", headers={"accept": "text/html"})

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.trail import between
+from robots.bridge.gate.timing.trail import between
 from robots.bridge.gate.values import GateProfile, LaserScan, Limits, Parameters, Pose, Velocity
 
 LASER = "/scan_raw"

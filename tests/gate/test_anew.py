@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.posture import AT_HOME
+from robots.bridge.gate.geometry.arm_discs import AT_HOME
 from robots.bridge.gate.values import STILL, Pose
 from tests.gate.conftest import SONARS, Feeder, tiago_profile
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate import arc
-from robots.bridge.gate.footprint import Disc, Discs, Polygon, clearances
+from robots.bridge.gate.geometry import arc
+from robots.bridge.gate.geometry.footprint import Disc, Discs, Polygon, clearances
 from robots.bridge.gate.values import Velocity
 
 SPAN_S = 6.0

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.gate import braking
+from robots.bridge.gate.motion import braking
 from robots.bridge.gate.values import Velocity
 from tests.gate.conftest import tiago_profile
 

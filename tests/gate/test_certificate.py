@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate import gate as gate_module
-from robots.bridge.gate.certificate import plays_clear, restrains_nothing
-from robots.bridge.gate.corridors import Box, Corridors
-from robots.bridge.gate.footprint import footprint_of
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.posture import AT_HOME, Posture
-from robots.bridge.gate.restraint import restrain
-from robots.bridge.gate.rollout import Sent, safe_share
+from robots.bridge.gate.geometry.arm_discs import AT_HOME, Posture
+from robots.bridge.gate.geometry.footprint import footprint_of
+from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
+from robots.bridge.gate.motion.corridors import Box, Corridors
+from robots.bridge.gate.motion.restraint import restrain
+from robots.bridge.gate.motion.rollout import Sent, safe_share
 from robots.bridge.gate.values import STILL, LaserScan, Limits, Parameters, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, box_profile, tiago_profile
 

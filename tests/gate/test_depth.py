@@ -9,7 +9,9 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from robots.bridge.gate.depth import (
+from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture
+from robots.bridge.gate.obstacles.depth_camera import frame_of
+from robots.bridge.gate.sensing.depth import (
     Cloud,
     Columns,
     DepthImage,
@@ -21,11 +23,9 @@ from robots.bridge.gate.depth import (
     seen_through,
     top_m,
 )
-from robots.bridge.gate.depth_camera import frame_of
-from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture
-from robots.bridge.gate.scan import Malformed
+from robots.bridge.gate.sensing.scan import Malformed
 from robots.bridge.gate.values import DepthView, Limits, Pose, Velocity
-from robots.bridge.recording import Recorder, replay
+from robots.bridge.gate_recording import Recorder, replay
 from tests.gate.conftest import Feeder, tiago_profile
 
 FOV = math.radians(63.0)

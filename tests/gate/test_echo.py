@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.bridge.gate.echo import Echo
+from robots.bridge.gate.timing.acknowledgements import Echo
 
 PERIOD_S = 0.05
 SIZE = 52

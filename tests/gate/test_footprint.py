@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate import arc
-from robots.bridge.gate.footprint import Disc, Discs, Footprint, Polygon, footprint_of
-from robots.bridge.gate.planar import Path
+from robots.bridge.gate.geometry import arc
+from robots.bridge.gate.geometry.footprint import Disc, Discs, Footprint, Polygon, footprint_of
+from robots.bridge.gate.geometry.planar import Path
 from robots.bridge.gate.values import Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.test_arc import (

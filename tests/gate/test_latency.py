@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from robots.bridge.gate.latency import (
+from robots.bridge.gate.timing.latency import (
     ADDED_S,
     ENOUGH,
     FORGOTTEN_S,

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.depth import Columns, columns_of, seen_through, top_m
-from robots.bridge.gate.planar import from_columns
+from robots.bridge.gate.geometry.planar import from_columns
+from robots.bridge.gate.sensing.depth import Columns, columns_of, seen_through, top_m
 from robots.bridge.gate.values import LaserScan, Pose
 from tests.gate.conftest import LASER, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, VIEW, WALL, Looker, camera, picture

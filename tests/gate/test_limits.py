@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.sectors import gaps_between
+from robots.bridge.gate.sensing.sectors import gaps_between
 from robots.bridge.gate.values import STILL, Hold, Limits, Parameters, Velocity
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate.footprint import Disc
-from robots.bridge.gate.laser_memory import LaserMemory
-from robots.bridge.gate.memory import (
+from robots.bridge.gate.geometry.footprint import Disc
+from robots.bridge.gate.obstacles.laser_memory import LaserMemory
+from robots.bridge.gate.obstacles.point_memory import (
     BRIEFLY_S,
     DEPTH_LAYER,
     GAP_S,
@@ -22,10 +22,10 @@ from robots.bridge.gate.memory import (
     Memory,
     grown,
 )
-from robots.bridge.gate.scan import Sweep
-from robots.bridge.gate.sight import sight
-from robots.bridge.gate.sources import Laser
-from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.obstacles.sightings import sight
+from robots.bridge.gate.obstacles.sources import Laser
+from robots.bridge.gate.sensing.scan import Sweep
+from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import STILL, LaserScan, Limits, Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.test_driving import towards

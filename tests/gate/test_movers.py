@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.bridge.gate.movers import MOST_MPS, Movers
-from robots.bridge.gate.planar import NO_POINTS, placed
-from robots.bridge.gate.scan import Sweep
+from robots.bridge.gate.geometry.planar import NO_POINTS, placed
+from robots.bridge.gate.obstacles.movers import MOST_MPS, Movers
+from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.values import STILL, Pose, Velocity
 from tests.gate.conftest import LASER, tiago_profile
 from tests.gate.world import ORIGIN, World, doorway, leg, wall

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.depth_camera import frame_of
+from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.values import DepthView, Pose, Velocity
 from tests.gate.conftest import tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, Looker, camera, picture

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.bridge.gate.obstacle_cache import ObstacleCache
-from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
+from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import STILL, Pose
 
 

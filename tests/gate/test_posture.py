@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.gate.footprint import Discs
-from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
+from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
+from robots.bridge.gate.geometry.footprint import Discs
 from robots.bridge.gate.values import Hold
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 

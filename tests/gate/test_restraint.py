@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate import braking
-from robots.bridge.gate.footprint import footprint_of
-from robots.bridge.gate.restraint import restrain, way_out
+from robots.bridge.gate.geometry.footprint import footprint_of
+from robots.bridge.gate.motion import braking
+from robots.bridge.gate.motion.restraint import restrain, way_out
 from robots.bridge.gate.values import Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 

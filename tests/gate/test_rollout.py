@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate import braking
-from robots.bridge.gate.footprint import footprint_of
-from robots.bridge.gate.rollout import (
+from robots.bridge.gate.geometry.footprint import footprint_of
+from robots.bridge.gate.motion import braking
+from robots.bridge.gate.motion.rollout import (
     CLEAR,
     MOVER_MARGIN_M,
     SHARES,
@@ -153,7 +153,7 @@ def test_one_look_from_where_braking_begins_clears_nothing_that_the_whole_play_d
         for bearing in np.linspace(-math.pi, math.pi, 12):
             post = [(distance_m * math.cos(bearing), distance_m * math.sin(bearing))]
             rolled = roll(kind, going, post, queue, going)
-            with patch("robots.bridge.gate.rollout._keeps_off", return_value=False):
+            with patch("robots.bridge.gate.motion.rollout._keeps_off", return_value=False):
                 assert roll(kind, going, post, queue, going) == rolled
 
 

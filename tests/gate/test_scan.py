@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate.footprint import Disc
-from robots.bridge.gate.planar import placed, seen_from
-from robots.bridge.gate.scan import Sweep, cone_points, differences, has_neighbour, outside_hull
-from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.geometry.footprint import Disc
+from robots.bridge.gate.geometry.planar import placed, seen_from
+from robots.bridge.gate.sensing.scan import Sweep, cone_points, differences, has_neighbour, outside_hull
+from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from robots.bridge.gate.depth_camera import frame_of
 from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, camera, picture

@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { History, outcomeText } from "../../static/js/history.js";
-import { languageChoices, languageName } from "../../static/js/languages.js";
-import { Phrases } from "../../static/js/phrases.js";
-import { aroundWord, Running } from "../../static/js/running.js";
-import { Say, speechEndNotice } from "../../static/js/say.js";
-import { whenText } from "../../static/js/times.js";
+import { languageChoices, languageName } from "../../static/js/lib/languages.js";
+import { whenText } from "../../static/js/lib/times.js";
+import { History, outcomeText } from "../../static/js/tasks/history.js";
+import { Phrases } from "../../static/js/tasks/phrases.js";
+import { aroundWord, Running } from "../../static/js/tasks/running.js";
+import { Say, speechEndNotice } from "../../static/js/tasks/say.js";
 
 function made(tags) {
   return Object.fromEntries(

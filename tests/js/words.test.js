@@ -1,6 +1,4 @@
 import { describe, expect, it } from "vitest";
-import { controlWords } from "../../static/js/control_words.js";
-import { firstShare, paceText, sharesUpTo } from "../../static/js/driving_options.js";
 import {
   banner,
   connectionFact,
@@ -8,7 +6,9 @@ import {
   limitsOf,
   stopText,
   verdictText,
-} from "../../static/js/standing.js";
+} from "../../static/js/control/control_banner.js";
+import { controlWords } from "../../static/js/control/control_words.js";
+import { firstShare, paceText, sharesUpTo } from "../../static/js/drive/driving_options.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };

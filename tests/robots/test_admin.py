@@ -11,10 +11,10 @@ from django.urls import reverse
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.admin import ReadableJSON
-from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
-from robots.services import bridge_status_set, profile_save, robot_save
-from robots.supervisor import LOCK, only_instance
+from robots.registry.admin import ReadableJSON
+from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.registry.services import bridge_status_set, profile_save, robot_save
+from robots.supervisor.keeper import LOCK, only_instance
 
 
 @pytest.fixture

@@ -12,12 +12,12 @@ from django.urls import reverse
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.bridge.config import Allowed, Topic
-from robots.bridge.never import why_never
-from robots.effective import profile_topics
-from robots.models import Allowance, Robot, RobotProfile, Role
-from robots.selectors import allowed_on, bridge_config
-from robots.services import entry_delete, entry_save
-from teleop.selectors import registered
+from robots.bridge.tasks.denylist import why_never
+from robots.registry.models import Allowance, Robot, RobotProfile, Role
+from robots.registry.robot_config import profile_topics
+from robots.registry.selectors import allowed_on, bridge_config
+from robots.registry.services import entry_delete, entry_save
+from teleop.control.selectors import registered
 from tests.robots.test_admin import filled
 
 pytestmark = pytest.mark.django_db

@@ -9,9 +9,9 @@ from django.db.migrations.executor import MigrationExecutor
 from django.test import Client
 from django.urls import reverse
 
-from robots import services
-from robots.models import Robot
-from robots.selectors import link_address
+from robots.registry import services
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "wss://bridges.lab:7443"

@@ -8,8 +8,8 @@ import pytest
 from django.test import Client
 from django.urls import reverse
 
-from robots import views
-from robots.models import Robot
+from robots.registry import views
+from robots.registry.models import Robot
 
 pytestmark = pytest.mark.django_db
 

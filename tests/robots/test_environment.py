@@ -11,9 +11,9 @@ import msgspec
 import pytest
 
 from robots.bridge.config import BridgeConfig
-from robots.environment import NoWrapper, ros_environment
-from robots.models import Robot
-from robots.selectors import bridge_config
+from robots.registry.models import Robot
+from robots.registry.selectors import bridge_config
+from robots.supervisor.ros_environment import NoWrapper, ros_environment
 
 RESOLVE = "import socket, sys; print(socket.gethostbyname(sys.argv[1]))"
 

@@ -5,11 +5,20 @@ from __future__ import annotations
 import pytest
 
 from fleet.audit.models import Record
-from robots import faults
-from robots.faults import BRIDGE, ROBOT, SURE_AFTER, Condition, RobotWatch, bridge_is, condition_of, part_is
-from robots.link import LinkRefused
-from robots.models import BridgeStatus, Robot
-from robots.selectors import link_address
+from robots.link.client import LinkRefused
+from robots.recording import faults
+from robots.recording.faults import (
+    BRIDGE,
+    ROBOT,
+    SURE_AFTER,
+    Condition,
+    RobotWatch,
+    bridge_is,
+    condition_of,
+    part_is,
+)
+from robots.registry.models import BridgeStatus, Robot
+from robots.registry.selectors import link_address
 from robots.wire import Refusal
 from tests.robots.support import until
 

@@ -14,8 +14,8 @@ import pytest
 from django.db import OperationalError, connection
 from django.test import override_settings
 
-from robots.management.commands.run_fleet import Fleet, wait_shortly
-from robots.models import Allowance, BridgeStatus, Robot
+from robots.registry.management.commands.run_fleet import Fleet, wait_shortly
+from robots.registry.models import Allowance, BridgeStatus, Robot
 from tests.robots.support import FakePrograms, until
 
 pytestmark = pytest.mark.django_db
@@ -123,7 +123,9 @@ def test_a_full_disk_keeps_one_edit_out_of_force_and_ends_no_bridge(
     supervised.until_started("tiago-1", 1)
     supervised.until_started("tiago-2", 1)
     full = OSError(errno.ENOSPC, "No space left on device")
-    environment = mock.patch("robots.management.commands.run_fleet.ros_environment", side_effect=full)
+    environment = mock.patch(
+        "robots.registry.management.commands.run_fleet.ros_environment", side_effect=full
+    )
     with environment as asked:
         Robot.objects.filter(pk=robot.pk).update(drive_topic="/phone_vel")
         supervised.until(lambda: asked.call_count >= 2, "two looks")
@@ -148,7 +150,7 @@ def test_a_database_that_does_not_answer_leaves_the_fleet_as_it_is(
 ) -> None:
     supervised.until_started("tiago-1", 1)
     broken = mock.patch.object(*query, side_effect=OperationalError("disk I/O error"))
-    with broken as asked, mock.patch("robots.management.commands.run_fleet.connection"):
+    with broken as asked, mock.patch("robots.registry.management.commands.run_fleet.connection"):
         supervised.until(lambda: asked.call_count >= 2, "two polls")
     assert caplog.text.count("The database does not answer, the fleet stays as it is") == 1
     assert supervised.programs.lines().count("end tiago-1") == 0

@@ -6,10 +6,10 @@ from datetime import datetime, timedelta, timezone
 
 import pytest
 
+from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
-from robots.bridge.sink import TakenMap
-from robots.maps import map_seen
-from robots.models import Robot
+from robots.registry.maps import map_seen
+from robots.registry.models import Robot
 
 pytestmark = pytest.mark.django_db
 

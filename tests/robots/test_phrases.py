@@ -16,10 +16,10 @@ from django.urls import reverse
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.described import Problems
-from robots.models import Phrase, Robot, RobotProfile
-from robots.phrases import MOST_PHRASES, Line, read, written
-from robots.services import entry_delete, entry_save, phrases_import
+from robots.registry.models import Phrase, Robot, RobotProfile
+from robots.registry.phrases import MOST_PHRASES, Line, read, written
+from robots.registry.profile_schema import Problems
+from robots.registry.services import entry_delete, entry_save, phrases_import
 
 # 139 characters, until they are spaced
 MANY_TAGS = ",".join(chr(code) for code in range(0x4E00, 0x4E00 + 70))

@@ -14,8 +14,8 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.connections import LinkRefused
-from robots.reaching import reach, stop_message, wait_for
+from robots.link.connections import LinkRefused
+from robots.stop.delivery import reach, stop_message, wait_for
 
 ROBOT = uuid4()
 PATIENCE_S = 10.0

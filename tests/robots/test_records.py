@@ -15,11 +15,19 @@ from django.db import connection
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable, record
 from fleet.audit.models import Record
+from robots.bridge.audit.drive_path import Sample
+from robots.bridge.audit.record_sink import (
+    BadRecord,
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Place,
+    RecordError,
+)
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
-from robots.bridge.path import Sample
-from robots.bridge.sink import BadRecord, DriveSummary, GateStart, GateSummary, Holder, Place, RecordError
-from robots.models import BridgePulse, Robot
-from robots.records import AuditSink
+from robots.recording.bridge_records import AuditSink
+from robots.registry.models import BridgePulse, Robot
 from robots.wire import Grant, Refusal
 from tests.bridge.support import Bench
 from tests.disk import Disk
@@ -228,7 +236,9 @@ def test_a_settling_that_fails_midway_leaves_nothing_half_done(
     sink.begin_drive(holder, START)
     sink.request(holder, "motion.start", {"motion": "wave"})
     full = [record, mock.Mock(side_effect=AuditUnavailable("audit_disk_full", "The disk is full."))]
-    written = mock.patch("robots.records.record", lambda *args, **facts: full.pop(0)(*args, **facts))
+    written = mock.patch(
+        "robots.recording.bridge_records.record", lambda *args, **facts: full.pop(0)(*args, **facts)
+    )
     with written, pytest.raises(RecordError):
         sink.settle()
     assert full == []
@@ -252,7 +262,7 @@ def test_what_cannot_be_written_is_told_in_words(sink: AuditSink, holder: Holder
     full = AuditUnavailable(
         "audit_disk_full", "Not done, because it could not be recorded: the disk is full."
     )
-    with mock.patch("robots.records.record", autospec=True, side_effect=full):
+    with mock.patch("robots.recording.bridge_records.record", autospec=True, side_effect=full):
         with pytest.raises(RecordError, match="the disk of the database is full"):
             sink.begin_drive(holder, START)
         with pytest.raises(RecordError, match="the disk of the database is full"):
@@ -284,7 +294,10 @@ def test_a_connection_that_is_kept_is_made_anew_after_a_failure(sink: AuditSink,
         sink.begin_drive(holder, START)
         assert connection.connection is kept
         full = AuditUnavailable("audit_disk_full", "The disk is full.")
-        with mock.patch("robots.records.record", side_effect=full), pytest.raises(RecordError):
+        with (
+            mock.patch("robots.recording.bridge_records.record", side_effect=full),
+            pytest.raises(RecordError),
+        ):
             sink.begin_drive(holder, START)
         sink.begin_drive(holder, START)
         assert connection.connection is not kept

@@ -10,7 +10,7 @@ import pytest
 from django.core.management import CommandError, call_command
 
 from robots.bridge.gate.values import STILL, Velocity
-from robots.bridge.recording import Recorder
+from robots.bridge.gate_recording import Recorder
 from tests.gate.conftest import Feeder, tiago_profile
 
 
@@ -42,7 +42,9 @@ def test_a_recording_gives_the_same_verdicts_and_each_change_in_words(tmp_path):
 
 def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatch, capsys):
     file = recorded(tmp_path / "wall.gate")
-    monkeypatch.setattr("robots.bridge.gate.restraint.arc.speed", lambda twist: 2.0 * math.hypot(*twist[:2]))
+    monkeypatch.setattr(
+        "robots.bridge.gate.motion.restraint.arc.speed", lambda twist: 2.0 * math.hypot(*twist[:2])
+    )
     with pytest.raises(SystemExit, match="1"):
         call_command("replay_gate", str(file))
     assert "recorded: " in capsys.readouterr().out

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from fleet.accounts.models import User
-from robots.models import Robot, Role
-from robots.selectors import robots_visible_to, role_on
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import robots_visible_to, role_on
 
 
 def test_roles_are_ordered_each_including_those_below() -> None:

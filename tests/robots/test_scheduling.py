@@ -8,7 +8,7 @@ import sys
 
 SCRIPT = """
 import json, os, resource, subprocess, sys, threading, time
-from robots import scheduling
+from robots.processes import scheduling
 
 allowed = int(sys.argv[1])
 limits = resource.getrlimit

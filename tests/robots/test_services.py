@@ -16,9 +16,10 @@ from django.db import connections
 from fleet.accounts.models import User
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
-from robots import courier, services
-from robots.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
-from robots.pending_stops import Waiting, name_of
+from robots.registry import services
+from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.stop import courier
+from robots.stop.pending_stops import Waiting, name_of
 
 
 def last_record() -> Record:
@@ -92,7 +93,7 @@ def test_a_change_that_cannot_be_recorded_is_not_made(robot: Robot, staff: User)
     robot.name = "Other"
     refusal = AuditUnavailable("audit_disk_full", "full")
     with (
-        mock.patch("robots.services.record", autospec=True, side_effect=refusal),
+        mock.patch("robots.registry.services.record", autospec=True, side_effect=refusal),
         pytest.raises(AuditUnavailable),
     ):
         services.robot_save(robot=robot, actor=staff)

@@ -11,9 +11,9 @@ import yaml
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from robots.models import RobotProfile
-from robots.services import profile_take_shipped, profiles_load_shipped
-from robots.shipped import DIRECTORY, profile_files
+from robots.registry.models import RobotProfile
+from robots.registry.services import profile_take_shipped, profiles_load_shipped
+from robots.registry.shipped import DIRECTORY, profile_files
 
 pytestmark = pytest.mark.django_db
 
@@ -74,7 +74,7 @@ def test_an_update_leaves_an_edited_profile_alone_and_says_so(
 ) -> None:
     tiago.blind_mps = 0.1
     tiago.save()
-    with caplog.at_level(logging.WARNING, "robots.services"):
+    with caplog.at_level(logging.WARNING, "robots.registry.services"):
         profiles_load_shipped(directory=update)
     tiago.refresh_from_db()
     assert (tiago.turn_radps, tiago.blind_mps) == (2.0944, 0.1)
@@ -114,7 +114,7 @@ def test_phrases_that_were_edited_here_stay_so(
     tiago: RobotProfile, more_phrases: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     tiago.phrases.filter(language="ca-ES").delete()
-    with caplog.at_level(logging.WARNING, "robots.services"):
+    with caplog.at_level(logging.WARNING, "robots.registry.services"):
         profiles_load_shipped(directory=more_phrases)
     assert tiago.phrases.count() == 20
     assert "Phrases of profile tiago were edited here" in caplog.text

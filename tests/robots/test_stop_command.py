@@ -20,11 +20,12 @@ from websockets.sync.server import ServerConnection, unix_serve
 
 from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
-from robots import courier, wire
-from robots.bridge.reception import OTHER_ROBOT
-from robots.management.commands import stop
-from robots.models import Robot
-from robots.selectors import link_address
+from robots import wire
+from robots.bridge.link_handler import OTHER_ROBOT
+from robots.registry.management.commands import stop
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
+from robots.stop import courier
 from tests.robots.support import PATIENCE_S
 
 pytestmark = pytest.mark.django_db(transaction=True)  # the registry is asked in a thread

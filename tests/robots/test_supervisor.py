@@ -12,10 +12,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from robots.ending import EXIT_NAME_LOST, EXIT_NOT_JOINED
-from robots.management.commands.run_fleet import eager
-from robots.models import BridgeStatus
-from robots.supervisor import (
+from robots.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
+from robots.registry.management.commands.run_fleet import eager
+from robots.registry.models import BridgeStatus
+from robots.supervisor.keeper import (
     KILL_S,
     STEADY_S,
     TERMINATE_S,
@@ -180,7 +180,7 @@ SUPERVISING = """
 import os, sys, time
 import django
 django.setup()
-from robots.supervisor import Keeper, Program
+from robots.supervisor.keeper import Keeper, Program
 keeper = Keeper("Fake", lambda *report: None)
 keeper.want(Program([sys.executable, *sys.argv[1:]], dict(os.environ), "1"))
 while True:

@@ -12,11 +12,11 @@ import pytest
 from django.core.exceptions import ValidationError
 from msgspec import Struct
 
-from robots import effective
 from robots.bridge.config import Topics
 from robots.bridge.gate.values import Parameters
-from robots.models import Robot, RobotProfile
-from robots.shipped import profile_files
+from robots.registry import robot_config
+from robots.registry.models import Robot, RobotProfile
+from robots.registry.shipped import profile_files
 
 pytestmark = pytest.mark.django_db
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.django_db
 FIRST_USES = """
 import sys, threading
 from robots import described
-from robots.described import Footprint, Overrides, Parameters, Problems, StickChain, Topics
+from robots.registry.profile_schema import Footprint, Overrides, Parameters, Problems, StickChain, Topics
 
 sys.setswitchinterval(1e-6)
 together = threading.Barrier(4)
@@ -183,7 +183,7 @@ def test_a_footprint_is_a_disc_or_a_convex_outline_around_the_origin(
 def test_an_outline_written_clockwise_goes_counter_clockwise(tiago: RobotProfile) -> None:
     tiago.footprint = {"outline": [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]}
     tiago.full_clean()
-    assert effective.footprint(tiago).outline == [(-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.3, 0.2)]
+    assert robot_config.footprint(tiago).outline == [(-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.3, 0.2)]
 
 
 @pytest.mark.parametrize(

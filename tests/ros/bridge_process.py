@@ -7,9 +7,17 @@ from pathlib import Path
 
 import msgspec
 
+from robots.bridge.audit.record_sink import (
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    TakenMap,
+)
 from robots.bridge.config import BridgeConfig
 from robots.bridge.process import run
-from robots.bridge.sink import DriveSummary, GateStart, GateSummary, Holder, Parameters, Place, TakenMap
 
 
 class FileSink:

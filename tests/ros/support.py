@@ -23,7 +23,7 @@ from xmlrpc.client import ServerProxy
 import rosgraph
 import rospy
 
-from robots.bridge.ros.publishing import immediate_publisher
+from robots.bridge.ros.tasks.publishing import immediate_publisher
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 ROSMASTER = "/usr/bin/rosmaster"

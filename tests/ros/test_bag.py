@@ -12,8 +12,8 @@ from sensor_msgs.msg import JointState, LaserScan
 
 from robots.bridge.config import ArmSource, ScanSource, Topic, Topics
 from robots.bridge.gate.gate import Gate
-from robots.bridge.recording import BadRecording
-from robots.bridge.ros import bag
+from robots.bridge.gate_recording import BadRecording
+from robots.bridge.ros.sensors import bag
 from tests.gate.conftest import LASER, tiago_profile
 
 TOPICS = Topics(

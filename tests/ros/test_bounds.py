@@ -27,9 +27,9 @@ from robots.bridge.ros.bounds.listening import Reading
 from robots.bridge.ros.bounds.logs import AT_ONCE, Sparing
 from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
-from robots.bridge.ros.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
-from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.publishing import _AtOnce
+from robots.bridge.ros.network.master import Master, MasterError
+from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
+from robots.bridge.ros.tasks.publishing import _AtOnce
 from tests.ros import strangers
 from tests.ros.meddling import answer_of
 from tests.ros.support import REPOSITORY
@@ -70,7 +70,7 @@ def test_an_answer_with_too_many_values_is_none():
 
 
 def test_an_answer_without_end_is_none(monkeypatch):
-    monkeypatch.setattr("robots.bridge.ros.master.LARGEST_ANSWER", 100_000)
+    monkeypatch.setattr("robots.bridge.ros.network.master.LARGEST_ANSWER", 100_000)
     with answering(answer_of(LONG)) as uri, pytest.raises(MasterError, match="more than 100000 bytes"):
         Master(uri, "/test").alive()
 

@@ -28,10 +28,10 @@ from sensor_msgs.msg import Range
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.core import Core
+from robots.bridge.lease.state_store import Store
 from robots.bridge.process import Bridge
 from robots.bridge.ros.node import RosBase
-from robots.bridge.store import Store
-from robots.ending import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
+from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
 from tests.bridge.support import MemorySink
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import PATIENCE_S, Master, SimulatorProcess, until

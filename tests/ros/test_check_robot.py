@@ -18,7 +18,7 @@ from django.core.management import call_command
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool, String
 
-from robots.models import Robot
+from robots.registry.models import Robot
 from tests.ros.support import REPOSITORY, Master, RosClient, SimulatorProcess, free_port
 
 pytestmark = pytest.mark.django_db

@@ -13,9 +13,9 @@ from geometry_msgs.msg import Twist
 from robots import wire
 from robots.bridge.config import Allowed, Topic
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.master import Master
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.types import message_class
 from tests.bridge.support import CONFIG
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import until

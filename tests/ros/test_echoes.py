@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots.bridge.ros.echoes import Echoes, _kept
+from robots.bridge.ros.network.acknowledgements import Echoes, _kept
 from tests.ros.support import until
 
 

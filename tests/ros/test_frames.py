@@ -12,7 +12,7 @@ import rospy
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from tf2_msgs.msg import TFMessage
 
-from robots.bridge.ros.frames import Frames, PoseUnknown, transforms
+from robots.bridge.ros.sensors.frames import Frames, PoseUnknown, transforms
 
 
 def told(parent, child, stamp_s, xyz=(0.0, 0.0, 0.0), yaw=0.0):

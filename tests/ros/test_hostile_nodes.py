@@ -16,13 +16,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots.bridge.ros import master, node
+from robots.bridge.ros import node
 from robots.bridge.ros.bounds.board import Board
-from robots.bridge.ros.errands import Errands, Seldom
 from robots.bridge.ros.inspector.graph import graph
-from robots.bridge.ros.master import TIMEOUT_S, Master, MasterError, SystemState
+from robots.bridge.ros.network import master
+from robots.bridge.ros.network.master import TIMEOUT_S, Master, MasterError, SystemState
+from robots.bridge.ros.network.tcpros import Conversation, connect, first_told
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.tcpros import Conversation, connect, first_told
+from robots.bridge.ros.ros_worker import Errands, Seldom
 from tests.bridge.support import CONFIG
 from tests.ros.meddling import answer_of
 from tests.ros.support import until

@@ -24,13 +24,13 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.bridge.inspection import COMMAND
-from robots.bridge.pipe import Alive, Check, Done, Question, Ready, Silence
-from robots.bridge.pipe import Report as InspectorReport
 from robots.bridge.ros.inspector import graph
 from robots.bridge.ros.inspector.answers import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.looks import rate_hz
-from robots.bridge.ros.types import message_class
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.topics.inspector_client import COMMAND
+from robots.bridge.topics.inspector_messages import Alive, Check, Done, Question, Ready, Silence
+from robots.bridge.topics.inspector_messages import Report as InspectorReport
 from tests.ros.bridge_support import tiago_config
 from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until

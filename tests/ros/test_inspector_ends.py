@@ -17,16 +17,16 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from robots import wire
-from robots.bridge.inspection import SILENCE_S
-from robots.bridge.pipe import Alive, Check, Question, Silence
 from robots.bridge.ros.inspector import answers
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
 from robots.bridge.ros.inspector.publishing import Leave, Talks
-from robots.bridge.ros.master import Master
-from robots.bridge.ros.publishing import heard_by
-from robots.bridge.ros.tcpros import connect_to_publisher
+from robots.bridge.ros.network.master import Master
+from robots.bridge.ros.network.tcpros import connect_to_publisher
+from robots.bridge.ros.tasks.publishing import heard_by
+from robots.bridge.topics.inspector_client import SILENCE_S
+from robots.bridge.topics.inspector_messages import Alive, Check, Question, Silence
 from tests.ros.bridge_support import tiago_config
 from tests.ros.support import PATIENCE_S, Inbox, until
 from tests.ros.test_bridge import serves_deaf

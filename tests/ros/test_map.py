@@ -15,17 +15,17 @@ from PIL import Image
 from tf2_msgs.msg import TFMessage
 
 from robots import wire
+from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.config import Topic
-from robots.bridge.findings import BRIDGE
-from robots.bridge.maps import MapWanted, NoMap
-from robots.bridge.ros.errands import Errands
-from robots.bridge.ros.map import take
-from robots.bridge.ros.master import Master as RosMaster
-from robots.bridge.ros.tf import TfTopics
-from robots.bridge.ros.wanted import WhileWanted
-from robots.bridge.sink import TakenMap
-from robots.models import RobotMap
-from robots.records import AuditSink
+from robots.bridge.maps.map_fetch import MapWanted, NoMap
+from robots.bridge.probe_findings import BRIDGE
+from robots.bridge.ros.network.master import Master as RosMaster
+from robots.bridge.ros.on_demand_topics import WhileWanted
+from robots.bridge.ros.ros_worker import Errands
+from robots.bridge.ros.sensors.map import take
+from robots.bridge.ros.sensors.tf import TfTopics
+from robots.recording.bridge_records import AuditSink
+from robots.registry.models import RobotMap
 from tests.ros.bridge_support import BridgeProcess, tiago_config
 from tests.ros.support import Master, until
 
@@ -123,7 +123,7 @@ def test_where_there_is_no_map_it_says_why(rosmaster, topic, why):
 
 
 def test_a_map_that_makes_no_sense_and_one_that_never_comes_are_refused(ros, rosmaster, monkeypatch):
-    monkeypatch.setattr("robots.bridge.ros.map.MESSAGE_S", 0.5)
+    monkeypatch.setattr("robots.bridge.ros.sensors.map.MESSAGE_S", 0.5)
     wanted = MapWanted(rosmaster.uri, Topic("/hostile_map", MAP.type))
     hostile = rospy.Publisher("/hostile_map", OccupancyGrid, queue_size=1, latch=True)
     try:

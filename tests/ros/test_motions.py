@@ -17,11 +17,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from robots.bridge.config import Topic
-from robots.bridge.ros.master import Master
-from robots.bridge.ros.motions import MotionTopics
+from robots.bridge.ros.message_types.classes import message_class, service_class
+from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.speech import SpeechTopics
-from robots.bridge.ros.types import message_class, service_class
+from robots.bridge.ros.tasks.motions import MotionTopics
+from robots.bridge.ros.tasks.speech import SpeechTopics
 from tests.bridge.support import CONFIG
 from tests.ros.support import PATIENCE_S
 

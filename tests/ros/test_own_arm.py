@@ -12,14 +12,14 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from robots.bridge.config import ArmSource
-from robots.bridge.gate.sweep import Motion
-from robots.bridge.room import Room
-from robots.bridge.ros import posture
-from robots.bridge.ros.posture import PostureTopics
-from robots.bridge.urdf import Tree
-from robots.simulator.body import BODIES
-from robots.simulator.frames import urdf
-from robots.simulator.joints import HOME
+from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.ros.sensors import arm_posture
+from robots.bridge.ros.sensors.arm_posture import PostureTopics
+from robots.bridge.tasks.arm_clearance import Room
+from robots.bridge.tasks.urdf import Tree
+from robots.simulator.joints.frames import urdf
+from robots.simulator.joints.joint_table import HOME
+from robots.simulator.sensors.body import BODIES
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, Looker, camera
 
 JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]
@@ -48,7 +48,7 @@ class Robot:
     def __init__(self, monkeypatch, description):
         self.looker = Looker([FLOOR], has_arm=True)
         self.looker.to_base = camera(LOOK_AHEAD)
-        monkeypatch.setattr(posture.time, "monotonic", lambda: self.looker.now_s)
+        monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.looker.now_s)
         self.topics = PostureTopics(ARM, self.looker.gate.observe_posture)
         self.topics.describe(description)
         arm = SimpleNamespace(arm=lambda: self.topics.arm(self.looker.now_s))

@@ -16,7 +16,7 @@ from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import Topic
-from robots.bridge.ros.types import message_class
+from robots.bridge.ros.message_types.classes import message_class
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.support import until
 from tests.ros.test_posture import ARM

@@ -9,10 +9,10 @@ import pytest
 import rospy
 from actionlib_msgs.msg import GoalStatus
 
-from robots.bridge.gate.sweep import Motion
-from robots.bridge.ros.master import Master
-from robots.bridge.ros.motions import ERRORS, MotionTopics
-from robots.bridge.ros.types import message_class, service_class
+from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.ros.message_types.classes import message_class, service_class
+from robots.bridge.ros.network.master import Master
+from robots.bridge.ros.tasks.motions import ERRORS, MotionTopics
 from robots.wire import MotionOffer
 from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import PATIENCE_S, until

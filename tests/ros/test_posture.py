@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import ArmSource, Topic
-from robots.simulator.joints import HOME
+from robots.simulator.joints.joint_table import HOME
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 
 JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]

@@ -13,14 +13,14 @@ from actionlib_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
 
 from robots.bridge.config import ArmSource
-from robots.bridge.gate.posture import AT_HOME, UNKNOWN, Posture
-from robots.bridge.gate.sweep import Motion
-from robots.bridge.ros import posture
-from robots.bridge.ros.posture import HAND_M, PostureTopics
-from robots.bridge.urdf import Tree
-from robots.simulator.body import BODIES
-from robots.simulator.frames import urdf
-from robots.simulator.joints import HOME, JOINTS
+from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture
+from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.ros.sensors import arm_posture
+from robots.bridge.ros.sensors.arm_posture import HAND_M, PostureTopics
+from robots.bridge.tasks.urdf import Tree
+from robots.simulator.joints.frames import urdf
+from robots.simulator.joints.joint_table import HOME, JOINTS
+from robots.simulator.sensors.body import BODIES
 
 ARM = ArmSource(
     home={"shoulder": 0.0, "elbow": 2.5},
@@ -28,7 +28,7 @@ ARM = ArmSource(
     postures={"offer": [(0.5, 0.0, 0.1)]},
 )
 OFFERED = Posture(at_home=False, discs=((0.5, 0.0, 0.1),))
-NOWHERE = UNKNOWN._replace(reach=(0.0, 0.0, ARM.reach_m + posture.END_M))
+NOWHERE = UNKNOWN._replace(reach=(0.0, 0.0, ARM.reach_m + arm_posture.END_M))
 DESCRIPTION = """<robot name="r">
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/></joint>
   <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
@@ -43,7 +43,7 @@ class Listener:
     def __init__(self, monkeypatch):
         self.now_s = 100.0
         self.told = []
-        monkeypatch.setattr(posture.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.now_s)
         self.topics = PostureTopics(ARM, lambda arm, _: self.told.append(arm))
 
     def joints(self, **positions):
@@ -116,7 +116,7 @@ def test_a_goal_whose_end_nobody_can_tell_spoils_no_later_one(arm, lost):
 def test_what_is_seen_while_the_arm_moves_may_be_the_arm(arm):
     arm.topics.describe(DESCRIPTION)
     moving = [arm.after(shoulder=0.1 * step, elbow=0.0).reach for step in range(5)]
-    assert moving == [(0.0, 0.0, ARM.reach_m + posture.END_M)] * 5
+    assert moving == [(0.0, 0.0, ARM.reach_m + arm_posture.END_M)] * 5
     resting = [arm.after(shoulder=0.4, elbow=0.001 * step).reach for step in range(5)]
     assert resting == [None] * 5
 
@@ -166,7 +166,7 @@ def test_of_an_arm_of_a_thousand_links_some_are_looked_at(arm):
         for n in range(1000)
     )
     arm.topics.describe(DESCRIPTION.replace("</robot>", f"{more}</robot>"))
-    assert len(arm.topics._moved) == posture.MOST_LINKS
+    assert len(arm.topics._moved) == arm_posture.MOST_LINKS
     assert arm.after(shoulder=0.0, elbow=0.0).discs
 
 

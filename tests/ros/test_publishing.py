@@ -9,9 +9,9 @@ import pytest
 import rospy
 from std_msgs.msg import String
 
-from robots.bridge.ros import publishing
-from robots.bridge.ros.publishing import Sender
-from robots.bridge.ros.tcpros import connect_to_publisher
+from robots.bridge.ros.network.tcpros import connect_to_publisher
+from robots.bridge.ros.tasks import publishing
+from robots.bridge.ros.tasks.publishing import Sender
 from tests.ros.support import PATIENCE_S, until
 
 _numbers = itertools.count()

@@ -14,9 +14,9 @@ import psutil
 import pytest
 from django.db import connection
 
-from robots.models import BridgeStatus, Robot
-from robots.selectors import link_address
-from robots.services import robot_save
+from robots.registry.models import BridgeStatus, Robot
+from robots.registry.selectors import link_address
+from robots.registry.services import robot_save
 from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
 
 pytestmark = pytest.mark.django_db(transaction=True)

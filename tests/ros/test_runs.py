@@ -5,7 +5,7 @@ from __future__ import annotations
 import rospy
 from nav_msgs.msg import Odometry
 
-from robots.bridge.ros.runs import Runs
+from robots.bridge.ros.robot_runs import Runs
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 
 ODOMETRY = "/mobile_base_controller/odom"

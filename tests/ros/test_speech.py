@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import Allowed, Topic
-from robots.bridge.ros.types import message_class
+from robots.bridge.ros.message_types.classes import message_class
 from tests.ros.bridge_support import BridgeProcess, tiago_config
 from tests.ros.support import until
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from robots.bridge.ros import types
-from robots.bridge.ros.types import UnknownTypeError, message_class, service_class
+from robots.bridge.ros.message_types import classes
+from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class, service_class
 from tests.ros.support import REPOSITORY
 
 TABLE = Path(__file__).with_name("data") / "md5sums.txt"
@@ -30,7 +30,7 @@ def test_every_definition_stands_in_the_table():
     listed = {name.removeprefix("srv:") for _, name in SUMS}
     ours = {
         f"{file.parts[-3]}/{file.stem}{'Action' if file.suffix == '.action' else ''}"
-        for file in types.definition_files()
+        for file in classes.definition_files()
     }
     assert ours <= listed
 
@@ -67,7 +67,7 @@ def test_an_unknown_type_is_named(name):
 
 ASK = """
 import time
-from robots.bridge.ros.types import message_class
+from robots.bridge.ros.message_types.classes import message_class
 import std_msgs.msg, actionlib_msgs.msg
 start = time.perf_counter()
 message_class("play_motion_msgs/PlayMotionAction")

@@ -20,8 +20,8 @@ from geometry_msgs.msg import Twist
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
-from robots.bridge.findings import BRIDGE, watchdog_name
-from robots.ending import EXIT_NAME_LOST
+from robots.bridge.probe_findings import BRIDGE, watchdog_name
+from robots.processes.shutdown import EXIT_NAME_LOST
 from tests.ros.bridge_support import BridgeProcess, Hand, WatchdogProcess, drivable, tiago_config
 from tests.ros.support import PATIENCE_S, Inbox, Master, RosClient, until
 

@@ -13,11 +13,11 @@ import pytest
 import rospy
 
 from robots.bridge.config import Topic
-from robots.bridge.findings import BRIDGE
-from robots.bridge.ros import watcher
-from robots.bridge.ros.master import Master, node_alive
-from robots.bridge.ros.watcher import SILENCE_S, MasterWatcher
-from robots.ending import EXIT_NOT_JOINED
+from robots.bridge.probe_findings import BRIDGE
+from robots.bridge.ros.network import master_monitor
+from robots.bridge.ros.network.master import Master, node_alive
+from robots.bridge.ros.network.master_monitor import SILENCE_S, MasterWatcher
+from robots.processes.shutdown import EXIT_NOT_JOINED
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.meddling import CUT_SHORT, answer_of, meddled
 from tests.ros.support import PATIENCE_S, RosClient, free_port
@@ -94,8 +94,8 @@ def watching(uri: str, node: Told):
 
 @pytest.fixture
 def soon(monkeypatch):
-    monkeypatch.setattr(watcher, "RETRY_S", 0.01)
-    monkeypatch.setattr(watcher, "SURVEY_S", 0.01)
+    monkeypatch.setattr(master_monitor, "RETRY_S", 0.01)
+    monkeypatch.setattr(master_monitor, "SURVEY_S", 0.01)
 
 
 def test_rubbish_from_the_master_halts_the_robot_which_comes_back_with_the_masters_wits(bridges, rosmaster):
@@ -172,7 +172,7 @@ def test_what_broke_half_way_is_not_done_again_in_the_same_process(rosmaster, so
 def test_a_master_that_was_restarted_while_it_was_joined_is_told_all_again(make_master, soon, monkeypatch):
     master = make_master()
     told_again = []
-    monkeypatch.setattr(watcher, "register_again", told_again.append)
+    monkeypatch.setattr(master_monitor, "register_again", told_again.append)
 
     def restart() -> None:
         master.kill()
@@ -191,7 +191,7 @@ def test_the_watcher_outlives_whatever_fails_in_it(rosmaster, soon, monkeypatch)
             monkeypatch.setattr(Failing, "surveyed", Told.surveyed)
             raise RecursionError("of what a master answered")
 
-    monkeypatch.setattr(watcher, "register_again", lambda _: None)
+    monkeypatch.setattr(master_monitor, "register_again", lambda _: None)
     node = Failing()
     with watching(rosmaster.uri, node):
         node.until("waiting: Watching the robot’s ROS master failed (of what a master answered).")
@@ -237,9 +237,9 @@ class TestNamesake:
         clock = itertools.count(100.0)  # a second for each time that it is asked
         patient = int(SILENCE_S)
         answers = [*[None] * patient, True, *[None] * patient, None]
-        monkeypatch.setattr(watcher, "monotonic", lambda: next(clock))
+        monkeypatch.setattr(master_monitor, "monotonic", lambda: next(clock))
         monkeypatch.setattr(Master, "node_uri", lambda *_: "http://elsewhere:1/")
-        monkeypatch.setattr(watcher, "node_alive", lambda *_: answers.pop(0))
+        monkeypatch.setattr(master_monitor, "node_alive", lambda *_: answers.pop(0))
         node = Told()
         with watching(rosmaster.uri, node):
             before = node.until("begun")

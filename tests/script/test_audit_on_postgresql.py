@@ -45,7 +45,7 @@ with connection.cursor() as cursor:
         cursor.execute(f"SHOW {name}")
         print(cursor.fetchone()[0], end=" ")
 """
-WEB, COMMAND = "import fleet.asgi", "import django; django.setup()"
+WEB, COMMAND = "import fleet.site.asgi", "import django; django.setup()"
 
 
 def test_a_query_of_a_web_process_is_limited_and_one_of_a_command_is_not(tmp_path: Path) -> None:

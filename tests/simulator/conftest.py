@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import pytest
 
-from robots.simulator.base import Twist
-from robots.simulator.body import BODIES
-from robots.simulator.odometry import Drift
-from robots.simulator.physics import Pose
+from robots.simulator.physics.base import Twist
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import TICK_S, Robot
+from robots.simulator.sensors.body import BODIES
+from robots.simulator.sensors.odometry import Drift
 from robots.simulator.worlds import Wall, World
 
 NO_DRIFT = Drift().times(0.0)

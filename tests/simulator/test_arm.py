@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.simulator.arm import SEGMENTS, capsules, lengths
-from robots.simulator.base import Twist
-from robots.simulator.body import TIAGO
-from robots.simulator.frames import frames
-from robots.simulator.joints import HOME
-from robots.simulator.motions import load_motions
+from robots.simulator.joints.arm import SEGMENTS, capsules, lengths
+from robots.simulator.joints.frames import frames
+from robots.simulator.joints.joint_table import HOME
+from robots.simulator.joints.motions import load_motions
+from robots.simulator.physics.base import Twist
+from robots.simulator.sensors.body import TIAGO
 from robots.simulator.worlds import Box
 from tests.simulator.conftest import room
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.simulator.base import STILL, TIAGO, BaseController, Twist
+from robots.simulator.physics.base import STILL, TIAGO, BaseController, Twist
 
 DT = 0.02
 

@@ -16,10 +16,10 @@ from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import seen
 from robots.bridge.gate.values import STILL, Velocity
-from robots.simulator.base import Twist
-from robots.simulator.body import TIAGO
 from robots.simulator.faults import Faults
-from robots.simulator.physics import Physics, Pose
+from robots.simulator.physics.base import Twist
+from robots.simulator.physics.mujoco_world import Physics, Pose
+from robots.simulator.sensors.body import TIAGO
 from robots.simulator.worlds import Box, Chair, Table, World
 
 ORIGIN = Pose(0.0, 0.0, 0.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robots.simulator.base import Twist
 from robots.simulator.faults import FaultError, Faults, parse_faults
+from robots.simulator.physics.base import Twist
 from tests.simulator.conftest import room
 
 

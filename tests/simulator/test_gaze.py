@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from robots.simulator.body import TIAGO
-from robots.simulator.frames import OPTICAL_FRAME, FrameError, frames, place
-from robots.simulator.gaze import PAN, TILT, GazeError, aim, error, eye
-from robots.simulator.joints import HOME, camera_pose
+from robots.simulator.joints.frames import OPTICAL_FRAME, FrameError, frames, place
+from robots.simulator.joints.gaze import PAN, TILT, GazeError, aim, error, eye
+from robots.simulator.joints.joint_table import HOME, camera_pose
+from robots.simulator.sensors.body import TIAGO
 
 TABLE = frames(TIAGO)
 FORWARD = (1.0, 0.0, 0.0)

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from robots.simulator.base import Twist
-from robots.simulator.wheels import LEFT, RIGHT
+from robots.simulator.physics.base import Twist
+from robots.simulator.physics.wheels import LEFT, RIGHT
 from tests.simulator.conftest import room
 
 

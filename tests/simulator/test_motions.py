@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robots.simulator.joints import HOME, JOINTS
-from robots.simulator.motions import ErrorCode, Phase, Player, RefusedMotionError, load_motions
+from robots.simulator.joints.joint_table import HOME, JOINTS
+from robots.simulator.joints.motions import ErrorCode, Phase, Player, RefusedMotionError, load_motions
 
 # INTERFACE: the motions of the gripper model.
 NAMES = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robots.simulator.mux import INPUT_TIMEOUT_S, TIAGO_LOCKS, TwistMux
+from robots.simulator.physics.mux import INPUT_TIMEOUT_S, TIAGO_LOCKS, TwistMux
 
 
 def test_a_lone_input_goes_through():

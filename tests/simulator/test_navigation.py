@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from robots.simulator.base import Twist
-from robots.simulator.localisation import SIGMA_M
-from robots.simulator.odometry import Drift
-from robots.simulator.physics import Pose
-from robots.simulator.survey import FREE, OCCUPIED, RESOLUTION_M, UNKNOWN, surveyed
+from robots.simulator.physics.base import Twist
+from robots.simulator.physics.mujoco_world import Pose
+from robots.simulator.sensors.localisation import SIGMA_M
+from robots.simulator.sensors.odometry import Drift
+from robots.simulator.sensors.survey import FREE, OCCUPIED, RESOLUTION_M, UNKNOWN, surveyed
 from robots.simulator.worlds import Box, Chair, Person, Table
 from tests.simulator.conftest import ORIGIN, room
 

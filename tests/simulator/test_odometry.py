@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from robots.simulator.base import Twist
-from robots.simulator.odometry import Drift
+from robots.simulator.physics.base import Twist
+from robots.simulator.sensors.odometry import Drift
 from tests.simulator.conftest import room
 
 

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from robots.simulator.base import Twist
-from robots.simulator.physics import Pose
+from robots.simulator.physics.base import Twist
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Box, Person, Table
 from tests.simulator.conftest import room
 

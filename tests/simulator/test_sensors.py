@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
-from robots.simulator.joints import HOME, camera_pose
-from robots.simulator.physics import Onlooker, Pose
+from robots.simulator.joints.joint_table import HOME, camera_pose
+from robots.simulator.physics.mujoco_world import Onlooker, Pose
+from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
 from robots.simulator.worlds import Box, Table, World
 from tests.simulator.conftest import room
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from robots.simulator.joints import JOINTS
-from robots.simulator.motions import ErrorCode, Phase, Player, Point, RefusedMotionError, load_motions
-from robots.simulator.trajectories import ErrorCode as Refusal
-from robots.simulator.trajectories import RefusedTrajectoryError, check, joints_of, missed
+from robots.simulator.joints.joint_table import JOINTS
+from robots.simulator.joints.motions import ErrorCode, Phase, Player, Point, RefusedMotionError, load_motions
+from robots.simulator.joints.trajectories import ErrorCode as Refusal
+from robots.simulator.joints.trajectories import RefusedTrajectoryError, check, joints_of, missed
 
 HEAD = ["head_1_joint", "head_2_joint"]
 CONTROLLERS = sorted({joint.controller for joint in JOINTS.values()})

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robots.simulator.body import BODIES
-from robots.simulator.frames import frames, urdf
-from robots.simulator.physics import Physics, Pose
+from robots.simulator.joints.frames import frames, urdf
+from robots.simulator.physics.mujoco_world import Physics, Pose
+from robots.simulator.sensors.body import BODIES
 from robots.simulator.worlds import load_world
 
 

@@ -8,11 +8,11 @@ import pytest
 import pytest_asyncio
 
 from fleet.accounts.models import User
-from robots.link import links
-from robots.models import RobotRole
-from teleop import stopping
-from teleop.database import in_database_beside
-from teleop.folding import FoldingLog
+from robots.link.client import links
+from robots.registry.models import RobotRole
+from teleop.background.database import in_database_beside
+from teleop.recording.repeat_suppression import FoldingLog
+from teleop.stop import emergency_stop
 from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
 
@@ -37,8 +37,8 @@ def second_operator(robot):
 @pytest.fixture(autouse=True)
 def stop_log(monkeypatch) -> Iterator[None]:
     """What is pressed in a test is written in it or not at all."""
-    own = FoldingLog(stopping.put_on_record, most=None)
-    monkeypatch.setattr(stopping, "log", own)
+    own = FoldingLog(emergency_stop.put_on_record, most=None)
+    monkeypatch.setattr(emergency_stop, "log", own)
     yield
     monkeypatch.setattr(own, "_write", lambda _last, _times: None)
     own.flush()

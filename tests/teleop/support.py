@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 import msgspec
 from channels.testing import WebsocketCommunicator
 
-from fleet.asgi import application
+from fleet.site.asgi import application
 from robots import wire
-from robots.bridge.link import Link, LinkServer
-from robots.models import Robot
-from robots.selectors import link_address
+from robots.bridge.server.link_server import Link, LinkServer
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
 from robots.wire import Odometry, Refusal, State, StopState, Verdict
-from teleop.database import in_database
+from teleop.background.database import in_database
 
 TIMEOUT_S = 20.0
 PATIENCE_S = 20.0  # until something is on record: a busy machine takes its time

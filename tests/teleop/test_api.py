@@ -7,8 +7,8 @@ from django.test.utils import CaptureQueriesContext
 from fleet.audit import record
 from fleet.audit.models import Content
 from robots import wire
-from robots.models import Phrase, RobotRole
-from teleop.database import in_database
+from robots.registry.models import Phrase, RobotRole
+from teleop.background.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -11,19 +11,20 @@ from django.db import OperationalError
 from django.utils import timezone
 from msgspec import structs
 
-import robots.link
+import robots.link.client
 from fleet import audit
 from fleet.audit.models import Record
 from robots import wire
-from robots.link import BridgeLink
-from robots.models import Robot
+from robots.link.client import BridgeLink
+from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop import consumers, rooms, rules, services
-from teleop.database import in_database
-from teleop.hints import Hints
+from teleop.background.database import in_database
+from teleop.control import rules, services
+from teleop.control.lease_events import Hints
+from teleop.control.rules import Tab
+from teleop.live import robot_consumer, robot_hub
+from teleop.live.socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease
-from teleop.rules import Tab
-from teleop.socket import CloseCode
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -202,7 +203,7 @@ async def test_giving_back_revokes_at_the_bridge_and_frees_the_robot(open_page, 
 async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_is_given_back_later(
     open_page, bridge, monkeypatch
 ):
-    monkeypatch.setattr(consumers, "AGAIN_S", 0.05)
+    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.05)
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     with monkeypatch.context() as full:
@@ -216,7 +217,7 @@ async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_i
 
 
 async def test_whoever_could_not_give_back_may_take_control_again(open_page, monkeypatch):
-    monkeypatch.setattr(consumers, "AGAIN_S", 60.0)
+    monkeypatch.setattr(robot_consumer, "AGAIN_S", 60.0)
     page = await open_page("operator")
     await take(page)
     with monkeypatch.context() as full:
@@ -231,7 +232,7 @@ async def test_whoever_could_not_give_back_may_take_control_again(open_page, mon
 async def test_who_takes_control_again_while_giving_back_is_tried_again_gets_it_and_keeps_it(
     open_page, monkeypatch
 ):
-    monkeypatch.setattr(consumers, "AGAIN_S", 0.0)
+    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.0)
     record, failed, trying, go_on = audit.record, threading.Event(), threading.Event(), threading.Event()
 
     def slow(kind, **told):
@@ -266,7 +267,7 @@ async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_
 ):
     page = await open_page("operator")
     await take(page)
-    monkeypatch.setattr(consumers, "AGAIN_S", 0.5)
+    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.5)
     with monkeypatch.context() as full:
         full.setattr(audit, "record", unavailable)
         await page.say("release")
@@ -280,7 +281,7 @@ async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_
 async def test_the_lease_of_whose_right_ended_is_ended_even_if_that_can_only_be_stored_later(
     open_page, bridge, monkeypatch
 ):
-    monkeypatch.setattr(consumers, "AGAIN_S", 0.05)
+    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.05)
     page = await open_page("operator")
     bridge.refuses = Refusal("stale_fence", "There is a higher number.", "lease")
     with monkeypatch.context() as full:
@@ -337,7 +338,7 @@ async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page,
     await asker.say("ask")
     while not (await asker.hears("control"))["asking"]:
         pass
-    looks, standing_of, cancel = threading.Semaphore(0), rooms.standing_of, services.control_ask_cancel
+    looks, standing_of, cancel = threading.Semaphore(0), robot_hub.standing_of, services.control_ask_cancel
 
     def looked(*args, **kwargs):
         looks.release()
@@ -348,9 +349,9 @@ async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page,
             assert looks.acquire(timeout=5)
         cancel(**kwargs)
 
-    monkeypatch.setattr(rooms, "LOOK_S", 0.02)
-    monkeypatch.setattr(rooms, "LOOKS_PER_FULL", 1)
-    monkeypatch.setattr(rooms, "standing_of", looked)
+    monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
+    monkeypatch.setattr(robot_hub, "LOOKS_PER_FULL", 1)
+    monkeypatch.setattr(robot_hub, "standing_of", looked)
     monkeypatch.setattr(services, "control_ask_cancel", cancelled_after_a_look)
     await asker.say("ask_cancel")
     while (await asker.hears("control"))["asking"]:
@@ -404,7 +405,7 @@ async def test_control_ends_with_its_term_even_if_that_cannot_be_recorded(open_p
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     monkeypatch.setattr(audit, "record", unavailable)
-    monkeypatch.setattr(rooms, "lease_seen", away)
+    monkeypatch.setattr(robot_hub, "lease_seen", away)
     await moves_on(term_ends_at=timezone.now())
     assert (await bridge.hears(wire.Revoke)).fence == fence
     await page.hears("notice", code="term")
@@ -536,7 +537,7 @@ async def test_what_another_process_changed_is_seen_at_the_next_look(open_page, 
 
 async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot, operator, monkeypatch):
     page = await open_page("observer")
-    monkeypatch.setattr("teleop.rooms.LOOK_S", 60)
+    monkeypatch.setattr("teleop.live.robot_hub.LOOK_S", 60)
     await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
     await taken_elsewhere(robot, operator)
     elsewhere = Hints(robot.id, on_hint=lambda: pytest.fail("its own hint"))
@@ -546,15 +547,15 @@ async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot,
 
 
 async def test_control_is_taken_while_a_slow_computer_still_makes_the_link(open_page, bridge, monkeypatch):
-    open_link = robots.link.open_link
+    open_link = robots.link.client.open_link
 
     @asynccontextmanager
     async def slowly(address):
-        await asyncio.sleep(4 * rooms.LINK_WAIT_S)
+        await asyncio.sleep(4 * robot_hub.LINK_WAIT_S)
         async with open_link(address) as socket:
             yield socket
 
-    monkeypatch.setattr(robots.link, "open_link", slowly)
+    monkeypatch.setattr(robots.link.client, "open_link", slowly)
     await take(await open_page("operator"))
 
 
@@ -579,7 +580,7 @@ def short_grace(monkeypatch):
     """A page is late after 0.6 s and gone after 1.2 s; the database is looked at often."""
     monkeypatch.setattr(rules, "LATE_S", 0.6)
     monkeypatch.setattr(rules, "GRACE_S", 1.2)
-    monkeypatch.setattr(rooms, "LOOK_S", 0.05)
+    monkeypatch.setattr(robot_hub, "LOOK_S", 0.05)
 
 
 async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_though_the_connection_stands(
@@ -607,22 +608,22 @@ async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_g
 
 
 async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(open_page, bridge, monkeypatch):
-    monkeypatch.setattr(rooms, "LOOK_S", 0.02)
-    monkeypatch.setattr(rooms, "LOOKS_PER_FULL", 1)
-    noted, looks, standing_of = threading.Event(), threading.Semaphore(0), rooms.standing_of
+    monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
+    monkeypatch.setattr(robot_hub, "LOOKS_PER_FULL", 1)
+    noted, looks, standing_of = threading.Event(), threading.Semaphore(0), robot_hub.standing_of
 
     def looked(*args, **kwargs):
         looks.release()
         return standing_of(*args, **kwargs)
 
-    monkeypatch.setattr(consumers, "_left", lambda *_args: noted.wait(10))  # the database is slow
+    monkeypatch.setattr(robot_consumer, "_left", lambda *_args: noted.wait(10))  # the database is slow
     page = await open_page("operator")
     await open_page("second")
     await take(page)
     closing = asyncio.ensure_future(page.close())
     await bridge.hears(wire.Hold, lambda hold: hold.reason == "The page is gone.")
     granted = len(bridge.all(wire.Grant))
-    monkeypatch.setattr(rooms, "standing_of", looked)
+    monkeypatch.setattr(robot_hub, "standing_of", looked)
     for _ in range(4):
         assert await asyncio.to_thread(looks.acquire, timeout=5)
     noted.set()
@@ -636,7 +637,7 @@ async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_tha
 ):
     page = await open_page("operator", hello=False)
     with monkeypatch.context() as broken:
-        broken.setattr(rooms, "standing_of", away)
+        broken.setattr(robot_hub, "standing_of", away)
         await page.say("hello", tab="operator-tab-0123456789")
         assert await page.is_closed() == CloseCode.TRY_AGAIN
     await open_page("operator")
@@ -663,7 +664,7 @@ async def test_a_page_that_comes_back_while_that_cannot_be_stored_is_closed_and_
 async def test_what_is_done_is_not_refused_because_it_cannot_be_told_yet(open_page, monkeypatch):
     page = await open_page("operator")
     with monkeypatch.context() as broken:
-        broken.setattr(rooms, "standing_of", away)
+        broken.setattr(robot_hub, "standing_of", away)
         await page.say("take")
         await eventually(ControlSession.objects.exists)
         await page.hears_nothing("refused")
@@ -674,7 +675,7 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
     open_page, bridge, monkeypatch
 ):
     asked, told = threading.Event(), asyncio.Event()
-    read, close = rooms.registered, Hints.close
+    read, close = robot_hub.registered, Hints.close
 
     def edited(robot_id):
         asked.set()
@@ -689,11 +690,11 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
         await close(hints)
 
     closing = threading.Event()
-    monkeypatch.setattr(rooms, "LOOK_S", 0.02)
+    monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
     page = await open_page("observer")
-    [room] = rooms._rooms.values()
+    [room] = robot_hub._rooms.values()
     monkeypatch.setattr(room, "watchers_changed", told.set)
-    monkeypatch.setattr(rooms, "registered", edited)
+    monkeypatch.setattr(robot_hub, "registered", edited)
     monkeypatch.setattr(Hints, "close", closes)
     assert await asyncio.to_thread(asked.wait, 10)
     await page.close()
@@ -703,7 +704,7 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
 async def test_one_pages_fault_leaves_the_others_informed(open_page, bridge, monkeypatch):
     await open_page("operator")
     second = await open_page("second")
-    [room] = rooms._rooms.values()
+    [room] = robot_hub._rooms.values()
     first = next(iter(room.members.values()))
 
     async def fails(_standing):

@@ -9,12 +9,12 @@ import pytest
 import pytest_asyncio
 
 from fleet.audit.models import Record
-from robots import link as robots_link
 from robots import wire
-from robots.models import Robot, RobotRole
-from teleop import fleet_consumer
-from teleop.database import in_database
-from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
+from robots.link import client as robots_link
+from robots.registry.models import Robot, RobotRole
+from teleop.background.database import in_database
+from teleop.live import fleet_consumer
+from teleop.live.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 from tests.teleop.support import IDLE, FakeBridge, Page
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -13,11 +13,11 @@ from django.core.management import call_command
 from django.db import connection
 from django.utils import timezone
 
-from teleop import rules, services
+from teleop.control import rules, services
+from teleop.control.rules import Tab
+from teleop.control.selectors import holding_of
 from teleop.management.commands import run_housekeeping
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
-from teleop.rules import Tab
-from teleop.selectors import holding_of
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

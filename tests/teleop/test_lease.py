@@ -9,12 +9,12 @@ from django.db import OperationalError, connection
 
 from fleet import audit
 from fleet.audit.models import Record
-from robots.models import Robot, RobotRole
+from robots.registry.models import Robot, RobotRole
 from robots.wire import Refusal
-from teleop import services
+from teleop.control import services
+from teleop.control.rules import Tab
+from teleop.control.selectors import end_notes, holding_of
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
-from teleop.rules import Tab
-from teleop.selectors import end_notes, holding_of
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

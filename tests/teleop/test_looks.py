@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from teleop.looks import LOOKS, Looker, Looks
+from teleop.live.topic_feed import LOOKS, Looker, Looks
 
 
 @pytest.fixture

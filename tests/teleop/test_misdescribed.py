@@ -3,8 +3,8 @@
 import pytest
 
 from robots import wire
-from robots.models import Robot, RobotProfile
-from teleop.database import in_database
+from robots.registry.models import Robot, RobotProfile
+from teleop.background.database import in_database
 from tests.teleop.support import Page
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -6,10 +6,10 @@ from msgspec import structs
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.models import Allowance, RobotRole
-from teleop import selectors
-from teleop.database import in_database
-from teleop.orders import UNDER_WAY
+from robots.registry.models import Allowance, RobotRole
+from teleop.background.database import in_database
+from teleop.control import selectors
+from teleop.live.tasks import UNDER_WAY
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -43,8 +43,8 @@ def allowed(monkeypatch):
     def with_allowed(robot_id):
         return structs.replace(registered(robot_id), allowed=ALLOWED)
 
-    monkeypatch.setattr("teleop.robot_socket.registered", with_allowed)
-    monkeypatch.setattr("teleop.rooms.registered", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_socket.registered", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_hub.registered", with_allowed)
 
 
 @pytest.fixture
@@ -303,7 +303,7 @@ async def test_a_page_is_told_what_the_robot_offers_and_what_it_offers_now(open_
 async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(
     open_page, bridge, monkeypatch
 ):
-    monkeypatch.setattr("teleop.rooms.REFRESH_S", 60.0)
+    monkeypatch.setattr("teleop.live.robot_hub.REFRESH_S", 60.0)
     bridge.offers = wire.Offers([])
     page = await open_page("observer")
     await page.hears("offers")

@@ -14,10 +14,10 @@ from fleet.audit import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
 from robots.wire import Refusal
-from teleop import folding, refusals
-from teleop.database import in_database
-from teleop.refusals import Denied, put_on_record
-from teleop.stopping import Press
+from teleop.background.database import in_database
+from teleop.recording import refusals, repeat_suppression
+from teleop.recording.refusals import Denied, put_on_record
+from teleop.stop.emergency_stop import Press
 from tests.teleop.support import TIMEOUT_S, Page, eventually
 from tests.teleop.test_control import take
 
@@ -30,7 +30,7 @@ def written(monkeypatch):
     """What a log with short gaps writes: (code, times)."""
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = queue.Queue()
-    log = folding.FoldingLog(lambda denied, times: told.put((denied.refusal.code, times)))
+    log = repeat_suppression.FoldingLog(lambda denied, times: told.put((denied.refusal.code, times)))
     log.told = lambda: told.get(timeout=TIMEOUT_S)
     yield log
     log.flush()
@@ -70,38 +70,38 @@ def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written)
 def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(monkeypatch):
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = []
-    log = folding.FoldingLog(lambda denied, times: told.append((denied.person, times)), most=None)
+    log = repeat_suppression.FoldingLog(lambda denied, times: told.append((denied.person, times)), most=None)
     person, other = User(username="p"), User(username="q")
     for _ in range(3):
         for number in range(100):
             log.note(denied(person, f"code_{number}"))
     log.note(denied(other))
     assert_soon(lambda: (other, 1) in told)
-    assert len([who for who, _ in told if who is person]) <= folding.RECORDS_BURST + 1
+    assert len([who for who, _ in told if who is person]) <= repeat_suppression.RECORDS_BURST + 1
     log.flush()
     assert sum(times for who, times in told if who is person) == 300
 
 
 def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
     told = []
-    log = folding.FoldingLog(lambda denied, times: told.append(denied.person))
+    log = repeat_suppression.FoldingLog(lambda denied, times: told.append(denied.person))
     person, other = User(username="p"), User(username="q")
-    for number in range(2 * folding.MOST):
+    for number in range(2 * repeat_suppression.MOST):
         log.note(denied(person, f"code_{number}"))
     log.note(denied(other))
     assert_soon(lambda: other in told)
     log.flush()
-    assert len(told) <= folding.MOST_OF_PERSON + folding.RECORDS_BURST + 1
+    assert len(told) <= repeat_suppression.MOST_OF_PERSON + repeat_suppression.RECORDS_BURST + 1
 
 
 def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_before():
     told = []
-    log = folding.FoldingLog(lambda press, times: told.append((press.of, times)), most=None)
+    log = repeat_suppression.FoldingLog(lambda press, times: told.append((press.of, times)), most=None)
     person = User(username="p")
     fresh = uuid4()
     for _ in range(100):
         log.note(Press(person, "rest", uuid4(), None, Future()))
-    assert_soon(lambda: len(told) >= folding.RECORDS_BURST)
+    assert_soon(lambda: len(told) >= repeat_suppression.RECORDS_BURST)
     log.note(Press(person, "fleet page", uuid4(), fresh, Future()))
     assert_soon(lambda: (fresh, 1) in told)
     log.flush()
@@ -141,12 +141,12 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
         begun.set()
         assert go_on.wait(TIMEOUT_S)
 
-    log = folding.FoldingLog(hang)
+    log = repeat_suppression.FoldingLog(hang)
     log.note(denied())
     assert begun.wait(TIMEOUT_S)
-    for _ in range(folding.MOST + 10):  # returns, however long the database takes
+    for _ in range(repeat_suppression.MOST + 10):  # returns, however long the database takes
         log.note(denied())
-    assert len(log._folds) == folding.MOST
+    assert len(log._folds) == repeat_suppression.MOST
     go_on.set()
     log.flush()
 

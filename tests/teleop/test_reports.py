@@ -18,11 +18,11 @@ from fleet.accounts.models import User
 from fleet.audit import record
 from fleet.audit.models import Record
 from fleet.audit.retention import take_out
-from robots.models import RobotRole, Role
-from robots.services import role_set
-from teleop import own_data, robot_report, session_report
+from robots.registry.models import RobotRole, Role
+from robots.registry.services import role_set
 from teleop.models import ControlSession, EndReason
-from teleop.path_plot import Leg, plotted
+from teleop.reports import own_data, robot_report, session_report
+from teleop.reports.path_plot import Leg, plotted
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db

@@ -8,12 +8,12 @@ from django.db import OperationalError
 
 from fleet.audit.models import Record
 from robots import wire
-from robots.models import Robot, RobotRole
-from teleop import grip, rooms
-from teleop.database import in_database
+from robots.registry.models import Robot, RobotRole
+from teleop.background.database import in_database
+from teleop.live import lease_renewal, robot_hub
+from teleop.live.robot_hub import LOOK_S
+from teleop.live.socket import CloseCode
 from teleop.models import ControlSession, EndReason
-from teleop.rooms import LOOK_S
-from teleop.socket import CloseCode
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -172,26 +172,26 @@ def away(*_args, **_kwargs):
 
 async def is_not_renewed(bridge):
     """Soon the last grant was the last."""
-    await asyncio.sleep(LOOK_S + grip.CONFIRMED_S)  # what was confirmed before counts that long
+    await asyncio.sleep(LOOK_S + lease_renewal.CONFIRMED_S)  # what was confirmed before counts that long
     granted = len(bridge.all(wire.Grant))
     with pytest.raises(asyncio.TimeoutError):
-        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * grip.RENEW_S)
+        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * lease_renewal.RENEW_S)
 
 
 async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, monkeypatch):
     """The database is gone: the bridge's own clock ends control three seconds later."""
-    monkeypatch.setattr(grip, "CONFIRMED_S", 0.6)
-    monkeypatch.setattr(rooms, "standing_of", away)
-    monkeypatch.setattr(rooms, "registered", away)
+    monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
+    monkeypatch.setattr(robot_hub, "standing_of", away)
+    monkeypatch.setattr(robot_hub, "registered", away)
     await is_not_renewed(bridge)
 
 
 async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_again(
     driving, bridge, monkeypatch, caplog
 ):
-    monkeypatch.setattr(grip, "RENEW_S", 0.02)
+    monkeypatch.setattr(lease_renewal, "RENEW_S", 0.02)
     tries = asyncio.Semaphore(0)
-    grant = grip.Grip._grant
+    grant = lease_renewal.Grip._grant
 
     async def fails(_grip):
         tries.release()
@@ -202,24 +202,24 @@ async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_agai
             await asyncio.wait_for(tries.acquire(), 5.0)
 
     for logged in (1, 2):
-        monkeypatch.setattr(grip.Grip, "_grant", fails)
+        monkeypatch.setattr(lease_renewal.Grip, "_grant", fails)
         await tried(4)
         assert caplog.text.count("was not renewed") == logged
-        monkeypatch.setattr(grip.Grip, "_grant", grant)
+        monkeypatch.setattr(lease_renewal.Grip, "_grant", grant)
         await bridge.hears(wire.Grant, count=len(bridge.all(wire.Grant)) + 1)
 
 
 async def test_a_look_at_others_rights_confirms_nobodys_control(driving, open_page, bridge, monkeypatch):
     """Each newcomer is looked up; that says nothing of whoever drives."""
-    monkeypatch.setattr(grip, "CONFIRMED_S", 0.6)
-    [room] = rooms._rooms.values()
+    monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
+    [room] = robot_hub._rooms.values()
     holder = next(iter(room.members.values()))
-    read = rooms.standing_of
+    read = robot_hub.standing_of
 
     def knows_the_others(robot_id, *, people, **asked):
         return away() if holder.person in people else read(robot_id, people=people, **asked)
 
-    monkeypatch.setattr(rooms, "standing_of", knows_the_others)
+    monkeypatch.setattr(robot_hub, "standing_of", knows_the_others)
 
     enough = asyncio.Event()
 

@@ -6,9 +6,9 @@ from uuid import UUID
 import msgspec
 import pytest
 
-from robots.models import Role
-from teleop import rules
-from teleop.rules import Ask, Holding, Phase, Tab
+from robots.registry.models import Role
+from teleop.control import rules
+from teleop.control.rules import Ask, Holding, Phase, Tab
 
 NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
 OLGA, OLAF = UUID(int=1), UUID(int=2)

@@ -14,13 +14,13 @@ from django.urls import reverse
 from django.utils import timezone as django_timezone
 
 from fleet.audit import record
+from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
-from robots.bridge.sink import TakenMap
-from robots.maps import map_seen
-from robots.models import RobotMap
-from teleop import session_maps, session_report
+from robots.registry.maps import map_seen
+from robots.registry.models import RobotMap
 from teleop.models import ControlSession, EndReason
-from teleop.path_plot import AROUND_M, HEIGHT, WIDTH, Ground, Leg, plotted
+from teleop.reports import session_maps, session_report
+from teleop.reports.path_plot import AROUND_M, HEIGHT, WIDTH, Ground, Leg, plotted
 from tests.teleop.test_reports import PATH, PEOPLE, browser_of, other_supervisor  # noqa: F401  (a fixture)
 
 pytestmark = pytest.mark.django_db

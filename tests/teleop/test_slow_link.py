@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from robots import wire
-from robots.bridge.commands import COMMAND_LIFE_S
+from robots.bridge.drive.drive_input import COMMAND_LIFE_S
 from robots.bridge.gate.values import STILL
-from teleop import views_out
-from teleop.views_out import Viewer
+from teleop.live import picture_feed
+from teleop.live.picture_feed import Viewer
 from tests.bridge.support import Bench
 
 PAGE_S = 1 / 30  # between two commands of a page
@@ -73,7 +73,7 @@ def test_a_page_whose_answers_come_late_is_told_to_the_gate_with_the_next_grant(
     This also notices what is too slow a change for a command's age, which is reckoned from the best of the last minute.
     """
     now = SimpleNamespace(s=0.0)
-    monkeypatch.setattr(views_out, "time", SimpleNamespace(monotonic=lambda: now.s))
+    monkeypatch.setattr(picture_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
     views = SimpleNamespace(admit=lambda _: 1, number=0, every=1, ready=set())
     viewer = Viewer(views, send=None)
 

@@ -8,18 +8,19 @@ from uuid import uuid4
 
 import pytest
 
-import robots.link
+import robots.link.client
 from fleet import audit
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots import wire
-from robots.link import LinkRefused, links
-from robots.models import Robot
-from robots.selectors import link_address
-from teleop import database, stopping
-from teleop.database import in_database
-from teleop.folding import MOST, FoldingLog
-from teleop.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
+from robots.link.client import LinkRefused, links
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
+from teleop.background import database
+from teleop.background.database import in_database
+from teleop.live.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
+from teleop.recording.repeat_suppression import MOST, FoldingLog
+from teleop.stop import emergency_stop
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -119,7 +120,7 @@ def presses_on_record(count):
 
 
 async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, bridge, monkeypatch):
-    monkeypatch.setattr(stopping, "GAP_S", 1.0)
+    monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     page = await open_page("observer")
     for number in range(1, 31):
         await page.say("stop")
@@ -134,7 +135,7 @@ async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, brid
 
 async def test_a_stop_after_the_last_was_cleared_is_no_repetition(open_page, bridge, robot, monkeypatch):
     """It is on record at once, with the control session that it interrupts."""
-    monkeypatch.setattr(stopping, "GAP_S", 60.0)
+    monkeypatch.setattr(emergency_stop, "GAP_S", 60.0)
     holder, page = await open_page("operator"), await open_page("observer")
     link = links.get(robot.id, link_address(robot))
     for number in (1, 2):
@@ -151,12 +152,12 @@ async def test_a_stop_after_the_last_was_cleared_is_no_repetition(open_page, bri
             control = await holder.hears("control", state="yours")
     first, second = [record for record in await records("stop.press") if not record.of_id]
     assert (first.session_id, str(second.session_id)) == (None, control["session"])
-    await asyncio.to_thread(stopping.log.flush)
+    await asyncio.to_thread(emergency_stop.log.flush)
     assert [times for times, _ in await presses_on_record(4)] == [1, 1, 1, 1]
 
 
 async def test_many_presses_without_a_live_connection_are_few_records_too(browsers, bridge, monkeypatch):
-    monkeypatch.setattr(stopping, "GAP_S", 1.0)
+    monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     for _ in range(10):
         assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
     assert len(bridge.all(wire.LinkStop)) == 10
@@ -166,12 +167,12 @@ async def test_many_presses_without_a_live_connection_are_few_records_too(browse
 
 
 async def test_a_press_after_a_while_is_recorded_by_itself(open_page, bridge, monkeypatch):
-    monkeypatch.setattr(stopping, "GAP_S", 0.1)
+    monkeypatch.setattr(emergency_stop, "GAP_S", 0.1)
     page = await open_page("observer")
     for count in (1, 2):
         await page.say("stop")
         assert await presses_on_record(count) == [(1, "stopping")] * count
-        await eventually(lambda: not stopping.log._folds)
+        await eventually(lambda: not emergency_stop.log._folds)
 
 
 async def test_no_number_of_stops_is_refused_nor_ends_the_connection(open_page, bridge):
@@ -204,7 +205,7 @@ class SilentLink:
 
 
 async def test_the_presses_of_a_flood_are_one_more_when_the_bridge_has_answered(robot, observer):
-    link, button = SilentLink(robot), stopping.StopButton(observer, "robot page", None)
+    link, button = SilentLink(robot), emergency_stop.StopButton(observer, "robot page", None)
     button.press(link)
     await eventually(lambda: link.answers)
     for _ in range(5):
@@ -268,7 +269,7 @@ async def test_a_press_while_another_is_on_a_way_round_a_lost_link_is_sent_too(
     page = await open_page("observer")
     await bridge.close()
     await page.hears("bridge_gone")
-    monkeypatch.setattr(robots.link, "ask_bridge", not_reached)
+    monkeypatch.setattr(robots.link.client, "ask_bridge", not_reached)
     await page.say("stop")
     await asyncio.wait_for(first.wait(), 10)
     await page.say("stop")
@@ -288,7 +289,7 @@ async def test_however_slowly_stops_are_recorded_rights_are_confirmed(open_page,
 
     pages = [await open_page(who) for who in ("observer", "operator", "supervisor", "staff", "second")]
     monkeypatch.setattr(audit, "record", slow)
-    monkeypatch.setattr(stopping, "record_outcome", slow)
+    monkeypatch.setattr(emergency_stop, "record_outcome", slow)
     try:
         for page in pages:
             await page.say("stop")
@@ -304,7 +305,9 @@ async def test_however_slowly_stops_are_recorded_rights_are_confirmed(open_page,
 def test_what_waits_is_recorded_at_the_end_of_the_process_however_much_it_is():
     told = []
     log = FoldingLog(lambda press, times: told.append((press.robot_id, times)), most=None)
-    presses = [stopping.Press(User(username="p"), "rest", uuid4(), None, Future()) for _ in range(MOST + 10)]
+    presses = [
+        emergency_stop.Press(User(username="p"), "rest", uuid4(), None, Future()) for _ in range(MOST + 10)
+    ]
     for press in presses * 3:
         log.note(press)
     log.flush()

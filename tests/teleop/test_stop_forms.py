@@ -6,7 +6,7 @@ import pytest
 from django.test import Client
 
 from robots import wire
-from teleop.database import in_database
+from teleop.background.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

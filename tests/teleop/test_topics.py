@@ -10,12 +10,12 @@ from fleet.audit.canonical import TEXT_BYTES
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed
-from robots.models import Robot, RobotRole
-from teleop import selectors
-from teleop.database import in_database
-from teleop.looks import LOOKS
-from teleop.socket import CloseCode
-from teleop.topics_consumer import QUESTIONS_BURST, UNDER_WAY
+from robots.registry.models import Robot, RobotRole
+from teleop.background.database import in_database
+from teleop.control import selectors
+from teleop.live.socket import CloseCode
+from teleop.live.topic_feed import LOOKS
+from teleop.live.topics_consumer import QUESTIONS_BURST, UNDER_WAY
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -36,8 +36,8 @@ def allowed(monkeypatch):
         found = registered(robot_id)
         return found and structs.replace(found, allowed=ALLOWED)
 
-    monkeypatch.setattr("teleop.robot_socket.registered", with_allowed)
-    monkeypatch.setattr("teleop.rooms.registered", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_socket.registered", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_hub.registered", with_allowed)
 
 
 @pytest.fixture
@@ -135,7 +135,7 @@ async def test_a_question_that_the_bridge_itself_refuses_is_answered(open_topics
 
 
 async def test_a_bridge_that_does_not_answer_is_said_to_be_silent(open_topics, bridge, monkeypatch):
-    monkeypatch.setattr("robots.link.BridgeLink.ask.__defaults__", (0.05,))
+    monkeypatch.setattr("robots.link.client.BridgeLink.ask.__defaults__", (0.05,))
     bridge.silent = True
     page = await open_topics("observer")
     await page.say("parameters", seq=2)

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 
 from robots import wire
-from teleop.views_out import CROWD, Viewer, Views
+from teleop.live.picture_feed import CROWD, Viewer, Views
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -11,9 +11,9 @@ from django.utils import timezone
 from fleet.audit import record
 from fleet.audit.models import Record
 from robots import wire
-from robots.models import RobotRole
-from teleop import folding, watching
-from teleop.database import in_database
+from robots.registry.models import RobotRole
+from teleop.background.database import in_database
+from teleop.recording import camera_audit, repeat_suppression
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -94,7 +94,7 @@ async def test_what_is_no_picture_or_was_not_shown_is_not_watched(page, bridge):
 
 
 async def test_a_long_watch_is_told_in_parts(page, bridge, monkeypatch):
-    monkeypatch.setattr(watching, "PART_S", 0.0)
+    monkeypatch.setattr(camera_audit, "PART_S", 0.0)
     await look(bridge, page)
     await picture(bridge, page, 1)
     await picture(bridge, page, 2)
@@ -108,11 +108,11 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
 
     ended, left = watched(), watched()
     record("camera.end", of=ended, outcome="closed")
-    later = timezone.now() + watching.LEFT + timedelta(seconds=1)
+    later = timezone.now() + camera_audit.LEFT + timedelta(seconds=1)
     call_command("run_housekeeping", "--once")
     assert not Record.objects.filter(of=left).exists()  # somebody may be watching still
     for _ in range(2):
-        list(watching.end_what_was_left(later))
+        list(camera_audit.end_what_was_left(later))
     end = Record.objects.get(of=left)
     assert (end.kind, end.outcome, end.actor_id) == ("camera.end", "unknown", None)
     assert Record.objects.filter(of=ended).count() == 1
@@ -121,18 +121,18 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
 async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, robot):
     shown = wire.Shown("/odom", "nav_msgs/Odometry", 1, 5.0, 4, None, 1, {"data": [uuid4().hex]})
     message = wire.encode(shown).decode()
-    before = watching._camera_of.cache_info().misses
+    before = camera_audit._camera_of.cache_info().misses
     for _ in range(3):
-        watching.Watching(observer, robot.id, robot.name).shown(message)
-    assert watching._camera_of.cache_info().misses == before + 1
+        camera_audit.Watching(observer, robot.id, robot.name).shown(message)
+    assert camera_audit._camera_of.cache_info().misses == before + 1
 
 
 async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_later(
     page, bridge, robot, monkeypatch
 ):
-    monkeypatch.setattr(folding, "RECORDS_BURST", 2.0)
-    monkeypatch.setattr(folding, "RECORDS_PER_S", 0.01)
-    monkeypatch.setattr(watching, "_ration", folding.Ration())
+    monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 2.0)
+    monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.01)
+    monkeypatch.setattr(camera_audit, "_ration", repeat_suppression.Ration())
     for number in (1, 2):
         await look(bridge, page)
         await picture(bridge, page, number)

@@ -37,19 +37,14 @@ import math
 import numpy as np
 from msgspec import structs
 
-from robots.bridge.gate import arc, posture, words
-from robots.bridge.gate.certificate import plays_clear, restrains_nothing
-from robots.bridge.gate.corridors import Corridors
-from robots.bridge.gate.depth_camera import DepthCamera, Frame
-from robots.bridge.gate.footprint import Discs, Footprint, footprint_of
-from robots.bridge.gate.health import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
+from robots.bridge.gate import words
+from robots.bridge.gate.geometry import arc, arm_discs
+from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
+from robots.bridge.gate.geometry.planar import Points, placed, put
 from robots.bridge.gate.holds import Fault, Holds
-from robots.bridge.gate.laser_memory import LaserMemory
-from robots.bridge.gate.latency import Latency
-from robots.bridge.gate.movers import MOVER, Movers
-from robots.bridge.gate.obstacle_cache import ObstacleCache
-from robots.bridge.gate.planar import Points, placed, put
-from robots.bridge.gate.restraint import (
+from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
+from robots.bridge.gate.motion.corridors import Corridors
+from robots.bridge.gate.motion.restraint import (
     OBSTACLE,
     Cause,
     Restraint,
@@ -58,10 +53,16 @@ from robots.bridge.gate.restraint import (
     is_still,
     restrain,
 )
-from robots.bridge.gate.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
-from robots.bridge.gate.sonar_memory import SonarMemory
-from robots.bridge.gate.sources import Laser, Sonar, Source
-from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.motion.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
+from robots.bridge.gate.obstacles.depth_camera import DepthCamera, Frame
+from robots.bridge.gate.obstacles.laser_memory import LaserMemory
+from robots.bridge.gate.obstacles.movers import MOVER, Movers
+from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
+from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
+from robots.bridge.gate.obstacles.sources import Laser, Sonar, Source
+from robots.bridge.gate.timing.freshness import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
+from robots.bridge.gate.timing.latency import Latency
+from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
@@ -88,8 +89,8 @@ class Gate:
         """ValueError if the profile describes no footprint."""
         self.profile = profile
         self.footprint = self._base = footprint_of(profile)
-        self.arm_discs: tuple[posture.Disc, ...] = ()  # what of the arm reaches out of the base
-        self._arm_ends: tuple[posture.Disc, ...] = ()
+        self.arm_discs: tuple[arm_discs.Disc, ...] = ()  # what of the arm reaches out of the base
+        self._arm_ends: tuple[arm_discs.Disc, ...] = ()
         limits = profile.limits
         fastest = math.hypot(max(limits.forward_mps, limits.reverse_mps), limits.lateral_mps)
         self._trail = Trail(fastest, limits.turn_radps)
@@ -203,18 +204,18 @@ class Gate:
             if self._depth:
                 self._depth.observe_scan(sweep, sensor, list(self._lasers).index(laser.name))
 
-    def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
+    def observe_posture(self, arm: arm_discs.Posture, arrival_s: float) -> None:
         """Take where the arm is. What reaches out of the base becomes part of the footprint."""
         self._holds.observe_posture(arm, arrival_s)
         radius_m = self._base.reach(0.0)
-        discs, ends = posture.beyond(arm.discs or (), radius_m), posture.beyond(arm.ends, radius_m)
+        discs, ends = arm_discs.beyond(arm.discs or (), radius_m), arm_discs.beyond(arm.ends, radius_m)
         if (discs, ends) != (self.arm_discs, self._arm_ends):
             self.arm_discs, self._arm_ends = discs, ends
             self.footprint = self._with_base(discs)
             if self._depth:
                 self._depth.body = self._with_base((*discs, *ends))
 
-    def _with_base(self, discs: tuple[posture.Disc, ...]) -> Footprint:
+    def _with_base(self, discs: tuple[arm_discs.Disc, ...]) -> Footprint:
         return Discs(((0.0, 0.0, self._base.reach(0.0)), *discs)) if discs else self._base
 
     def observe_acknowledgement(self, took_s: float, now_s: float) -> None:
@@ -349,7 +350,7 @@ class Gate:
         """
         if not self.arm_discs:
             return [(self.footprint, obstacles)]
-        under = Discs(self.arm_discs).gaps(obstacles.points) < -posture.UNDER_M
+        under = Discs(self.arm_discs).gaps(obstacles.points) < -arm_discs.UNDER_M
         return [
             (hull, obstacles._replace(points=obstacles.points.T[:, rows].T, source=obstacles.source[rows]))
             for hull, rows in ((self.footprint, ~under), (self._base, under))

@@ -9,10 +9,14 @@ import math
 from collections.abc import Collection
 from typing import NamedTuple
 
-from robots.bridge.gate import arc, braking, posture, words
-from robots.bridge.gate.depth_camera import DepthCamera
-from robots.bridge.gate.footprint import Footprint
-from robots.bridge.gate.health import (
+from robots.bridge.gate import words
+from robots.bridge.gate.geometry import arc, arm_discs
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.motion import braking
+from robots.bridge.gate.obstacles.depth_camera import DepthCamera
+from robots.bridge.gate.obstacles.sources import Laser, Sonar
+from robots.bridge.gate.sensing.sectors import gaps_between
+from robots.bridge.gate.timing.freshness import (
     DEPTH_STALE_S,
     LASER_HALT_S,
     LASER_LATE_S,
@@ -22,9 +26,7 @@ from robots.bridge.gate.health import (
     SONAR_STALE_S,
     Freshness,
 )
-from robots.bridge.gate.sectors import gaps_between
-from robots.bridge.gate.sources import Laser, Sonar
-from robots.bridge.gate.trail import Trail
+from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import GateProfile, Hold, Sector, Velocity, Way
 
 REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
@@ -70,30 +72,30 @@ class Holds:
         self._lasers = lasers
         self._sonars = sonars
         self._depth = depth
-        self._posture = posture.UNKNOWN
+        self._posture = arm_discs.UNKNOWN
         self._posture_s = -math.inf
-        self._arm_moved: tuple[posture.Disc, float] | None = None  # within which reach, and when last
+        self._arm_moved: tuple[arm_discs.Disc, float] | None = None  # within which reach, and when last
 
-    def observe_posture(self, arm: posture.Posture, arrival_s: float) -> None:
+    def observe_posture(self, arm: arm_discs.Posture, arrival_s: float) -> None:
         """Take where the arm is."""
         self._posture, self._posture_s = arm, arrival_s
         if arm.reach is not None:
             self._arm_moved = arm.reach, arrival_s
 
-    def arm_reach(self, now_s: float) -> posture.Disc | None:
+    def arm_reach(self, now_s: float) -> arm_discs.Disc | None:
         """Where what is seen may be the arm: it moved a moment ago, or nobody tells where it is. None: nowhere."""
         if not self._profile.has_arm:
             return None
         arm = self._posture
-        if now_s - self._posture_s > posture.KNOWN_S or not (arm.at_home or arm.discs is not None):
-            return arm.reach or posture.ANYWHERE
-        if self._arm_moved and now_s - self._arm_moved[1] <= posture.LATELY_S:
+        if now_s - self._posture_s > arm_discs.KNOWN_S or not (arm.at_home or arm.discs is not None):
+            return arm.reach or arm_discs.ANYWHERE
+        if self._arm_moved and now_s - self._arm_moved[1] <= arm_discs.LATELY_S:
             return self._arm_moved[0]
         return None
 
     def forget_posture(self) -> None:
         """Where the arm is nobody has told yet."""
-        self._posture, self._posture_s = posture.UNKNOWN, -math.inf
+        self._posture, self._posture_s = arm_discs.UNKNOWN, -math.inf
 
     def fault(self, now_s: float) -> Fault | None:
         """Data without which the robot must not move."""
@@ -157,13 +159,13 @@ class Holds:
 
     def _arm_hold(self, now_s: float) -> list[Hold]:
         """The limit while the arm may be anywhere."""
-        told = now_s - self._posture_s <= posture.KNOWN_S
+        told = now_s - self._posture_s <= arm_discs.KNOWN_S
         known = told and (self._posture.at_home or self._posture.discs is not None)
         if known or not self._profile.has_arm:
             return []
         why = "the arm is away from home" if told else "nothing tells where the arm is"
-        text = f"held to {words.figure(posture.AWAY_MPS)} m/s: {why}"
-        return [Hold("arm_away", text, posture.AWAY_MPS)]
+        text = f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
+        return [Hold("arm_away", text, arm_discs.AWAY_MPS)]
 
     def _delay_holds(self, latency_s: float) -> list[Hold]:
         """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""

@@ -22,39 +22,39 @@ from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.choices import goal_topic
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
-from robots.bridge.findings import BRIDGE, watchdog_name
-from robots.bridge.gate.depth_camera import Frame
-from robots.bridge.gate.posture import Disc, Posture
+from robots.bridge.gate.geometry.arm_discs import Disc, Posture
+from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, Pose, Velocity
-from robots.bridge.goals import OURS
-from robots.bridge.head import Aim
-from robots.bridge.orders import Swept
+from robots.bridge.probe_findings import BRIDGE, watchdog_name
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.listening import pause, speaker
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
-from robots.bridge.ros.convert import laser_scan, planar
-from robots.bridge.ros.depth import DepthTopics
-from robots.bridge.ros.echoes import Echoes
-from robots.bridge.ros.errands import Errands, Seldom
-from robots.bridge.ros.master import Master, MasterError, SystemState, is_own, why_silent
-from robots.bridge.ros.motions import MotionTopics
-from robots.bridge.ros.names import Names
-from robots.bridge.ros.posture import PostureTopics
-from robots.bridge.ros.publishing import heard_by, immediate_publisher, publish
-from robots.bridge.ros.runs import Runs
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.message_types.convert import laser_scan, planar
+from robots.bridge.ros.network.acknowledgements import Echoes
+from robots.bridge.ros.network.host_names import Names
+from robots.bridge.ros.network.master import Master, MasterError, SystemState, is_own, why_silent
+from robots.bridge.ros.network.master_monitor import MasterWatcher
+from robots.bridge.ros.on_demand_topics import WhileWanted
+from robots.bridge.ros.robot_runs import Runs
+from robots.bridge.ros.ros_worker import Errands, Seldom
+from robots.bridge.ros.sensors.arm_posture import PostureTopics
+from robots.bridge.ros.sensors.depth import DepthTopics
+from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
-from robots.bridge.ros.speech import SpeechTopics
-from robots.bridge.ros.tf import TfTopics
-from robots.bridge.ros.types import message_class
-from robots.bridge.ros.wanted import WhileWanted
-from robots.bridge.ros.watcher import MasterWatcher
-from robots.bridge.speech import Utterance
+from robots.bridge.ros.tasks.motions import MotionTopics
+from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
+from robots.bridge.ros.tasks.speech import SpeechTopics
+from robots.bridge.tasks.goals import OURS
+from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.input_routing import goal_topic
+from robots.bridge.tasks.speech import Utterance
+from robots.bridge.tasks.tasks import Swept
 from robots.wire import MotionOffer, SpeechStatus, Use
 
 log = logging.getLogger(__name__)

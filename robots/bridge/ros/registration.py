@@ -5,7 +5,7 @@ from __future__ import annotations
 import rospy
 from rospy.impl.registration import get_service_manager, get_topic_manager
 
-from robots.bridge.ros.master import Master
+from robots.bridge.ros.network.master import Master
 
 
 def register_again(master: Master) -> None:

@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.config import BridgeConfig, Topic
-from robots.bridge.findings import watchdog_name
+from robots.bridge.probe_findings import watchdog_name
 
 
 class WatchdogConfig(Struct, frozen=True):

@@ -10,7 +10,7 @@ from uuid import UUID
 
 import msgspec
 
-from robots.bridge.store import Store
+from robots.bridge.lease.state_store import Store
 from robots.bridge.watchdog.rules import Beat, Press
 
 log = logging.getLogger(__name__)

@@ -12,14 +12,14 @@ from typing import Protocol
 import msgspec
 
 from robots import wire
-from robots.bridge.goals import CANCEL_AGAIN_S
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.watchdog import RosStops
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.kept import Kept
 from robots.bridge.watchdog.lane import Heard, Lane
 from robots.bridge.watchdog.rules import Beat, Rules
-from robots.ending import leave_within
+from robots.processes.shutdown import leave_within
 from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
 log = logging.getLogger(__name__)

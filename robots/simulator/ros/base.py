@@ -13,7 +13,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from robots.simulator import base, mux
+from robots.simulator.physics import base, mux
 from robots.simulator.robot import Robot
 
 

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import rospy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.ros.types import message_class
-from robots.simulator.joints import JOINTS
-from robots.simulator.motions import Phase, Point, Run
+from robots.bridge.ros.message_types.classes import message_class
+from robots.simulator.joints.joint_table import JOINTS
+from robots.simulator.joints.motions import Phase, Point, Run
+from robots.simulator.joints.trajectories import ErrorCode, RefusedTrajectoryError, check, joints_of, missed
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions import Goals
-from robots.simulator.trajectories import ErrorCode, RefusedTrajectoryError, check, joints_of, missed
 
 CONTROLLERS = sorted({joint.controller for joint in JOINTS.values()})
 

@@ -15,12 +15,12 @@ import rospy
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
-from robots.simulator.camera import Camera, NoCameraError
-from robots.simulator.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
-from robots.simulator.frames import OPTICAL_FRAME
-from robots.simulator.joints import CameraPose, camera_pose
-from robots.simulator.physics import Onlooker, Snapshot
+from robots.simulator.joints.frames import OPTICAL_FRAME
+from robots.simulator.joints.joint_table import CameraPose, camera_pose
+from robots.simulator.physics.mujoco_world import Onlooker, Snapshot
 from robots.simulator.robot import Robot
+from robots.simulator.sensors.camera import Camera, NoCameraError
+from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
 
 log = logging.getLogger(__name__)
 

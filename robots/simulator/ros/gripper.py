@@ -10,10 +10,10 @@ import rospy
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 from trajectory_msgs.msg import JointTrajectory
 
-from robots.simulator.joints import JOINTS
-from robots.simulator.motions import Phase, Point, Run
+from robots.simulator.joints.joint_table import JOINTS
+from robots.simulator.joints.motions import Phase, Point, Run
+from robots.simulator.joints.trajectories import RefusedTrajectoryError, check, joints_of
 from robots.simulator.robot import Robot
-from robots.simulator.trajectories import RefusedTrajectoryError, check, joints_of
 
 JOINT = "parallel_gripper_joint"
 _NAME = "/parallel_gripper_controller"

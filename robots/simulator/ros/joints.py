@@ -7,7 +7,7 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from robots.simulator.frames import Frame, frames, moved
+from robots.simulator.joints.frames import Frame, frames, moved
 from robots.simulator.robot import Robot
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import rospy
 
-from robots.bridge.ros.types import message_class, service_class
-from robots.simulator.motions import ErrorCode, Phase, RefusedMotionError, Run
+from robots.bridge.ros.message_types.classes import message_class, service_class
+from robots.simulator.joints.motions import ErrorCode, Phase, RefusedMotionError, Run
 from robots.simulator.robot import Robot
 from robots.simulator.ros.actions import Goals
 

@@ -9,7 +9,7 @@ from tf2_msgs.msg import TFMessage
 
 from robots.simulator.robot import Robot
 from robots.simulator.ros.base import yaw_quaternion
-from robots.simulator.survey import RESOLUTION_M, surveyed
+from robots.simulator.sensors.survey import RESOLUTION_M, surveyed
 
 _TOLERANCE_S = 0.5  # that much later a transform still holds, as amcl's do
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import rospy
 
-from robots.simulator.frames import urdf
+from robots.simulator.joints.frames import urdf
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.controllers import CONTROLLERS, TrajectoryController

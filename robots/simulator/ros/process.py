@@ -12,8 +12,8 @@ from pathlib import Path
 import rosgraph
 import rospy
 
-from robots.bridge.ros.master import Master, MasterError
-from robots.ending import told_to_end
+from robots.bridge.ros.network.master import Master, MasterError
+from robots.processes.shutdown import told_to_end
 from robots.simulator.robot import Robot
 from robots.simulator.ros.node import SimulatorNode
 from robots.simulator.ros.registration import watch_registration

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import rosgraph
 import rospy
 
-from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.registration import register_again
 
 log = logging.getLogger(__name__)

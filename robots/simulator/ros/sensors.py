@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, Range
 
 from robots.simulator.robot import Robot
-from robots.simulator.sonar import Sonar
+from robots.simulator.sensors.sonar import Sonar
 
 
 class LaserTopics:

@@ -6,7 +6,7 @@ from typing import Any
 
 import rospy
 
-from robots.bridge.ros.types import message_class
+from robots.bridge.ros.message_types.classes import message_class
 from robots.simulator.ros.actions import Goals
 from robots.simulator.speech import Utterance, objection
 

@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Float32, String
 
 from robots.simulator.faults import FaultError, parse_faults
-from robots.simulator.physics import Pose
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
 from robots.simulator.ros.base import yaw_quaternion
 

@@ -1,8 +1,8 @@
 /** The connection for the robot's topics: questions with one answer each, and live views. */
 
-import { PATIENCE_MS as LATE_MS } from "../orders.js";
-import { Pulse } from "../pulse.js";
-import { LiveSocket } from "../socket.js";
+import { Pulse } from "../lib/heartbeat.js";
+import { LiveSocket } from "../lib/socket.js";
+import { PATIENCE_MS as LATE_MS } from "../tasks/tasks.js";
 
 const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment
 

@@ -1,6 +1,6 @@
 /** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
 
-import { dim, make, makeButton, sayOrHide, show } from "../dom.js";
+import { dim, make, makeButton, sayOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./written.js";
 

@@ -1,6 +1,6 @@
 /** The robot's services and parameters: everybody may read, staff may call and set what the allow-list admits. */
 
-import { make, mark, say, sayOrHide, show } from "../dom.js";
+import { make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 
 /** What a service answered; of long arrays the beginning has come, which nobody should take for all. */

@@ -1,11 +1,11 @@
 /** The Topics tab: where input goes, what the robot says, what may be published, called and set. */
 
-import { closable } from "../dialog.js";
-import { sayOrHide, show } from "../dom.js";
-import { SearchList } from "../list.js";
-import { publishedNoMore } from "../orders.js";
-import { isAtLeast, whyNot } from "../roles.js";
-import { useLabel } from "../uses.js";
+import { isAtLeast, whyNot } from "../control/roles.js";
+import { closable } from "../lib/dialog.js";
+import { sayOrHide, show } from "../lib/dom.js";
+import { SearchList } from "../lib/list.js";
+import { publishedNoMore } from "../tasks/tasks.js";
+import { useLabel } from "../tasks/uses.js";
 import { TopicsChannel } from "./channel.js";
 import { typeText } from "./fields.js";
 import { PublishPanel } from "./publish.js";

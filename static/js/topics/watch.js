@@ -1,6 +1,6 @@
 /** A topic that is looked at: its figures, its newest message field by field, numbers over time. */
 
-import { make, makeButton, mark, say, sayOrHide, show } from "../dom.js";
+import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { figuresText, PATHS_AT_MOST, rows, typeText, valueText } from "./fields.js";
 import { FieldPlot } from "./plot.js";
 

@@ -1,8 +1,8 @@
 /** Where input goes: for each use its topic now, the way back to the default, and what else could be chosen. */
 
-import { dim, make, makeButton, say, sayOrHide, show } from "../dom.js";
-import { whyNot } from "../roles.js";
-import { USES, useLabel } from "../uses.js";
+import { whyNot } from "../control/roles.js";
+import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";
+import { USES, useLabel } from "../tasks/uses.js";
 
 /**
  * Everything that this use could be sent to, what fits and is allowed first. Pure.

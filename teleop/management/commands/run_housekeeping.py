@@ -19,10 +19,12 @@ from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
 from fleet.audit import AuditUnavailable, retention
-from robots.ending import told_to_end
-from robots.faults import RobotWatch
-from teleop import rules, services, session_maps, watching
-from teleop.selectors import held_robots
+from robots.processes.shutdown import told_to_end
+from robots.recording.faults import RobotWatch
+from teleop.control import rules, services
+from teleop.control.selectors import held_robots
+from teleop.recording import camera_audit
+from teleop.reports import session_maps
 
 log = logging.getLogger(__name__)
 
@@ -98,7 +100,7 @@ def chores() -> Iterator[None]:
     call_command("clearsessions")
     yield
     now = timezone.now()
-    yield from watching.end_what_was_left(now)
+    yield from camera_audit.end_what_was_left(now)
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         yield from session_maps.keep_house(now)

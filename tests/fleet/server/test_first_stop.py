@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-LOADED = "import sys, fleet.asgi; print('teleop.stop_views' in sys.modules)"
+LOADED = "import sys, fleet.site.asgi; print('teleop.stop.views' in sys.modules)"
 
 
 def test_the_web_process_knows_its_addresses_before_the_first_request(tmp_path):

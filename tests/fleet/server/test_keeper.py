@@ -28,7 +28,7 @@ def test_a_process_that_cannot_be_started_is_tried_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(pages, "AGAIN_S", 0.0)
     monkeypatch.setattr(pages.subprocess, "Popen", popen)
-    keeper = pages.Keeper(tmp_path, "fleet.asgi:application")
+    keeper = pages.Keeper(tmp_path, "fleet.site.asgi:application")
     try:
         assert started.wait(10)
     finally:

@@ -1,6 +1,6 @@
 import { readFileSync } from "node:fs";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { parts } from "../../../static/js/dom.js";
+import { parts } from "../../../static/js/lib/dom.js";
 import { TopicsTab } from "../../../static/js/topics/topics_tab.js";
 import { FakeSocket, made } from "../fake_socket.js";
 

@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import { Watch } from "../../../static/js/topics/watch.js";
 
-vi.mock("../../../static/js/uplot.js", () => ({
+vi.mock("../../../static/js/lib/uplot.js", () => ({
   Plot: class {
     redraw() {}
     slide() {}

@@ -18,11 +18,11 @@ import rosgraph.network
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.registration import get_topic_manager
 
-from robots.bridge.flood import Budget
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut
-from robots.bridge.ros.tcpros import LARGEST_HEADER, Conversation
+from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
+from robots.bridge.server.flood_limits import Budget
 
 log = logging.getLogger(__name__)
 

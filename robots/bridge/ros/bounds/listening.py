@@ -24,12 +24,12 @@ from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol
 from rospy.impl.tcpros_pubsub import TCPROSSub
 from rospy.impl.transport import INBOUND
 
-from robots.bridge.flood import Budget
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.doors import UNHEARD
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
 from robots.bridge.ros.bounds.texts import NAME, cut
-from robots.bridge.ros.master import Master, MasterError
+from robots.bridge.ros.network.master import Master, MasterError
+from robots.bridge.server.flood_limits import Budget
 
 log = logging.getLogger(__name__)
 

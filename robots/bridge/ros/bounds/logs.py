@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import time
 
-from robots.bridge.flood import Budget
 from robots.bridge.ros.bounds.texts import cut
+from robots.bridge.server.flood_limits import Budget
 
 TALKATIVE = ("rospy", "rosout", "xmlrpc", "rosgraph", "genpy")
 PER_S, AT_ONCE = 2.0, 50.0

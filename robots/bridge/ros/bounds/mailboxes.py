@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Protocol
 
-from robots.bridge.flood import Budget
+from robots.bridge.server.flood_limits import Budget
 
 # Of the loop's time, for one source. 700 beams at 15 Hz take 0.02, 1081 at 40 Hz 0.06, and thrice that when slow.
 LOOP_SHARE = 0.3

@@ -1,5 +1,5 @@
 """The inspector: one robot's topics, services and parameters, shown to people in a process of its own.
 
 Decoding whatever a robot publishes must not delay a command; so the bridge starts this process when somebody looks
-(`robots.bridge.inspection`) and hands its answers on.
+(`robots.bridge.topics.inspector_client`) and hands its answers on.
 """

@@ -16,11 +16,11 @@ import msgspec
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
-from robots.bridge.pipe import Ready
 from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.inspector.answers import Inspector
 from robots.bridge.ros.inspector.vital import start_vital
-from robots.ending import leave_within
+from robots.bridge.topics.inspector_messages import Ready
+from robots.processes.shutdown import leave_within
 
 NICE = 5  # commands to the robot go first
 MOST_BYTES = 1536 * 1024 * 1024  # of memory: messages of tens of megabytes are looked at

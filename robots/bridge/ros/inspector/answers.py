@@ -15,10 +15,17 @@ import msgspec
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
-from robots.bridge.fields import BadField, fitted
-from robots.bridge.never import COUNTERFEITED, admissible, names_set, why_never, why_never_sent
-from robots.bridge.packing import Broken, TooLarge
-from robots.bridge.pipe import (
+from robots.bridge.messages.fields import BadField, fitted
+from robots.bridge.messages.packing import Broken, TooLarge
+from robots.bridge.ros.inspector import graph, services
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.inspector.definitions import Definition, Definitions
+from robots.bridge.ros.inspector.publishing import Leave
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.network.master import INSPECTOR, Master, MasterError
+from robots.bridge.ros.network.tcpros import Conversation, Header, first_told
+from robots.bridge.tasks.denylist import COUNTERFEITED, admissible, names_set, why_never, why_never_sent
+from robots.bridge.topics.inspector_messages import (
     Alive,
     Check,
     Done,
@@ -28,13 +35,6 @@ from robots.bridge.pipe import (
     Silence,
     TooLate,
 )
-from robots.bridge.ros.inspector import graph, services
-from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.inspector.definitions import Definition, Definitions
-from robots.bridge.ros.inspector.publishing import Leave
-from robots.bridge.ros.master import INSPECTOR, Master, MasterError
-from robots.bridge.ros.tcpros import Conversation, Header, first_told
-from robots.bridge.ros.types import message_class
 
 if TYPE_CHECKING:
     from robots.bridge.ros.inspector.node import Node

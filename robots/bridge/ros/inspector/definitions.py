@@ -19,10 +19,10 @@ from genmsg.gentools import compute_md5
 from genmsg.msg_loader import load_msg_from_string
 from genmsg.msgs import is_builtin, parse_type
 
-from robots.bridge.fields import FLOATS, INTEGERS
-from robots.bridge.packing import HEADER, Layout
+from robots.bridge.messages.fields import FLOATS, INTEGERS
+from robots.bridge.messages.packing import HEADER, Layout
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.types import UnknownTypeError, message_class
+from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
 from robots.wire import Field
 
 EMBEDDED = re.compile(r"^={80}\nMSG: (\S+)\n", re.MULTILINE)  # before each type that a text embeds

@@ -10,10 +10,10 @@ from typing import Any
 import msgspec
 
 from robots import wire
-from robots.bridge.fields import BadField
+from robots.bridge.messages.fields import BadField
 from robots.bridge.ros.bounds.texts import MOST_TOPICS, NAME, cut
 from robots.bridge.ros.inspector.declined import Declined
-from robots.bridge.ros.master import INSPECTOR, Master
+from robots.bridge.ros.network.master import INSPECTOR, Master
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON

@@ -18,7 +18,7 @@ import rospy
 from msgspec.structs import replace
 
 from robots import wire
-from robots.bridge.packing import Broken, Detail, TooLarge
+from robots.bridge.messages.packing import Broken, Detail, TooLarge
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions

@@ -17,7 +17,7 @@ from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.looks import Looks
 from robots.bridge.ros.inspector.publishing import Talks
 from robots.bridge.ros.inspector.vital import start_vital
-from robots.bridge.ros.master import INSPECTOR, DeathWatch, Master
+from robots.bridge.ros.network.master import INSPECTOR, DeathWatch, Master
 
 log = logging.getLogger(__name__)
 

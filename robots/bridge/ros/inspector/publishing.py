@@ -1,6 +1,6 @@
 """Messages of any type to the robot: once, or at a rate until told otherwise.
 
-Whether it may be published was decided before (`robots.bridge.orders`); here its bytes are made and sent, under the
+Whether it may be published was decided before (`robots.bridge.tasks.tasks`); here its bytes are made and sent, under the
 `Leave` that was in force when the bridge said so. After a halt there is another, and what waited goes nowhere.
 """
 
@@ -16,8 +16,8 @@ import rospy
 
 from robots.bridge.ros.inspector.definitions import Definition
 from robots.bridge.ros.inspector.vital import start_vital
-from robots.bridge.ros.master import Master, MasterError
-from robots.bridge.ros.publishing import immediate_publisher, publish
+from robots.bridge.ros.network.master import Master, MasterError
+from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
 
 LISTENERS_S = 1.0  # a single message waits so long for those who listen to connect
 WAITING = 20  # messages on their way to one topic, at most

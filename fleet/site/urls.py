@@ -1,0 +1,34 @@
+"""Every address of the console."""
+
+from django.contrib import admin
+from django.contrib.auth.decorators import login_not_required
+from django.urls import include, path
+from django.views.decorators.cache import cache_control
+from django.views.generic import RedirectView
+from django.views.i18n import JavaScriptCatalog
+
+from fleet.site import views
+
+admin.site.site_title = admin.site.site_header = "Fleet console"
+
+# The texts of the pages' scripts, as a script: a policy without inline scripts allows it.
+_script_texts = login_not_required(
+    cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
+)
+
+handler404 = "fleet.site.views.not_found"
+handler500 = "fleet.unavailable.error_page"
+
+urlpatterns = [
+    path("accounts/", include("fleet.accounts.urls")),
+    path("admin/login/", views.admin_login),
+    path("admin/password_change/", RedirectView.as_view(pattern_name="password")),
+    path("admin/", admin.site.urls),
+    path("healthz", views.healthz, name="healthz"),
+    path("cookies/", views.cookies, name="cookies"),
+    path("privacy/", views.privacy, name="privacy"),
+    path("texts.js", _script_texts, name="script-texts"),
+    path("api/", include("teleop.api.urls")),
+    path("", include("teleop.urls")),
+    path("", include("robots.registry.urls")),
+]

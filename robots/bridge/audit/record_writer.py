@@ -1,0 +1,159 @@
+"""Records are written on one worker thread, in order, while the control loop goes on.
+
+What is asked for must be written before it is done: if it cannot be, it is refused and forgotten. What has happened
+must be written sooner or later: it is kept, and tried again, ahead of all that comes after it. As nothing can be asked
+for successfully meanwhile, what is kept is no more than the ends of what was under way, and whoever keeps what the
+robot tells by itself must bound it. While the robot drives, a pulse tells every half second whether the database can
+be written at all.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeVar
+
+from robots.bridge.audit.record_sink import BadRecord, RecordError
+
+log = logging.getLogger(__name__)
+
+PULSE_S = 0.5
+PATIENCE_S = 2.0  # that the database may not be written before the robot must stand
+_T = TypeVar("_T")
+
+
+class Trouble(NamedTuple):
+    """What was to be written last was not."""
+
+    since_s: float
+    why: str
+
+
+@dataclass(eq=False)
+class _Job:
+    call: Callable[[], Any]
+    asked_s: float
+    kept: bool
+    of: Future[Any] | None = None
+    done: Future[Any] = field(default_factory=Future)
+
+
+class Writer:
+    """Hands calls of a sink to the worker. Its methods are called on the control loop's thread, and none waits."""
+
+    def __init__(self, pulse: Callable[[], None]) -> None:
+        self.on_done: Callable[[], object] = lambda: None  # on the worker's thread, after what was asked for
+        self._pulse = pulse
+        self._pulsed: _Job | None = None
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
+        self._open: list[_Job] = []  # not done yet, as far as the loop knows
+        self._unwritten: deque[_Job] = deque()  # the worker's: in order
+        self._trouble: Trouble | None = None  # set by the worker
+
+    def ask(self, call: Callable[[], _T], now_s: float) -> Future[_T]:
+        """Write what must be written before it is done. A failure is the end of it."""
+        job = _Job(call, now_s, kept=False)
+        job.done.add_done_callback(lambda _: self.on_done())
+        return self._submit(job)
+
+    def keep(self, call: Callable[[], _T], now_s: float, of: Future[Any] | None = None) -> Future[_T]:
+        """Write what has happened, as soon as that can be done; never, if that to which it belongs never was."""
+        return self._submit(_Job(call, now_s, kept=True, of=of))
+
+    def aside(self, call: Callable[[], object]) -> None:
+        """Do there, in the same order, what takes too long for the control loop."""
+        self._worker.submit(_logged, call)
+
+    def tick(self, now_s: float, watched: bool) -> None:
+        """Once per period. `watched`: whether it matters that the database can be written."""
+        self._open = [job for job in self._open if not job.done.done()]
+        last = self._pulsed
+        if last and (now_s - last.asked_s < PULSE_S or not last.done.done()):
+            return
+        if watched or self._trouble:
+            self._pulsed = _Job(self._pulse, now_s, kept=False)
+            self._submit(self._pulsed)
+
+    @property
+    def trouble(self) -> Trouble | None:
+        """The last thing that was to be written could not be."""
+        return self._trouble
+
+    def overdue(self, now_s: float) -> str | None:
+        """Why nothing could be written for as long as patience lasts."""
+        trouble = self._trouble
+        if trouble and now_s - trouble.since_s > PATIENCE_S:
+            return trouble.why
+        waiting = next((job for job in self._open if not job.done.done()), None)
+        if waiting and now_s - waiting.asked_s > PATIENCE_S:
+            return f"no answer from the audit log for {PATIENCE_S:.0f} s"
+        return None
+
+    def close(self) -> None:
+        """Wait for the worker. What could not be written by then is not."""
+        self._worker.shutdown(wait=True)
+        if self._unwritten:
+            log.error("records that could not be written before the end: %d", len(self._unwritten))
+
+    def _submit(self, job: _Job) -> Future[Any]:
+        self._open.append(job)
+        self._worker.submit(self._work, job)
+        return job.done
+
+    # --- on the worker's thread ----------------------------------------------------------------------
+
+    def _work(self, job: _Job) -> None:
+        self._unwritten.append(job)
+        while self._unwritten:
+            try:
+                self._write(self._unwritten[0])
+            except RecordError as error:
+                self._put_off(job, error)
+                break
+            self._unwritten.popleft()
+
+    def _write(self, job: _Job) -> None:
+        """Raises RecordError if it is worth trying again."""
+        lost = job.of and job.of.exception()  # known by now: it came first
+        if lost:
+            job.done.set_exception(lost)
+            return
+        try:
+            result = job.call()
+        except BadRecord as error:
+            log.error("a record was refused: %s", error)
+            self._fail(job, error)
+        except RecordError:
+            raise
+        except Exception as error:
+            log.exception("a record failed")
+            self._fail(job, error)
+        else:
+            self._trouble = None
+            job.done.set_result(result)
+
+    def _put_off(self, newest: _Job, error: RecordError) -> None:
+        """Nothing can be written now, so what is asked for is not done."""
+        first = self._unwritten[0]
+        self._note(first, error)
+        if not newest.kept:
+            self._unwritten.remove(newest)
+            newest.done.set_exception(error)
+
+    def _fail(self, job: _Job, error: Exception) -> None:
+        self._note(job, error)
+        job.done.set_exception(error)
+
+    def _note(self, job: _Job, error: Exception) -> None:
+        since_s = self._trouble.since_s if self._trouble else job.asked_s
+        self._trouble = Trouble(since_s, str(error))
+
+
+def _logged(call: Callable[[], object]) -> None:
+    try:
+        call()
+    except Exception:
+        log.exception("work beside the records failed")

@@ -1,0 +1,213 @@
+"""The drive log: a drive starts on record before the robot moves and ends at standstill.
+
+The control loop asks `may_move` and never waits. Gate interventions are kept as one record when they begin and one when
+they end.
+
+What flickers is one intervention: it is over when its rule has held nothing back for `MERGE_S`. Another rule that holds
+back meanwhile is named in the end's record, and gets records of its own once the first is over. So there are never more
+than two records a second; only a stop after which the stick must return to neutral is on record at once, always.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from functools import partial
+
+from robots.bridge.audit.drive_path import Path, Track
+from robots.bridge.audit.record_sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Place
+from robots.bridge.audit.records import Records, unrecorded
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.wire import Refusal
+
+_STANDSTILL_S = 0.5
+MERGE_S = 1.0  # a pause of the same intervention, if it is shorter
+SIMPLIFIED_AT_ONCE = 120  # samples: a minute of them, so that a long drive takes no memory
+# Not interventions: nothing is held back that the robot could do.
+_QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
+
+WAITING = Refusal("recording", "The drive is being put on record.", "audit")
+
+
+@dataclass
+class _Drive:
+    """A drive under way; `number` is known once its start is committed."""
+
+    holder: Holder
+    started_s: float
+    number: Future[int]
+    track: Track
+    path: Path = field(default_factory=Path)  # the worker's
+    interventions: int = 0
+    still_since_s: float | None = None
+    halted_by: str | None = None
+
+
+@dataclass
+class _Intervention:
+    holder: Holder
+    began_s: float
+    number: Future[int]
+    nearest: Verdict
+    held_s: float  # when it held back last, and where
+    held_at: Pose | None
+    also: set[str] = field(default_factory=set)  # codes of other rules that held back meanwhile
+
+    def holds(self, verdict: Verdict, pose: Pose | None, now_s: float) -> None:
+        """It goes on."""
+        self.held_s, self.held_at = now_s, pose
+        if _distance_m(verdict) < _distance_m(self.nearest):
+            self.nearest = verdict
+
+
+class DriveLog:
+    """At most one drive at a time, and within it at most one gate intervention.
+
+    `map_to_odom` tells where the odometry frame is in the map's, if that is known.
+    """
+
+    def __init__(self, records: Records, map_to_odom: Callable[[], Pose | None] = lambda: None) -> None:
+        self._records = records
+        self._sink = records.sink
+        self._map_to_odom = map_to_odom
+        self._pose: Pose | None = None
+        self._drive: _Drive | None = None
+        self._intervention: _Intervention | None = None
+
+    def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
+        """None once the drive's start is committed; until then why not. Begins it on the first call."""
+        if self._drive and self._drive.holder.fence != holder.fence:
+            self.end("control_changed", "control changed", now_s)
+        if self._drive is None:
+            self._begin(holder, now_s)
+        return None if self._committed else WAITING
+
+    @property
+    def why_not(self) -> Refusal | None:
+        """Why no drive begins: what was to be recorded last was not. One under way goes on until that is overdue."""
+        trouble = self._records.trouble
+        return unrecorded(trouble.why) if trouble is not None and not self._committed else None
+
+    @property
+    def under_way(self) -> bool:
+        """Whether there is a drive, be its start on record or not yet."""
+        return self._drive is not None
+
+    def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
+        """Odometry: where the robot is, and what the drive's figures and path are made of."""
+        self._pose = pose
+        if self._drive is not None:
+            self._drive.track.moved(pose, velocity, now_s)
+
+    def halted(self, reason: str) -> None:
+        """Something other than the operator stopped the robot."""
+        if self._drive is not None and self._drive.halted_by is None:
+            self._drive.halted_by = reason
+
+    def decided(self, verdict: Verdict, now_s: float) -> None:
+        """A verdict of the gate on a command of this drive."""
+        drive, current = self._drive, self._intervention
+        if drive is None or not self._committed:
+            return
+        drive.halted_by = None
+        if current is not None and (verdict.neutral or now_s - current.held_s >= MERGE_S):
+            self._end_intervention(now_s)
+            current = None
+        if verdict.code in _QUIET_CODES:
+            return
+        if current is None:
+            self._begin_intervention(drive, verdict, now_s)
+        elif current.nearest.code == verdict.code:
+            current.holds(verdict, self._pose, now_s)
+        else:
+            current.also.add(verdict.code)
+
+    def tick(self, now_s: float, still: bool) -> None:
+        """Once per period. `still`: zero is sent and odometry shows standstill."""
+        drive = self._drive
+        if drive is None or not drive.number.done():
+            return
+        if not self._committed:
+            self._drive = None
+            return
+        if len(drive.track.fresh) >= SIMPLIFIED_AT_ONCE:
+            self._records.aside(partial(drive.path.extend, drive.track.taken()))
+        if not still:
+            drive.still_since_s = None
+            return
+        drive.still_since_s = drive.still_since_s or now_s
+        if now_s - drive.still_since_s >= _STANDSTILL_S:
+            if drive.halted_by:
+                self.end("halted", drive.halted_by, now_s)
+            else:
+                self.end("standstill", "standstill", now_s)
+
+    def end(self, outcome: DriveEnd, ended_by: str, now_s: float) -> None:
+        """End the drive under way, if any."""
+        drive = self._drive
+        if drive is None:
+            return
+        self._end_intervention(now_s)
+        self._drive = None
+        self._records.aside(partial(drive.path.extend, drive.track.taken(last=True)))
+        track, end = drive.track, self._place
+
+        def write() -> None:
+            summary = DriveSummary(
+                outcome=outcome,
+                ended_by=ended_by,
+                end=end,
+                distance_m=track.distance_m,
+                duration_s=now_s - drive.started_s,
+                top_mps=track.top_mps,
+                top_radps=track.top_radps,
+                interventions=drive.interventions,
+                path=drive.path.samples,
+                tolerance_m=drive.path.tolerance_m,
+            )
+            self._sink.end_drive(drive.number.result(), drive.holder, summary)
+
+        self._records.keep(write, now_s, of=drive.number)
+
+    @property
+    def _committed(self) -> bool:
+        """Whether the start of the drive under way is on record."""
+        number = self._drive.number if self._drive else None
+        return number is not None and number.done() and number.exception() is None
+
+    @property
+    def _place(self) -> Place:
+        return Place(self._pose, self._map_to_odom())
+
+    def _begin(self, holder: Holder, now_s: float) -> None:
+        start = self._place
+        number = self._records.ask(lambda: self._sink.begin_drive(holder, start), now_s)
+        self._drive = _Drive(holder, now_s, number, Track(now_s))
+        if self._pose is not None:
+            self._drive.track.moved(self._pose, STILL, now_s)
+
+    def _begin_intervention(self, drive: _Drive, verdict: Verdict, now_s: float) -> None:
+        drive.interventions += 1
+        number, holder = drive.number.result(), drive.holder
+        start = GateStart(verdict, now_s - drive.started_s, self._pose)
+        begun = self._records.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)
+        self._intervention = _Intervention(holder, now_s, begun, verdict, now_s, self._pose)
+
+    def _end_intervention(self, now_s: float) -> None:
+        current, self._intervention = self._intervention, None
+        if current is None:
+            return
+        summary = GateSummary(
+            current.held_s - current.began_s, sorted(current.also), current.nearest, current.held_at
+        )
+        self._records.keep(
+            lambda: self._sink.end_gate(current.number.result(), current.holder, summary),
+            now_s,
+            of=current.number,
+        )
+
+
+def _distance_m(verdict: Verdict) -> float:
+    return math.inf if verdict.distance_m is None else verdict.distance_m

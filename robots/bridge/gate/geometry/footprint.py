@@ -1,0 +1,264 @@
+"""The hull, as a disc, several discs or a convex polygon: gaps, contacts, what it passes by, and where it goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import reduce
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry import arc
+from robots.bridge.gate.geometry.arc import Contact, Course, Growth, Metres
+from robots.bridge.gate.geometry.planar import Path, Points, from_columns
+from robots.bridge.gate.values import GateProfile, Velocity
+
+Band = tuple[float, float]
+Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um are exact enough there
+
+
+class Footprint(Protocol):
+    """What the gate asks of a hull. Points are (N, 2) in the base frame.
+
+    `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
+    `pose_spacing_m`: how far it may move between two poses that are looked at; what stands between is missed by little.
+    `turns_freely`: turning on the spot, it touches nothing new.
+    `sharpness`: how many times its gap a point may be away, since beyond a corner gaps are told by the edges.
+    """
+
+    demanded_share: float
+    pose_spacing_m: float
+    turns_freely: bool
+    sharpness: float
+
+    def reach(self, growth_m: float) -> float:
+        """Radius about the base origin that holds the hull grown by `growth_m`."""
+
+    def gaps(self, points: Points) -> Metres:
+        """How far each point lies outside the hull; negative inside."""
+
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        """When each part of the hull, grown, first touches one of the points, which lie outside.
+
+        The reserve is left on the path.
+        """
+
+    def bands(self, twist: Velocity) -> list[Band]:
+        """Which tracks the hull sweeps on this arc: to the left of a straight way, or distances from C."""
+
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        """The least gap that each point has on each row of a path, (rows, N).
+
+        Points that drift (m/s) move on with the path's time.
+        """
+
+
+class Disc:
+    """A disc about the base origin."""
+
+    demanded_share = 1.0  # getting away from anything, a disc need not come nearer to it first
+    pose_spacing_m = 0.04
+    turns_freely = True
+    sharpness = 1.0
+
+    def __init__(self, radius_m: float) -> None:
+        if not (math.isfinite(radius_m) and radius_m > 0.0):
+            raise ValueError("The radius of a footprint must be above zero.")
+        self.radius_m = radius_m
+
+    def reach(self, growth_m: float) -> float:
+        return self.radius_m + growth_m
+
+    def gaps(self, points: Points) -> Metres:
+        x, y = points.T
+        gaps: Metres = np.sqrt(x**2 + y**2) - self.radius_m
+        return gaps
+
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        first = arc.disc_contact(course, 0.0, 0.0, self.radius_m + growth, 0.0)
+        if first is not arc.NEVER:  # turning a disc brings it no nearer to anything: the base's path counts
+            yield Contact(first.until_s - reserve_m / course.v, first.row)
+
+    def bands(self, twist: Velocity) -> list[Band]:
+        return [_disc_band(0.0, 0.0, self.radius_m, twist)]
+
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        return _least_distances(path, points, drift) - np.float32(self.radius_m)
+
+
+class Discs:
+    """Several discs, fixed to each other: a long base, or an arm that reaches out. Their union is the hull."""
+
+    # turning out of a wall, one disc may come a little nearer to it before another leaves
+    demanded_share = 0.5
+    pose_spacing_m = 0.04
+    turns_freely = False
+    sharpness = 1.0
+
+    def __init__(self, discs: tuple[tuple[float, float, float], ...]) -> None:
+        """`discs` are (x, y, radius) in the base frame, metres."""
+        if not discs:
+            raise ValueError("A footprint of discs needs at least one.")
+        if not all(math.isfinite(x) and math.isfinite(y) for x, y, _ in discs):
+            raise ValueError("The middle of each disc must be two numbers.")
+        self._discs = [(x, y, Disc(radius_m)) for x, y, radius_m in discs]
+        self._middles = np.array([(x, y) for x, y, _ in discs])
+
+    def reach(self, growth_m: float) -> float:
+        return max(math.hypot(x, y) + disc.reach(growth_m) for x, y, disc in self._discs)
+
+    def gaps(self, points: Points) -> Metres:
+        return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
+
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        middles = arc.seen_along(self._middles, course.way).tolist()
+        for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True):
+            yield arc.disc_contact(course, x, y, disc.radius_m + growth, reserve_m)
+
+    def bands(self, twist: Velocity) -> list[Band]:
+        return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
+
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        cos, sin = np.cos(path.yaw), np.sin(path.yaw)
+        least: Quick = np.minimum.reduce(
+            [
+                disc.least_gaps(
+                    path._replace(x=path.x + cos * x - sin * y, y=path.y + sin * x + cos * y), points, drift
+                )
+                for x, y, disc in self._discs
+            ]
+        )
+        return least
+
+
+class Polygon:
+    """A convex outline, counter-clockwise."""
+
+    demanded_share = 0.5  # a corner that turns out of a wall may come a little nearer to it first
+    pose_spacing_m = 0.025
+    turns_freely = False
+
+    def __init__(self, outline: tuple[tuple[float, float], ...]) -> None:
+        self.edges = arc.Edges(outline)
+        self.sharpness = float(self.edges.corner_stretch.max())
+        self._corners = [(float(x), float(y)) for x, y in outline]
+        lengths = self.edges.lengths.tolist()
+        self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
+        distances: list[float] = np.hypot(*self.edges.vertices.T).tolist()
+        self._corner_reaches: list[tuple[float, float]] = list(
+            zip(distances, self.edges.corner_stretch.tolist(), strict=True)
+        )
+
+    def reach(self, growth_m: float) -> float:
+        return max(distance + growth_m * stretch for distance, stretch in self._corner_reaches)
+
+    def gaps(self, points: Points) -> Metres:
+        return self.edges.gaps(points)
+
+    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
+        return arc.polygon_contacts(course, self.edges, growth, reserve_m)
+
+    def bands(self, twist: Velocity) -> list[Band]:
+        if arc.is_straight(twist):
+            tracks = [arc.track(x, y, twist) for x, y in self._corners]
+            return [(min(tracks), max(tracks))]
+        return [self._ring(*arc.centre(twist))]
+
+    def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
+        """Each edge of each pose is a half-plane; its distances to all points are one row of the product."""
+        cos, sin = np.cos(path.yaw)[..., None], np.sin(path.yaw)[..., None]
+        (nx, ny), offsets = self.edges.normals.T, self.edges.offsets
+        across, up = cos * nx - sin * ny, sin * nx + cos * ny  # (rows, poses, edges), normals in the world
+        away = -(across * path.x[..., None] + up * path.y[..., None] + offsets)
+        planes: list[Metres | float] = [across, up, away]
+        moments: list[Metres | float] = [*points.T, 1.0]
+        if drift is not None:
+            time_s = path.time_s[..., None]
+            planes += [time_s * across, time_s * up]
+            moments += [*drift.T]
+        beyond = _product(planes, across.shape, moments, points.shape[:1])
+        least: Quick = beyond.max(axis=2).min(axis=1)
+        return least
+
+    def _ring(self, cx: float, cy: float) -> tuple[float, float]:
+        """Nearest and farthest distance of the hull from (cx, cy); 0 nearest if the point is inside.
+
+        Plain numbers: for a handful of corners they are quicker than arrays.
+        """
+        farthest = max(math.hypot(x - cx, y - cy) for x, y in self._corners)
+        nearest, inside = math.inf, True
+        for (x, y), (ux, uy), length in self._sides:
+            dx, dy = cx - x, cy - y
+            along, beyond = ux * dx + uy * dy, uy * dx - ux * dy
+            inside = inside and beyond <= 0.0
+            nearest = min(nearest, math.hypot(beyond, along - min(max(along, 0.0), length)))
+        return 0.0 if inside else nearest, farthest
+
+
+def clearances(tracks: Metres, twist: Velocity, footprint: Footprint) -> Metres:
+    """How far points on these tracks stay outside of what the hull sweeps on the arc; negative if they are swept."""
+    beside = [np.maximum(low - tracks, tracks - high) for low, high in footprint.bands(twist)]
+    return reduce(np.minimum, beside)
+
+
+def footprint_of(profile: GateProfile) -> Footprint:
+    """The hull that a profile describes. ValueError if it describes none."""
+    if profile.discs is not None:
+        return Discs(profile.discs)
+    if profile.outline is not None:
+        return Polygon(profile.outline)
+    if profile.radius_m is None:
+        raise ValueError("A profile needs a radius, an outline or discs.")
+    return Disc(profile.radius_m)
+
+
+def _from(points: Points, x: float, y: float) -> Points:
+    """Points as seen from (x, y)."""
+    return from_columns(points[:, 0] - x, points[:, 1] - y)
+
+
+def _disc_band(x: float, y: float, radius_m: float, twist: Velocity) -> Band:
+    """The tracks that a disc about (x, y) sweeps: a strip, or a ring about the centre of rotation."""
+    middle = arc.track(x, y, twist)
+    return middle - radius_m, middle + radius_m
+
+
+def _least(arrays: list[Metres]) -> Metres:
+    least: Metres = np.minimum.reduce(arrays)
+    return least
+
+
+def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
+    """From the poses' origins to points p + u t: |p|^2 - 2 p.c + |c|^2, and what the drift u adds to it."""
+    x, y, time_s = path.x, path.y, path.time_s
+    px, py = points.T
+    places: list[Metres | float] = [x**2 + y**2, 1.0, -2.0 * x, -2.0 * y]
+    moments: list[Metres | float] = [1.0, px**2 + py**2, px, py]
+    if drift is not None:
+        ux, uy = drift.T
+        places += [2.0 * time_s, time_s**2, -2.0 * time_s * x, -2.0 * time_s * y]
+        moments += [px * ux + py * uy, ux**2 + uy**2, ux, uy]
+    squares = _product(places, x.shape, moments, px.shape).min(axis=1)
+    distances: Quick = np.sqrt(np.maximum(squares, np.float32(0.0)))
+    return distances
+
+
+def _product(
+    places: list[Metres | float],
+    poses: tuple[int, ...],
+    moments: list[Metres | float],
+    points: tuple[int, ...],
+) -> Quick:
+    """One matrix product of what poses and what points contribute, (*poses, N)."""
+    rows = _stacked(places, poses).reshape(len(places), -1).T.copy()
+    product: Quick = (rows @ _stacked(moments, points)).reshape(*poses, -1)
+    return product
+
+
+def _stacked(parts: list[Metres | float], shape: tuple[int, ...]) -> Quick:
+    stacked: Quick = np.empty((len(parts), *shape), dtype=np.float32)
+    for row, part in zip(stacked, parts, strict=True):
+        row[...] = part
+    return stacked

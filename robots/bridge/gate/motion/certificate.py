@@ -1,0 +1,140 @@
+"""Empty boxes about the robot certify that no point takes anything from a twist, without a look at every arc and pose.
+
+The gate looks at points twice: `restraint.restrain` (methods 1 to 5), then `rollout.safe_share` (method 6). Each look
+has a certificate: if its boxes hold no point, the look would take nothing away, so it is left out. If there is a point
+in a box, this says nothing, and the look decides. So a box that is too large costs time, and nothing else.
+
+Nothing about the past is assumed: the points are those of this moment. `ObstacleCache` carries them to the newest pose
+when odometry comes, renews them when a scan, a picture or an echo came, or went by time alone, and makes the
+`Corridors` in which boxes are looked up with the points, never apart. All that does not
+depend on points was decided before: missing and stale data, posture, blind directions, depth camera, latency, the
+operator's delay, rate limits.
+
+A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist have vy = 0 and
+v = |vx|, and let radius(m) be the radius about the base origin that holds the hull, arm and all, grown by m.
+
+*Braking* (first look). It follows arcs with the speed v and the turn rates wanted, measured and sent last. It takes
+nothing away if on each of them the hull, grown by at most m_lat, touches nothing within T + T_b / 2, with m_front left
+along the path of the point. With R = v / |w| and r = radius(m_lat), a point that can be touched is at least R - r away
+from the centre of rotation, so this reserve is an angle of at most m_front / (R - r). Until then the base turns by
+theta = |w| (T + T_b / 2) + m_front / (R - r), goes at most R theta ahead and, as 1 - cos t <= t^2 / 2, at most
+R theta^2 / 2 aside; all that it touches is within r of there. With theta <= pi / 2 it does not come back. Straight on,
+that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box. Turning on the spot
+(v = 0), only what is within radius(m_lat) + m_front is considered at all.
+
+*Passing* (first look). Above v_creep it considers points ahead with a gap below `slowing` + `harmless`; they are within
+L = radius(slowing + harmless). Of these it considers, on each arc, those that the hull passes by less than `harmless`;
+they are within q = radius(0) + harmless of the arc's circle. From (R - q)^2 < x^2 + (y - R)^2 < (R + q)^2 and
+x^2 + y^2 < L^2 follows |y| < q + L^2 / 2R.
+
+*Playing* (second look). It plays what was sent lately and the candidate for T and one period, then full braking. A base
+brings each of its speeds monotonically towards what is commanded. So no speed is ever beyond the extremes of its axis
+among the measured twist, what was sent lately and the candidate: V forward, N backward, S sideways (wheels slip), W
+turning. Let P(u) be u (T + period) + u^2 / 2a. Without S the base goes at most P(V) ahead and, while its heading is at
+most Theta = W (T + period) + W^2 / 2 alpha <= pi / 2 off, at most P(N) back; aside it goes at most
+Theta (P(V) + P(N)). S adds at most P(S), whichever way. What is farther from all of this than radius(m_hard) is clear.
+
+Where the proof would need more, nothing is certified: a wanted way sideways, an arc so tight that R <= r, points that
+move (second look), a command from the future (a clock was set). `SLACK_M` is far above what rounding does to these
+sums, also to the 32 bits of the second look, within `LONGEST_M`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.motion import braking
+from robots.bridge.gate.motion.corridors import Box, Corridors
+from robots.bridge.gate.motion.restraint import harmless_m
+from robots.bridge.gate.motion.rollout import Sent
+from robots.bridge.gate.values import GateProfile, Velocity
+
+SLACK_M = 0.005
+LONGEST_M = 20.0
+QUARTER_TURN = math.pi / 2.0
+
+
+def restrains_nothing(
+    wanted: Velocity,
+    turn_rates: Sequence[float],
+    corridors: Corridors,
+    footprint: Footprint,
+    profile: GateProfile,
+) -> bool:
+    """Whether `restraint.restrain`, told the same, surely leaves `wanted` as it is."""
+    if wanted.vy != 0.0:
+        return False
+    v, w = abs(wanted.vx), max(abs(wanted.w), *map(abs, turn_rates))
+    reverse = wanted.vx < 0.0
+    return _are_clear(corridors, _braked(v, w, footprint, profile), reverse=reverse) and _are_clear(
+        corridors, _passed(v, w, footprint, profile), reverse=reverse
+    )
+
+
+def plays_clear(
+    candidate: Velocity,
+    queue: Sequence[Sent],
+    measured: Velocity,
+    corridors: Corridors,
+    footprint: Footprint,
+    profile: GateProfile,
+    period_s: float,
+) -> bool:
+    """Whether `rollout.safe_share`, told the same of points that stand, surely leaves `candidate` as it is."""
+    if any(sent.age_s < 0.0 for sent in queue):
+        return False
+    twists = (candidate, measured, *(sent.velocity for sent in queue))
+    return _are_clear(corridors, _played(twists, footprint, profile, period_s))
+
+
+def _are_clear(corridors: Corridors, box: Box | None, *, reverse: bool = False) -> bool:
+    if box is None or max(box) > LONGEST_M:
+        return False
+    return corridors.are_clear(Box(*(side + SLACK_M for side in box)), reverse=reverse)
+
+
+def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
+    """What the hull could touch before it has braked."""
+    radius = footprint.reach(profile.parameters.lateral_margin_m)
+    if v == 0.0:
+        around_m = radius + profile.parameters.front_margin_m
+        return Box(around_m, around_m, around_m)
+    tightest_m = v / w if w > 0.0 else math.inf
+    if tightest_m <= radius:
+        return None
+    reserve = profile.parameters.front_margin_m / (1.0 - radius / tightest_m)
+    way_m = v * braking.horizon(Velocity(v, 0.0, w), profile) + reserve
+    theta = way_m / tightest_m
+    return None if theta > QUARTER_TURN else Box(way_m + radius, radius, way_m * theta / 2.0 + radius)
+
+
+def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
+    """What the hull could pass so closely that it must slow down."""
+    parameters = profile.parameters
+    if v <= parameters.creep_mps:
+        return Box(0.0, 0.0, 0.0)
+    linear, _ = braking.deceleration(profile)
+    harmless = harmless_m(v, parameters)
+    slowing_m = braking.way_between(v, parameters.creep_mps, parameters.latency_s, linear)
+    beside = footprint.reach(0.0) + harmless
+    far = footprint.reach(slowing_m + harmless)
+    return Box(far, 0.0, beside + far * far * w / (2.0 * v))
+
+
+def _played(
+    twists: Sequence[Velocity], footprint: Footprint, profile: GateProfile, period_s: float
+) -> Box | None:
+    """Where the hull could be until everything is obeyed and it has braked."""
+    linear, angular = braking.deceleration(profile)
+    played_s = profile.parameters.latency_s + period_s
+    vx, vy, w = zip(*twists, strict=True)
+    extremes = max(*vx, 0.0), max(-min(vx), 0.0), max(max(vy), -min(vy))
+    ahead_m, behind_m, slip_m = (u * (played_s + u / (2.0 * linear)) for u in extremes)
+    fastest = max(max(w), -min(w))
+    turned = fastest * (played_s + fastest / (2.0 * angular))
+    if turned > QUARTER_TURN:
+        return None
+    around_m = footprint.reach(profile.parameters.hard_margin_m) + slip_m
+    return Box(ahead_m + around_m, behind_m + around_m, turned * (ahead_m + behind_m) + around_m)

@@ -1,0 +1,289 @@
+"""The largest part of a wanted twist that is safe among known points (GATE.md, methods 1-5).
+
+Pure: everything is an argument, nothing is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry import arc
+from robots.bridge.gate.geometry.arc import Contact, Course, Growth, Metres, Rows, Way
+from robots.bridge.gate.geometry.footprint import Footprint, clearances
+from robots.bridge.gate.geometry.planar import Points, chosen
+from robots.bridge.gate.motion import braking
+from robots.bridge.gate.values import GateProfile, Parameters, Velocity
+
+WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less this
+STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
+TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends the arc by 2 cm in 1 m at most
+TURN_SHARES = (1.0, 0.7, 0.4)  # tried in this order when rotation is given back
+NOTHING = 1e-6  # m/s or rad/s
+_WHOLE = 0.999
+
+OBSTACLE = "obstacle"
+NEAR_MISS = "near_miss"
+
+
+class Share(NamedTuple):
+    """How much of a twist is safe, by which rule, and for which point (its row; -1 if nothing limits)."""
+
+    share: float
+    rule: str = ""
+    row: int = -1
+
+
+FREE = Share(1.0)
+
+
+class Cause(NamedTuple):
+    """The point that limits a twist, and by which rule. `source` as in `Obstacles`."""
+
+    rule: str
+    point: tuple[float, float]
+    gap_m: float
+    source: int
+
+
+class Surroundings(NamedTuple):
+    """The points by which twists are judged that set out one way, equally fast, and differ in their turn only.
+
+    `points` are seen along this `way`; how far each is from the hull, and how far the hull is grown for them.
+    """
+
+    points: Points
+    way: Way
+    gaps: Metres
+    growth: Growth
+    footprint: Footprint
+    profile: GateProfile
+
+    def growth_of(self, rows: Rows) -> Growth:
+        """How far the hull is grown for some of the points."""
+        return self.growth if isinstance(self.growth, float) else self.growth.take(rows)
+
+    def only(self, rows: Rows) -> Surroundings:
+        """Those of some points."""
+        if len(rows) == len(self.points):
+            return self
+        return self._replace(
+            points=chosen(self.points, rows), gaps=self.gaps.take(rows), growth=self.growth_of(rows)
+        )
+
+
+class Restraint(NamedTuple):
+    """The safe twist, and what takes the rest away."""
+
+    velocity: Velocity
+    cause: Cause | None = None
+
+
+def restrain(
+    wanted: Velocity,
+    turn_rates: tuple[float, ...],
+    points: Points,
+    source: NDArray[np.intp],
+    footprint: Footprint,
+    profile: GateProfile,
+) -> Restraint:
+    """The safe part of `wanted`.
+
+    `turn_rates` are those the base has or is about to have (rad/s): until it turns as wanted it follows
+    their arcs at the wanted speed, so these must be clear too.
+    """
+    followed = (wanted._replace(w=w) for w in _differing(turn_rates, wanted.w))
+    arcs = (wanted, *(twist for twist in followed if any(twist)))
+    near = _within_reach(points, arcs, footprint, profile)
+    if not len(near):
+        return Restraint(wanted)
+    if len(near) < len(points):
+        points = chosen(points, near)
+    gaps = footprint.gaps(points)
+    growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
+    way = arc.way(wanted)
+    surroundings = Surroundings(arc.seen_along(points, way), way, gaps, growth, footprint, profile)
+    limit = _limit(arcs, surroundings)
+    if limit is FREE:
+        return Restraint(wanted)
+    row = limit.row
+    point = float(points[row, 0]), float(points[row, 1])
+    cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
+    return Restraint(_give_rotation_back(wanted, limit.share, surroundings), cause)
+
+
+def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Growth:
+    """How far the hull is grown: by the lateral margin, but never demand more clearance than there is.
+
+    Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
+    does not shrink below the hull itself, except for points that are inside already: only then it is not the same
+    for all points, but each has its own.
+    """
+    narrowest = gaps.min(initial=math.inf)
+    least = min(float(min(narrowest, demanded_share * narrowest) - WAY_OUT_M), lateral_margin_m)
+    if least >= 0.0:
+        return least
+    return np.minimum(np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M, 0.0)
+
+
+def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
+    """The largest share at which every one of these twists is safe."""
+    courses = _courses(arcs, surroundings)
+    limit = min((_braking_share(twist, courses[twist], surroundings) for twist in arcs), key=_by_share)
+    passed = _passed(arcs[0], surroundings, limit.share)
+    if len(passed):
+        passes = [_passing_share(twist, courses[twist], passed, surroundings, limit.share) for twist in arcs]
+        limit = min((limit, *passes), key=_by_share)
+    return limit
+
+
+def _first_whole(candidates: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
+    """The first of these twists that is safe as it is."""
+    passed: Rows | None = None  # of the first that brakes in time: all are equally fast
+    for twist in candidates:
+        course = arc.course(surroundings.points, surroundings.way, twist)
+        in_time = all(
+            _braked_before(contact, twist, surroundings.profile) > _WHOLE
+            for contact in _contacts(course, surroundings)
+        )
+        if not in_time:
+            continue
+        if passed is None:
+            passed = _passed(twist, surroundings, 1.0)
+        if not len(passed) or _passing_share(twist, course, passed, surroundings, 1.0).share > _WHOLE:
+            return twist
+    return None
+
+
+def _courses(twists: Sequence[Velocity], surroundings: Surroundings) -> dict[Velocity, Course]:
+    return {twist: arc.course(surroundings.points, surroundings.way, twist) for twist in twists}
+
+
+def _by_share(limit: Share) -> float:
+    return limit.share
+
+
+def _braking_share(twist: Velocity, course: Course, surroundings: Surroundings) -> Share:
+    """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
+    first = min(_contacts(course, surroundings), default=arc.NEVER)
+    share = _braked_before(first, twist, surroundings.profile)
+    return Share(share, OBSTACLE, first.row) if share < 1.0 else FREE
+
+
+def _contacts(course: Course, surroundings: Surroundings) -> Iterator[Contact]:
+    margin_m = surroundings.profile.parameters.front_margin_m
+    return surroundings.footprint.contacts(course, surroundings.growth, margin_m)
+
+
+def _braked_before(contact: Contact, twist: Velocity, profile: GateProfile) -> float:
+    braking_s = braking.braking_time(twist, profile)
+    return braking.scale(contact.until_s, profile.parameters.latency_s, braking_s)
+
+
+def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
+    """Points so near ahead that `_passing_share` may be smaller than `below`, on whichever arc.
+
+    The others are farther away than the robot needs to slow down for them from this share of the twist.
+    """
+    v = below * arc.speed(twist)
+    parameters = surroundings.profile.parameters
+    if v <= parameters.creep_mps:
+        return np.empty(0, dtype=np.intp)
+    linear, _ = braking.deceleration(surroundings.profile)
+    slowing_m = braking.way_between(v, parameters.creep_mps, parameters.latency_s, linear)
+    near = surroundings.gaps < slowing_m + harmless_m(v, parameters)
+    return (near & (surroundings.points[:, 0] > 0.0)).nonzero()[0]
+
+
+def harmless_m(v: float, parameters: Parameters) -> float:
+    """The clearance at which a near miss allows this speed."""
+    return parameters.lateral_margin_m + (v - parameters.creep_mps) * parameters.near_miss_s
+
+
+def _passing_share(
+    twist: Velocity, course: Course, passed: Rows, surroundings: Surroundings, below: float
+) -> Share:
+    """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
+
+    Before that place the robot may be as fast as still lets it brake to this speed; the gap shrinks at most as
+    fast as the robot moves, so gap - clearance is a distance that is surely left. Only a share `below` a known one
+    need be found.
+    """
+    v = arc.speed(twist)
+    parameters = surroundings.profile.parameters
+    clear = clearances(course.track.take(passed), twist, surroundings.footprint)
+    growth = surroundings.growth_of(passed)
+    near = ((clear < harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
+    if not len(near):
+        return FREE
+    clear, rows = clear.take(near), passed.take(near)
+    spare = np.maximum(clear - parameters.lateral_margin_m, 0.0)
+    there = parameters.creep_mps + spare / parameters.near_miss_s
+    left = np.maximum(surroundings.gaps.take(rows) - clear, 0.0)
+    linear, _ = braking.deceleration(surroundings.profile)
+    allowed = braking.speed_before(left, there, parameters.latency_s, linear)
+    slowest = int(allowed.argmin())
+    share = float(allowed[slowest]) / v
+    return Share(share, NEAR_MISS, int(rows[slowest])) if share < 1.0 else FREE
+
+
+def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundings) -> Velocity:
+    """The scaled twist with the largest safe part of the wanted turn (method 5).
+
+    So, nose at the wall and the stick held diagonally, the robot still turns.
+    """
+    scaled = wanted.scaled(share)
+    if arc.speed(scaled) < STANDING_MPS:
+        scaled = Velocity(0.0, 0.0, scaled.w)
+    if wanted.w == 0.0:
+        return scaled
+    candidates = [scaled._replace(w=turn * wanted.w) for turn in TURN_SHARES if turn > share]
+    near = _within_reach(surroundings.points, candidates, surroundings.footprint, surroundings.profile)
+    return _first_whole(candidates, surroundings.only(near)) or scaled
+
+
+def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
+    """The turn rates that make another arc than `w` does, each once."""
+    differing: list[float] = []
+    for rate in turn_rates:
+        if all(abs(rate - known) > TURN_TOLERANCE_RADPS for known in (w, *differing)):
+            differing.append(rate)
+    return differing
+
+
+def _within_reach(
+    points: Points, arcs: Sequence[Velocity], footprint: Footprint, profile: GateProfile
+) -> NDArray[np.intp]:
+    """Indices of the points that the hull could touch before it has braked."""
+    parameters = profile.parameters
+    widest = max(arcs, key=lambda twist: abs(twist.w))  # it takes the longest to brake
+    way = arc.speed(widest) * braking.horizon(widest, profile)
+    reach = footprint.reach(parameters.lateral_margin_m) + parameters.front_margin_m + way
+    x, y = points.T
+    within: Rows = (x * x + y * y < reach**2).nonzero()[0]  # flatnonzero costs 3 us more
+    return within
+
+
+def is_still(twist: Velocity) -> bool:
+    """Whether the twist asks for nothing at all."""
+    return twist.vx == 0.0 and twist.vy == 0.0 and twist.w == 0.0
+
+
+def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
+    """The twist within what the robot can do, axis by axis; what is next to nothing becomes zero."""
+    limits = profile.limits
+    within = (
+        min(max(asked.vx, -limits.reverse_mps), limits.forward_mps),
+        min(max(asked.vy, -limits.lateral_mps), limits.lateral_mps),
+        min(max(asked.w, -limits.turn_radps), limits.turn_radps),
+    )
+    return Velocity(*(axis if abs(axis) > NOTHING else 0.0 for axis in within))
+
+
+def is_finite(twist: Velocity) -> bool:
+    """Whether all three numbers are numbers."""
+    return all(math.isfinite(axis) for axis in twist)

@@ -1,0 +1,352 @@
+"""Whether a twist still lets the robot stop clear of everything, played out pose by pose (GATE.md, method 6).
+
+The arcs of methods 1 to 5 are followed exactly only by a base without limits. A real one still obeys what was sent
+a moment ago, and changes its speeds no faster than it can, which bends the arc. So the motion is played: the
+commands on their way, one period of the candidate, then full braking. Pure: everything is an argument, nothing
+is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry import arc
+from robots.bridge.gate.geometry.arc import Growth, Metres
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.planar import ORIGIN, Path, Points, chosen, placed, seen_from
+from robots.bridge.gate.motion import braking
+from robots.bridge.gate.motion.restraint import STANDING_MPS, way_out
+from robots.bridge.gate.values import GateProfile, Pose, Velocity
+
+MOVER_MARGIN_M = 0.10  # to what moves, in place of m_hard: where it will be is a guess
+SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest that is clear
+PIECE_S = 0.05  # a queue is played in pieces no longer than this
+MOST_POSES = 60  # of one braking
+REMEMBERED_S = 1.0  # commands: longer than any latency
+LONGEST_STEP_S = 0.1  # after a pause, what is sent does not make up for it
+_EXACT_M = 0.0001  # the gaps of a roll-out are told a little less exactly than those of one look
+
+
+class Sent(NamedTuple):
+    """A command that was published this long ago."""
+
+    velocity: Velocity
+    age_s: float
+
+
+class Rolled(NamedTuple):
+    """How much of a candidate may be sent, and the row of the point that stands in the way (-1: none does)."""
+
+    share: float
+    row: int = -1
+
+
+class _State(NamedTuple):
+    """The base at one moment of the play."""
+
+    x: float
+    y: float
+    yaw: float
+    time_s: float
+    velocity: Velocity
+
+
+class _Rates(NamedTuple):
+    """How fast speeds may change: m/s^2 and rad/s^2, away from zero and towards it."""
+
+    linear_up: float
+    linear_down: float
+    angular_up: float
+    angular_down: float
+
+
+CLEAR = Rolled(1.0)
+
+
+class Commands:
+    """What was published lately, as far as the gate is told."""
+
+    def __init__(self) -> None:
+        self._sent: deque[tuple[float, Velocity]] = deque()
+
+    def add(self, velocity: Velocity, now_s: float) -> None:
+        """Take note of the newest command. Told the same again, it is the one that is known already."""
+        if not self._sent or self._sent[-1][1] != velocity:
+            self._sent.append((now_s, velocity))
+        while len(self._sent) > 1 and now_s - self._sent[1][0] > REMEMBERED_S:
+            self._sent.popleft()
+
+    def lately(self, now_s: float, latency_s: float) -> list[Sent]:
+        """Oldest first: the one that is in effect, if the gate has been told so long, and all that are on their way."""
+        queue: list[Sent] = []
+        for sent_s, velocity in reversed(self._sent):
+            queue.append(Sent(velocity, now_s - sent_s))
+            if queue[-1].age_s >= latency_s:
+                break
+        return queue[::-1]
+
+
+def safe_share(
+    candidate: Velocity,
+    queue: Sequence[Sent],
+    velocity: Velocity,
+    points: Points,
+    drift: Points | None,
+    footprint: Footprint,
+    profile: GateProfile,
+    period_s: float,
+    latency_s: float,
+) -> Rolled:
+    """The largest share of `candidate`, on a grid, after which the robot can still brake clear of all points.
+
+    `queue` are the commands sent lately, oldest first; the newest of those older than `latency_s` is taken to be
+    in effect. `velocity` is the measured one. `drift` is each point's own velocity in m/s (None: all stand),
+    and what moves keeps a wider margin. The robot need not come nearer to anything than stopping now would bring
+    it, and no more than that distance is ever demanded (method 4).
+    """
+    if _only_turns_a_disc(candidate, queue, velocity, footprint):
+        return CLEAR
+    rates = _rates(profile)
+    onset = _played(queue, velocity, rates, latency_s)
+    whole = _moved(onset[-1], candidate, rates, period_s)
+    if drift is None and _keeps_off(points, onset, whole, rates, footprint, profile):
+        return CLEAR
+    first = _followed(_path(onset), _stopped([whole], rates, footprint))
+    met = _within(points, drift, first, footprint)
+    if not len(met):
+        return CLEAR
+    points = chosen(points, met)
+    drift = None if drift is None else drift[met]
+    margins = _margins(len(met), drift, profile)
+    spare = footprint.least_gaps(first, points, drift)[0] - margins
+    if spare.min() >= 0.0:
+        return CLEAR
+    worst = int(met[spare.argmin()])
+    onward = [whole, *(_moved(onset[-1], candidate.scaled(share), rates, period_s) for share in SHARES[1:])]
+    distinct = list(dict.fromkeys(onward))
+    after = footprint.least_gaps(_stopped(distinct, rates, footprint), points, drift)
+    stopping = after[distinct.index(onward[-1])]
+    unavoidable = np.minimum(footprint.least_gaps(_path(onset), points, drift)[0], stopping)
+    demanded = _demanded(unavoidable, drift, profile, footprint)
+    clear = (after - demanded).min(axis=1) >= 0.0
+    # Where even braking now falls short of what stands, a share that slows the base no less than zero gives way to it:
+    # a base may brake better than is counted on.
+    stands = slice(None) if drift is None else ~drift.any(axis=1)
+    in_time = bool((stopping >= margins)[stands].all())
+    tried = [
+        (share, state) for share, state in zip(SHARES, onward, strict=True) if in_time or state != onward[-1]
+    ]
+    share = next((share for share, state in tried if clear[distinct.index(state)]), 0.0)
+    return CLEAR if share == 1.0 else Rolled(share, worst)
+
+
+def stepped_up(sent: Velocity, wanted: Velocity, profile: GateProfile, dt_s: float) -> Velocity:
+    """`wanted`, no further up from what was sent than the base can follow in `dt_s`; downwards all at once.
+
+    Axis by axis, as the base does it. So what is sent is what the base does, and a play of it is true.
+    """
+    limits = profile.limits
+    linear, angular = limits.linear_mps2 * dt_s, limits.angular_radps2 * dt_s
+    return Velocity(
+        _raised(sent.vx, wanted.vx, linear),
+        _raised(sent.vy, wanted.vy, linear),
+        _raised(sent.w, wanted.w, angular),
+    )
+
+
+def _raised(sent: float, wanted: float, step: float) -> float:
+    same_way = sent * wanted > 0.0
+    most = (abs(sent) if same_way else 0.0) + step
+    return wanted if abs(wanted) <= most else math.copysign(most, wanted)
+
+
+def _only_turns_a_disc(
+    candidate: Velocity, queue: Sequence[Sent], velocity: Velocity, footprint: Footprint
+) -> bool:
+    """Whether a disc stands or turns on the spot, and nothing on its way to it says otherwise."""
+    if not footprint.turns_freely:
+        return False
+    twists = (candidate, velocity, *(sent.velocity for sent in queue))
+    return all(arc.speed(twist) < STANDING_MPS for twist in twists)
+
+
+def _rates(profile: GateProfile) -> _Rates:
+    """The base speeds up as fast as it can, and brakes as surely as the gate counts on."""
+    linear, angular = braking.deceleration(profile)
+    return _Rates(profile.limits.linear_mps2, linear, profile.limits.angular_radps2, angular)
+
+
+# --- the play -------------------------------------------------------------------------------------
+
+
+def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s: float) -> list[_State]:
+    """The base from now until everything that was sent has taken effect."""
+    states = [_State(0.0, 0.0, 0.0, 0.0, velocity)]
+    obeyed = velocity
+    for sent in queue:
+        effective_s = max(latency_s - sent.age_s, 0.0)
+        _obey(obeyed, effective_s, states, rates)
+        obeyed = sent.velocity
+    _obey(obeyed, latency_s, states, rates)
+    return states
+
+
+def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
+    """Go on with one command until a moment, in short pieces."""
+    left_s = until_s - states[-1].time_s
+    pieces = math.ceil(left_s / PIECE_S - 1e-9)
+    for _ in range(pieces):
+        states.append(_moved(states[-1], command, rates, left_s / pieces))
+
+
+def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
+    """The base a short span later, its speeds having changed evenly."""
+    x, y, yaw, time_s, (vx, vy, w) = state
+    linear_up, linear_down = rates.linear_up * span_s, rates.linear_down * span_s
+    after = Velocity(
+        _changed(vx, command.vx, linear_up, linear_down),
+        _changed(vy, command.vy, linear_up, linear_down),
+        _changed(w, command.w, rates.angular_up * span_s, rates.angular_down * span_s),
+    )
+    half = span_s / 2.0
+    forward, left, turned = half * (vx + after.vx), half * (vy + after.vy), half * (w + after.w)
+    heading = yaw + turned / 2.0
+    cos, sin = math.cos(heading), math.sin(heading)
+    return _State(
+        x + cos * forward - sin * left,
+        y + sin * forward + cos * left,
+        yaw + turned,
+        time_s + span_s,
+        after,
+    )
+
+
+def _changed(speed: float, command: float, up: float, down: float) -> float:
+    """A speed on its way to the commanded one, quicker away from zero than towards it."""
+    if speed == command:
+        return speed
+    step = up if speed * command >= 0.0 and abs(command) > abs(speed) else down
+    reached = speed + step if command > speed else speed - step
+    return command if (command < reached) == (command > speed) else reached
+
+
+def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
+    """From each state a row: full braking to standstill. Arrays over axes are (3, rows, poses)."""
+    poses = max(_poses_until_still(state.velocity, rates, footprint) for state in begun)
+    starts = np.array([(*state[:4], *state.velocity, _still_s(state.velocity, rates)) for state in begun])
+    x, y, yaw, time_s, *_, still_s = columns = starts.T[..., None]
+    speeds = columns[4:7]
+    rate = np.array([[[rates.linear_down]], [[rates.linear_down]], [[rates.angular_down]]])
+    passed_s = still_s * _evenly_along_a_braked_way(poses)
+    braked_s = np.minimum(passed_s, np.abs(speeds) / rate)
+    forward, left, turned = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
+    heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
+    way = forward + 1j * left  # x + iy, which turns by a product
+    places = np.empty_like(way)
+    places[:, :1] = x + 1j * y
+    np.multiply(way[:, 1:] - way[:, :-1], np.exp(1j * heading), out=places[:, 1:])
+    np.cumsum(places, axis=1, out=places)
+    return Path(places.real, places.imag, yaw + turned, time_s + passed_s)
+
+
+def _still_s(velocity: Velocity, rates: _Rates) -> float:
+    """How long full braking takes."""
+    vx, vy, w = map(abs, velocity)
+    return max(max(vx, vy) / rates.linear_down, w / rates.angular_down)
+
+
+def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) -> int:
+    """How many poses are close enough together, though no more than `MOST_POSES`."""
+    vx, vy, w = map(abs, velocity)
+    still_s = _still_s(velocity, rates)
+    swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
+    return min(math.ceil((vx + vy + swing_m * w) * still_s / 2.0 / footprint.pose_spacing_m) + 1, MOST_POSES)
+
+
+@cache
+def _evenly_along_a_braked_way(poses: int) -> Metres:
+    """Shares of the time of braking: dense while the robot is fast."""
+    shares: Metres = 1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1))
+    return shares
+
+
+def _path(states: list[_State]) -> Path:
+    return Path(*np.array([state[:4] for state in states]).T[:, None])
+
+
+def _followed(first: Path, then: Path) -> Path:
+    """One path after the other."""
+    return Path(*(np.concatenate(parts, axis=1) for parts in zip(first, then, strict=True)))
+
+
+# --- what is in the way ---------------------------------------------------------------------------
+
+
+def _keeps_off(
+    points: Points,
+    onset: list[_State],
+    whole: _State,
+    rates: _Rates,
+    footprint: Footprint,
+    profile: GateProfile,
+) -> bool:
+    """Whether one look, from where braking begins, tells that nothing is met: all is farther off than the hull moves.
+
+    Until then and from then on, each part of the hull is at most as far from there as the base goes and its rim swings.
+    """
+    swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
+    until_m = max(
+        math.hypot(state.x - whole.x, state.y - whole.y) + swing_m * abs(state.yaw - whole.yaw)
+        for state in onset
+    )
+    vx, vy, w = whole.velocity
+    braking_m = (vx * vx + vy * vy) / (2.0 * rates.linear_down) + swing_m * w * w / (2.0 * rates.angular_down)
+    margin_m = footprint.sharpness * (profile.parameters.hard_margin_m + _EXACT_M)
+    there = placed(points, seen_from(ORIGIN, Pose(whole.x, whole.y, whole.yaw)))
+    return float(footprint.gaps(there).min(initial=math.inf)) > max(until_m, braking_m) + margin_m
+
+
+def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
+    """Indices of the points that the hull could come near to on this path, wherever else it turns."""
+    x, y = points.T
+    reach = footprint.reach(MOVER_MARGIN_M)
+    if drift is not None:
+        reach += float(np.hypot(*drift.T).max(initial=0.0) * path.time_s.max())
+    return np.flatnonzero(
+        (x > path.x.min() - reach)
+        & (x < path.x.max() + reach)
+        & (y > path.y.min() - reach)
+        & (y < path.y.max() + reach)
+    )
+
+
+def _moving(drift: Points) -> NDArray[np.bool_]:
+    moving: NDArray[np.bool_] = np.hypot(*drift.T) > 0.0
+    return moving
+
+
+def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
+    """How far the hull must stay from each point."""
+    hard = np.full(count, profile.parameters.hard_margin_m)
+    return hard if drift is None else np.where(_moving(drift), MOVER_MARGIN_M, hard)
+
+
+def _demanded(
+    unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
+) -> Growth:
+    """The margins, but nowhere more than stopping now would leave (method 4); apart for what moves and what stands."""
+    share = footprint.demanded_share
+    hard = profile.parameters.hard_margin_m
+    if drift is None or not (moving := _moving(drift)).any():
+        return way_out(unavoidable, hard, share)
+    demanded = np.empty(len(drift))
+    demanded[~moving] = way_out(unavoidable[~moving], hard, share)
+    demanded[moving] = way_out(unavoidable[moving], MOVER_MARGIN_M, share)
+    return demanded

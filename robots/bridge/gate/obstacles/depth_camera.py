@@ -1,0 +1,544 @@
+"""The depth camera as two more sources of obstacles: what its newest picture shows, and what earlier ones showed.
+
+What a picture shows stays remembered until a later picture sees through the place: the edge of a table leaves the
+picture by its lower border long before the robot is there. Memory fades with the odometry's errors, so while the robot
+moves: who stands before a table for minutes still knows of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.planar import (
+    NO_POINTS,
+    ORIGIN,
+    Points,
+    chosen,
+    from_columns,
+    placed,
+    seen_from,
+    wrapped,
+)
+from robots.bridge.gate.obstacles.near_side import NearSide
+from robots.bridge.gate.obstacles.point_memory import BRIEFLY_S, CELLS, DEPTH_LAYER, PASSES, Memory, grown
+from robots.bridge.gate.obstacles.sightings import BEHIND_M, SAME_M, Past, past, seen_free
+from robots.bridge.gate.sensing.depth import (
+    Columns,
+    Picture,
+    Transform,
+    came_since,
+    check_shown,
+    columns_of,
+    is_one_thing,
+    seen_through,
+    top_m,
+)
+from robots.bridge.gate.sensing.scan import Sweep, outside_hull
+from robots.bridge.gate.timing.freshness import DEPTH_STALE_S, Freshness
+from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
+
+Flags = NDArray[np.bool_]
+
+# Who looks ahead has table height in the picture at one of these distances at least.
+TABLE_M = 0.7
+AHEAD_M = (1.2, 1.6, 2.0, 2.5)
+# Half the robot's width at 1.2 m: so far from the picture's edge, the whole of the path is in it.
+EDGE_RAD = 0.24
+# Who came by himself was not there in one of so many earlier pictures: in a second he has left the place that he had.
+LOOKS_BACK = 3
+LOOK_EVERY_S = 0.33
+CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it is near
+FOOT_M = 0.1
+NEAR_CELLS = 2
+FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
+PASSED_S = 2.0  # so long somebody who walks by is remembered, as by a laser
+MET_M = 0.03  # a laser that sees farther behind a column did not meet it
+MISSES_COUNT = 3  # times as much as meeting it
+HANGS = 3  # sightings without feet; fewer show no more than that the thing moved between scan and picture
+JOINED_M = 0.12  # two columns that are so near are of one thing
+MOVED_M = 0.005  # less is standing
+MOVED_RAD = 0.01
+
+
+class Frame(NamedTuple):
+    """A picture with the camera's pose, and what stands there (base frame of the picture's stamp)."""
+
+    picture: Picture
+    to_base: Transform
+    columns: Columns
+
+
+def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
+    """All that needs no odometry; Malformed if the picture shows nothing. It is the costly part, and may be done on
+    another thread.
+    """
+    check_shown(picture, to_base)
+    return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
+
+
+class DepthCamera:
+    """What the newest picture shows; `remembered` is what earlier ones showed."""
+
+    kind: Kind = "depth"
+    name = "depth"
+    word = "depth"
+
+    def __init__(self, view: DepthView, footprint: Footprint) -> None:
+        self.footprint = footprint
+        self.body = footprint  # with the arm, if it reaches out: the camera sees it
+        self.arm_reach: Disc | None = None  # where what is seen may be the arm, and is not remembered
+        self.freshness = Freshness()
+        self.remembered = DepthMemory(self)
+        self._view = view
+        self._memory = Memory(DEPTH_LAYER)
+        self._spans = _Spans(self._memory)
+        self._frame: Frame | None = None
+        self._shows_tables = False  # the newest picture does
+        self._seen = NO_POINTS  # odometry frame
+        self._near_side = NearSide(view.blind_m)
+        self._hidden = NO_POINTS  # what may be too near to be measured, odometry frame
+        self._feet = _Feet()
+        self._looks: deque[tuple[Frame, Pose]] = deque(maxlen=LOOKS_BACK)
+        self._looked_s = -math.inf
+        self._clock = _MotionClock()
+        self._resets = 0
+        self.complaint = ""  # about the newest picture, in words
+        self._frames = 0
+        self._scans = 0  # that overruled others than the scan before
+        # for which revision, in the odometry frame, and how far off each may be
+        self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
+        self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
+        self._revision = 0
+
+    # --- what comes in --------------------------------------------------------------------------
+
+    def observe(self, frame: Frame, stamp_s: float, arrival_s: float, trail: Trail) -> None:
+        """Take a picture; one that the odometry cannot place is none."""
+        self._forget_another_frame(trail)
+        base = trail.pose_at(stamp_s) if math.isfinite(stamp_s) else None
+        if base is None:
+            self.complaint = "its stamps do not match the odometry’s"
+            return
+        if not self.freshness.advances(stamp_s, arrival_s):
+            return
+        self.complaint = ""
+        self._frame = frame
+        self._shows_tables = _shows_tables(frame)
+        self._frames += 1
+        self._learn(frame, base, self._clock.pass_to(base, arrival_s), arrival_s)
+        if stamp_s - self._looked_s >= LOOK_EVERY_S:
+            self._looks.append((frame, base))
+            self._looked_s = stamp_s
+
+    def complain(self, why: str) -> None:
+        """A picture came that cannot be used, and why."""
+        self.complaint = why
+
+    def forget(self) -> None:
+        """Forget what earlier pictures showed; what the newest one shows stays."""
+        self._memory.clear()
+        self._near_side.clear()
+
+    def _learn(self, frame: Frame, base: Pose, moved_s: float, now_s: float) -> None:
+        shown = self._without_robot(frame.columns)
+        self._seen = placed(shown.points, base)
+        kept = shown.only(self._cannot_be_arm(shown.points))
+        places = placed(kept.points, base)
+        self._memory.follow(base, moved_s)
+        new = ~self._memory.knows(places)
+        self._spans.note(places, kept, new)
+        self._spans.note_feet(places, new, self._came(kept, new, base), self._feet)
+        self._spans.note_time(places, new, now_s)
+        self._memory.see(places, base, moved_s)
+        self._memory.forget(self._spans.have_passed(self._memory.points(moved_s), now_s))
+        remembered = self._memory.points(moved_s)
+        from_base = placed(remembered, seen_from(ORIGIN, base))
+        columns = self._spans.columns(remembered, from_base)
+        self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
+        self._hidden = self._near_side.hidden(
+            kept, frame.to_base, base, self._memory.points(moved_s), self.body, moved_s
+        )
+
+    def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
+        """Which of the `new` columns came by themselves, as an earlier picture tells."""
+        came = np.zeros(len(new), dtype=np.bool_)
+        asked = np.flatnonzero(new & (np.abs(shown.points).max(axis=1, initial=0.0) < CAME_M))
+        for then, there in self._looks:
+            asked = asked[~came[asked]]
+            if not len(asked):
+                break
+            known = shown.only(asked)
+            places = placed(placed(known.points, base), seen_from(ORIGIN, there))
+            came[asked] = came_since(then.picture, then.to_base, known._replace(points=places))
+        return came
+
+    def observe_scan(self, sweep: Sweep, sensor: Pose, laser: int = 0) -> None:
+        """Take the scan of a laser, by its number, and where it was (odometry frame): what has feet is gone when they
+        are. Of what it cannot see, it changes nothing that another laser told.
+        """
+        self._feet.see(sweep, sensor, laser)
+        remembered = self._memory.points(self._clock.now_s)
+        if not len(remembered):
+            return
+        free = self._spans.stands(remembered) & ~self._feet.near(remembered)
+        below = np.flatnonzero(free)
+        if len(below):
+            x, y = placed(chosen(remembered, below), seen_from(ORIGIN, sensor)).T
+            far = np.maximum(np.sqrt(x * x + y * y), FOOT_M)
+            for aside_m in (-FOOT_M, 0.0, FOOT_M):
+                beside = from_columns(x - y / far * aside_m, y + x / far * aside_m)
+                free[below] &= seen_free(sweep, beside)
+        met = np.flatnonzero(self._spans.is_met(remembered))
+        behind = past(sweep, placed(remembered, seen_from(ORIGIN, sensor)))
+        tells = behind.likely > -SAME_M
+        overruled = np.zeros(len(remembered), dtype=np.bool_)
+        overruled[met] = tells[met]
+        self._scans += self._spans.overrule(remembered, overruled, laser)
+        free[met] |= behind.surely[met] > MET_M
+        gone = self._spans.pass_below(remembered, free, tells)
+        if gone.any():
+            held = self._spans.hold_together(remembered, gone)
+            held[met] = False
+            self._memory.forget(gone & ~held)
+
+    def _without_robot(self, columns: Columns) -> Columns:
+        """Within its body, and a little about it, the camera sees the robot itself."""
+        if not len(columns.points):
+            return columns
+        return columns.only(self.body.gaps(columns.points) >= self._view.own_m)
+
+    def _cannot_be_arm(self, points: Points) -> NDArray[np.bool_]:
+        if self.arm_reach is None:
+            return np.ones(len(points), dtype=np.bool_)
+        x, y, reach_m = self.arm_reach
+        far: NDArray[np.bool_] = np.hypot(points[:, 0] - x, points[:, 1] - y) > reach_m
+        return far
+
+    def _forget_another_frame(self, trail: Trail) -> None:
+        """After a jump of the odometry what was remembered is anywhere."""
+        if self._resets != trail.resets:
+            self._resets = trail.resets
+            self._memory.clear()
+            self._looks.clear()
+            self._looked_s = -math.inf
+            self._feet.forget()
+            self._near_side.clear()
+            self._seen = self._hidden = NO_POINTS
+
+    # --- what is known --------------------------------------------------------------------------
+
+    def is_fresh(self, now_s: float) -> bool:
+        """Whether a usable picture came within half a second."""
+        return self.freshness.within(DEPTH_STALE_S, now_s)
+
+    def sight_m(self, direction: float, curvature: float) -> float:
+        """How far a way is in the picture that begins in `direction` (base frame) and bends by `curvature` (1/m, left
+        positive): metres along it, infinite if all of it, 0 if the camera looks elsewhere.
+        """
+        if self._frame is None or not self._shows_tables:
+            return 0.0
+        to_base, right = self._frame.to_base, self._frame.picture.right
+        heading = math.atan2(to_base[1, 2], to_base[0, 2])
+        half = math.atan(min(-float(right[0]), float(right[-1]))) - EDGE_RAD
+        off = wrapped(direction - heading)
+        if abs(off) > half:
+            return 0.0
+        # The chord to a place on an arc turns half as fast as the arc itself.
+        room = half - math.copysign(1.0, curvature) * off
+        return 2.0 * room / abs(curvature) if curvature else math.inf
+
+    def revision(self, now_s: float) -> int:
+        known = (self._frames, self._scans, self._memory.revision(self._clock.now_s), self.is_fresh(now_s))
+        if known != self._known:
+            self._known = known
+            self._revision += 1
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        self._forget_another_frame(trail)
+        newest = trail.newest
+        if newest is None or not self.is_fresh(now_s):
+            return NO_POINTS
+        return placed(np.concatenate((self._seen, self._hidden)), seen_from(ORIGIN, newest))
+
+    def unseen(self, trail: Trail, now_s: float) -> Points:
+        """What is remembered and not in the newest picture, base frame of the newest odometry."""
+        self._forget_another_frame(trail)
+        newest = trail.newest
+        if newest is None:
+            return NO_POINTS
+        revision = self.revision(now_s)
+        if self._unseen[0] != revision:  # a new pose alone does not change it
+            remembered = self._memory.points(self._clock.now_s)
+            counts = ~self._spans.is_overruled(remembered)
+            if self.is_fresh(now_s) and len(remembered):
+                counts &= ~self._spans.share_cells(remembered, self._seen)
+            doubts_m = np.where(self._spans.hangs(remembered), self._memory.doubts_m(), 0.0)
+            kept = np.flatnonzero(counts)
+            hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
+            known = np.concatenate((chosen(remembered, kept), hidden))
+            self._unseen = revision, known, np.concatenate((doubts_m[kept], np.zeros(len(hidden))))
+        _, remembered, doubts_m = self._unseen
+        if not len(remembered):
+            return NO_POINTS
+        points = placed(remembered, seen_from(ORIGIN, newest))
+        return outside_hull(grown(points, doubts_m, self.footprint), self.footprint)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)
+        return SensorHealth(self.name, "depth", not text, self.freshness.age_s(now_s), text)
+
+
+class DepthMemory:
+    """What a depth camera showed earlier and shows no longer, as a source of its own."""
+
+    kind: Kind = "depth memory"
+    name = "depth, remembered"
+    word = "depth, remembered"
+
+    def __init__(self, camera: DepthCamera) -> None:
+        self._camera = camera
+
+    def revision(self, now_s: float) -> int:
+        return self._camera.revision(now_s)
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return self._camera.unseen(trail, now_s)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        """As good as the camera."""
+        return self._camera.health(trail, now_s)._replace(name=self.name)
+
+
+class _MotionClock:
+    """Seconds in which the robot moved, from one picture to the next."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self._last: tuple[Pose, float] | None = None
+
+    def pass_to(self, pose: Pose, now_s: float) -> float:
+        """The robot is at `pose` now. Returns all seconds so far."""
+        if self._last is None:
+            self._last = pose, now_s
+        there, since_s = self._last
+        way = seen_from(pose, there)
+        if math.hypot(way.x, way.y) > MOVED_M or abs(way.yaw) > MOVED_RAD:
+            self.now_s += min(max(now_s - since_s, 0.0), DEPTH_STALE_S)
+            self._last = pose, now_s
+        return self.now_s
+
+
+class _Feet:
+    """How near the newest scans met something to a place: a rolling grid of cells as wide as a foot."""
+
+    def __init__(self) -> None:
+        self._made: tuple[Flags, Flags] | None = None  # once somebody asked what the newest scans met
+        self._scans: dict[int, tuple[Sweep, Pose]] = {}  # the newest of each laser
+
+    def forget(self) -> None:
+        """No scan is known."""
+        self._scans.clear()
+        self._made = None
+
+    def see(self, sweep: Sweep, sensor: Pose, laser: int) -> None:
+        """A scan came, of a laser that was at `sensor` (odometry frame)."""
+        self._scans[laser], self._made = (sweep, sensor), None
+
+    def near(self, points: Points) -> Flags:
+        """Whether it met something within 0.2 to 0.3 m of these places."""
+        near: Flags = self._grids[0][self._cells(points)]
+        return near
+
+    def past(self, points: Points) -> Past:
+        """How far behind these places any laser saw."""
+        surely, likely = np.full((2, len(points)), -math.inf)
+        for sweep, sensor in self._scans.values():
+            one = past(sweep, placed(points, seen_from(ORIGIN, sensor)))
+            surely, likely = np.maximum(surely, one.surely), np.maximum(likely, one.likely)
+        return Past(surely, likely)
+
+    def about(self, points: Points) -> Flags:
+        """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
+        about: Flags = self._grids[1][self._cells(points)]
+        return about
+
+    @property
+    def _grids(self) -> tuple[Flags, Flags]:
+        """The cells near to what the newest scans met, and those about it."""
+        if self._made is None:
+            near = np.zeros((FEET_CELLS, FEET_CELLS), dtype=np.bool_)
+            for sweep, sensor in self._scans.values():
+                near[self._cells(placed(sweep.points(), sensor))] = True
+            for _ in range(NEAR_CELLS):
+                near = _widened(near)
+            self._made = near, _widened(near)
+        return self._made
+
+    def _cells(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        x, y = points.T
+        column, row = (np.floor(axis / FOOT_M).astype(np.intp) % FEET_CELLS for axis in (x, y))
+        return column, row
+
+
+def _widened(grid: Flags) -> Flags:
+    """A rolling grid with all cells that touch a marked one."""
+    for _ in range(2):  # along one axis, then along the other
+        wide = grid.copy()
+        wide[1:] |= grid[:-1]
+        wide[:-1] |= grid[1:]
+        wide[0] |= grid[-1]
+        wide[-1] |= grid[0]
+        grid = wide.T
+    return grid
+
+
+class _Spans:
+    """At which heights something was seen, for each cell of a memory; what is forgotten leaves nothing."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._low, self._high = np.zeros((2, CELLS * CELLS), dtype=np.float32)
+        self._levels = np.zeros(CELLS * CELLS, dtype=np.uint16)
+        self._footed, self._came = np.zeros((2, CELLS * CELLS), dtype=np.bool_)
+        self._overruled = np.zeros(CELLS * CELLS, dtype=np.uint8)  # a bit for each laser
+        self._hung, self._met, self._passes = np.zeros((3, CELLS * CELLS), dtype=np.int8)
+        self._first_s, self._last_s = np.zeros((2, CELLS * CELLS))
+        self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
+
+    def note(self, points: Points, shown: Columns, new: Flags) -> None:
+        """These columns are seen, at `points` (odometry frame); of the `new` ones nothing is known yet."""
+        entries = self._memory.entries(points)
+        anew = entries[new]
+        self._low[anew], self._high[anew], self._levels[anew] = np.inf, -np.inf, 0
+        np.minimum.at(self._low, entries, shown.low)
+        np.maximum.at(self._high, entries, shown.high)
+        if shown.levels is not None:
+            np.bitwise_or.at(self._levels, entries, shown.levels)
+
+    def note_feet(self, points: Points, new: Flags, came: Flags, feet: _Feet) -> None:
+        """Whether the laser sees feet below these columns, and whether they came by themselves."""
+        entries = self._memory.entries(points)
+        anew = entries[new]
+        self._footed[anew], self._came[anew], self._hung[anew], self._met[anew] = False, False, 0, 0
+        self._overruled[entries] = 0
+        behind = feet.past(points)
+        footed = feet.about(points)
+        self._footed[entries] |= footed
+        met = self._met[entries] + (behind.likely > -SAME_M) - MISSES_COUNT * (behind.surely > MET_M)
+        self._met[entries] = np.clip(met, -HANGS, HANGS)
+        hung = self._hung[entries] + (~footed & (behind.surely > BEHIND_M))
+        self._hung[entries] = np.minimum(hung, HANGS)
+        self._came[entries] |= came
+        self._passes[entries] = 0
+
+    def is_met(self, points: Points) -> Flags:
+        """Which remembered columns the laser met where the camera saw them: tall ones, such as walls and legs.
+
+        They are where the laser meets them now: the odometry may have moved what is remembered. What stands back at
+        the floor, as a counter does, or hangs over its feet, is none of them.
+        """
+        entries = self._memory.entries(points)
+        met = np.flatnonzero(self._met[entries] > 0)
+        is_met = np.zeros(len(points), dtype=np.bool_)
+        there = chosen(points, met)
+        is_met[met] = is_one_thing(self.columns(there, there), gaps=True)
+        return is_met
+
+    def note_time(self, points: Points, new: Flags, now_s: float) -> None:
+        """These columns are seen now."""
+        entries = self._memory.entries(points)
+        self._first_s[entries[new]] = now_s
+        self._last_s[entries] = now_s
+
+    def have_passed(self, points: Points, now_s: float) -> Flags:
+        """Which remembered columns came by themselves, were there for a moment, and have not been seen for a while."""
+        entries = self._memory.entries(points)
+        last_s = self._last_s[entries]
+        briefly = last_s - self._first_s[entries] < BRIEFLY_S
+        passed: Flags = self._came[entries] & briefly & (now_s - last_s > PASSED_S)
+        return passed
+
+    def stands(self, points: Points) -> Flags:
+        """Which remembered points have feet: of what came by itself they were seen, of all else always."""
+        entries = self._memory.entries(points)
+        stands: Flags = self._footed[entries] & (self._came[entries] | (self._hung[entries] < HANGS))
+        return stands
+
+    def hold_together(self, points: Points, gone: Flags) -> Flags:
+        """Which of the columns that should be `gone` hang together with others that have no feet: they hang as well.
+
+        So the edge of a desk stays when somebody leaves who stood before it.
+        """
+        entries = self._memory.entries(points)
+        left = np.flatnonzero(gone & ~self._came[entries])
+        hung = self._hung[entries]
+        hanging = np.flatnonzero(((hung == HANGS) | (~self._footed[entries] & (hung == 0))) & ~gone)
+        held = np.zeros(len(points), dtype=np.bool_)
+        while len(left) and len(hanging):
+            apart = chosen(points, left)[:, None] - chosen(points, hanging)
+            joined = (np.abs(apart).max(axis=2) < JOINED_M).any(axis=1)
+            hanging, left = left[joined], left[~joined]
+            held[hanging] = True
+        self._hung[entries[held]] = HANGS
+        return held
+
+    def hangs(self, points: Points) -> Flags:
+        """Which remembered columns no laser will ever put right: those below which it saw nothing far and wide."""
+        hangs: Flags = self._hung[self._memory.entries(points)] == HANGS
+        return hangs
+
+    def overrule(self, points: Points, overruled: Flags, laser: int) -> bool:
+        """A scan tells of these remembered points what there is now; whether others than before are overruled."""
+        entries = self._memory.entries(points)
+        before, bit = self._overruled[entries], np.uint8(1 << laser % 8)
+        after = np.where(overruled, before | bit, before & ~bit)
+        self._overruled[entries] = after
+        return bool((before != after).any())
+
+    def is_overruled(self, points: Points) -> Flags:
+        """Which of these remembered points the newest scan of a laser overrules."""
+        overruled: Flags = self._overruled[self._memory.entries(points)] > 0
+        return overruled
+
+    def pass_below(self, points: Points, free: Flags, tells: Flags) -> Flags:
+        """One scan sees no feet at those that are `free`, of those of which it `tells`; which ones that makes gone."""
+        entries = self._memory.entries(points)
+        passes = self._passes[entries]
+        self._passes[entries] = np.where(free, passes + 1, np.where(tells, 0, passes))
+        gone: Flags = self._passes[entries] >= PASSES
+        return gone
+
+    def columns(self, points: Points, from_base: Points) -> Columns:
+        """What is remembered at `points` (odometry frame), told for where they are in the base frame."""
+        entries = self._memory.entries(points)
+        return Columns(from_base, self._low[entries], self._high[entries], self._levels[entries])
+
+    def share_cells(self, points: Points, others: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Which of `points` lie in a cell with one of `others`."""
+        theirs = self._memory.entries(others)
+        self._marked[theirs] = True
+        shared = self._marked[self._memory.entries(points)]
+        self._marked[theirs] = False
+        return shared
+
+
+def _shows_tables(frame: Frame) -> bool:
+    """Whether the picture's middle column shows table height at a distance that matters."""
+    to_base, down = frame.to_base, frame.picture.down
+    level = math.hypot(to_base[0, 2], to_base[1, 2])  # what of the optical axis lies in the floor's plane
+    if level < 1e-3:
+        return False
+    tilt = math.atan2(-to_base[2, 2], level)  # downwards
+    drop = float(to_base[2, 3]) - TABLE_M
+    lowest, highest = tilt + math.atan(float(down[-1])), tilt + math.atan(float(down[0]))
+    out = math.hypot(float(to_base[0, 3]), float(to_base[1, 3]))
+    return any(highest < math.atan2(drop, far - out) < lowest for far in AHEAD_M)

@@ -1,0 +1,69 @@
+"""What a laser saw before and cannot see now, as one more source of obstacles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, chosen, placed, seen_from
+from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown
+from robots.bridge.gate.obstacles.sightings import sight
+from robots.bridge.gate.obstacles.sources import Laser, carried
+from robots.bridge.gate.sensing.scan import outside_hull
+from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.values import Kind, SensorHealth
+
+
+class LaserMemory:
+    """The memory of one laser, kept up by each of its scans. Between scans it stands: without them nothing moves.
+
+    It gives only points of which the newest scan cannot tell whether they are still there.
+    """
+
+    kind: Kind = "memory"
+
+    def __init__(self, laser: Laser) -> None:
+        self.name = f"{laser.name}, remembered"
+        self.word = f"{laser.word}, remembered"
+        self._laser = laser
+        self._memory = Memory(LASER_LAYER)
+        self._points = NO_POINTS  # base frame of `_stamp_s`
+        self._stamp_s: float | None = None
+        self._resets = 0
+        self._revision = 0
+
+    def learn(self, trail: Trail, now_s: float) -> None:
+        """Take in the laser's newest scan. One that does not match the odometry teaches nothing."""
+        sweep, stamp_s = self._laser.sweep, self._laser.freshness.stamp_s
+        base = None if stamp_s is None else trail.pose_at(stamp_s)
+        if sweep is None or base is None:
+            return
+        if self._resets != trail.resets:  # after a jump of the odometry what was remembered is anywhere
+            self._resets = trail.resets
+            self._memory.clear()
+        self._memory.see(placed(self._laser.seen, base), base, now_s)
+        origin = seen_from(ORIGIN, base)
+        remembered = self._memory.points(now_s)
+        told = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
+        kept = np.flatnonzero(~told.vouched)
+        unseen = grown(
+            placed(chosen(remembered, kept), origin), self._memory.doubts_m()[kept], self._laser.footprint
+        )
+        self._points, self._stamp_s = outside_hull(unseen, self._laser.footprint), stamp_s
+        self._memory.pass_through(told.through)
+        self._revision += 1
+
+    def forget(self) -> None:
+        """Forget all that earlier scans saw."""
+        self._memory.clear()
+        self._points = NO_POINTS
+        self._revision += 1
+
+    def revision(self, now_s: float) -> int:
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return carried(self._points, self._stamp_s, trail)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        """As good as the laser."""
+        return self._laser.health(trail, now_s)._replace(name=self.name)

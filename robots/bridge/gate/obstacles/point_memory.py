@@ -1,0 +1,222 @@
+"""What was seen and cannot be seen now (GATE.md, method 7): points in the odometry frame, forgotten in time.
+
+Two clocks of forgetting: seconds since a point was last seen, and the way since, because the odometry drifts with it:
+metres, and turns as so many metres more. Until then a point comes nearer by what the odometry may be off. Points that
+were watched for long live long; what was seen in passing (a ghost, a person who walks by) lives for the shortest life.
+Evidence of free space forgets at once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.planar import Points, chosen, from_columns, wrapped
+from robots.bridge.gate.values import Pose
+
+CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
+PASSES = 2  # observations that see free space where a point is remembered, until it is forgotten
+GAP_S = 0.2  # a cell that was not seen for longer was not watched meanwhile
+BRIEFLY_S = 0.6  # watched no longer than this is seen in passing: shortest life
+LONG_S = 2.0  # watched for this long: longest life
+STANDS_M = 0.005  # an odometry that trembles goes no way
+TURN_M = 0.5  # of way, for each radian turned
+SURE_M = 0.5  # of way after which the odometry is not off yet: what passes out of view beside the hull
+DOUBT_SHARE = 0.03  # of all way more
+MOST_DOUBT_M = 0.10
+KEEP_OFF_M = 0.03  # from the hull: doubt brings nothing nearer
+NEAR_LASTS = 2.0  # times as much way as the rest, what is near
+NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
+
+
+class Layer(NamedTuple):
+    """How long one kind of sensor's points are remembered, and how finely.
+
+    Lives are counted from when a point was last seen, or near.
+    """
+
+    shortest_life_s: float
+    longest_life_s: float
+    travel_m: float
+    near_m: float = (
+        0.0  # from the robot's middle: while it is nearer than this, time forgets nothing, and way later
+    )
+    cell_m: float = 0.025
+
+
+LASER_LAYER = Layer(2.0, 30.0, 6.0)
+# How far the robot has driven tells how far off a remembered place is; time tells nothing of a table behind it.
+DEPTH_LAYER = Layer(
+    20.0, 90.0, 6.0, near_m=1.2
+)  # a table top is out of view for long before the robot is past it
+
+
+def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -> Points:
+    """Points (base frame) as much nearer to the robot as each may be off, though none into its hull."""
+    off = np.flatnonzero(doubts_m)
+    if not len(off):
+        return points
+    some = chosen(points, off)
+    room_m = np.maximum(footprint.gaps(some) - KEEP_OFF_M, 0.0)
+    x, y = points.T.copy()
+    share = 1.0 - np.minimum(doubts_m[off], room_m) / np.maximum(np.hypot(x[off], y[off]), KEEP_OFF_M)
+    x[off] *= share
+    y[off] *= share
+    return from_columns(x, y)
+
+
+class Memory:
+    """One layer: a grid that rolls with the robot, at most one point in each cell.
+
+    Its arrays are of fixed size and indexed by the cell's coordinates modulo `CELLS`. No two remembered points share
+    an entry, because whatever is more than `reach_m` away from the robot along x or y is forgotten first.
+    """
+
+    def __init__(self, layer: Layer) -> None:
+        self._layer = layer
+        self.reach_m = (CELLS / 2 - 1) * layer.cell_m
+        self._x, self._y, self._watched_s, self._seen_s, self._expires_s, self._expires_m = np.zeros(
+            (6, CELLS * CELLS)
+        )
+        self._passes = np.zeros(CELLS * CELLS, dtype=np.int8)
+        self._lives = np.zeros(CELLS * CELLS, dtype=np.bool_)
+        # scratch: which of several points in a cell is last
+        self._order = np.zeros(CELLS * CELLS, dtype=np.intp)
+        # the entries that live, in order of `points`
+        self._cells: NDArray[np.intp] = np.empty(0, dtype=np.intp)
+        self._robot: Pose | None = None
+        self._travelled_m = 0.0
+        self._points: Points | None = None
+        self._first_expiry_s = math.inf
+        self._revision = 0
+
+    # --- what is known ------------------------------------------------------------------------
+
+    def revision(self, now_s: float) -> int:
+        """Differs whenever `points` differ."""
+        self._expire(now_s)
+        return self._revision
+
+    def points(self, now_s: float) -> Points:
+        """What is remembered, odometry frame. Rows keep their order until `revision` changes."""
+        self._expire(now_s)
+        if self._points is None:
+            self._points = from_columns(self._x[self._cells], self._y[self._cells])
+        return self._points
+
+    def doubts_m(self) -> NDArray[np.float64]:
+        """How far off each of `points` may be since it was seen last, metres."""
+        way_m = self._travelled_m + self._layer.travel_m - self._expires_m[self._cells]
+        doubts_m: NDArray[np.float64] = np.clip(DOUBT_SHARE * (way_m - SURE_M), 0.0, MOST_DOUBT_M)
+        return doubts_m
+
+    def entries(self, points: Points) -> NDArray[np.intp]:
+        """Where in the arrays the cells of these places are; within the memory's reach no two cells share an entry."""
+        if points is self._points:  # asked again and again for all that is remembered
+            return self._cells
+        x, y = points.T
+        column = np.floor(x / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
+        row = np.floor(y / self._layer.cell_m).astype(np.intp) & (CELLS - 1)
+        entries: NDArray[np.intp] = column * CELLS + row
+        return entries
+
+    # --- what comes in ------------------------------------------------------------------------
+
+    def follow(self, pose: Pose, now_s: float) -> None:
+        """The robot is at `pose` (odometry frame): forget what is too old, too long a way ago, too far away."""
+        there = self._robot or pose
+        way_m = math.hypot(pose.x - there.x, pose.y - there.y) + TURN_M * abs(wrapped(pose.yaw - there.yaw))
+        if self._robot is None or way_m > STANDS_M:
+            self._travelled_m += way_m
+            self._robot = pose
+        cells = self._cells
+        away = np.maximum(np.abs(self._x[cells] - pose.x), np.abs(self._y[cells] - pose.y))
+        far, is_near = away > self.reach_m, away < self._layer.near_m
+        near = cells[is_near]
+        self._expires_s[near] = np.maximum(self._expires_s[near], now_s + self._layer.shortest_life_s)
+        lasts_m = self._expires_m[cells] + is_near * (NEAR_LASTS - 1.0) * self._layer.travel_m
+        self._forget(far | (self._expires_s[cells] < now_s) | (lasts_m < self._travelled_m))
+
+    def see(self, points: Points, pose: Pose, now_s: float) -> None:
+        """Something is at `points` (odometry frame), seen now by the robot at `pose`.
+
+        A cell keeps the mean of the places seen in it, the newer ones weighing more: what leaves the view must not stay
+        where noise had it last, or a wall that is passed closely blocks the way.
+        """
+        self.follow(pose, now_s)
+        x, y = points.T
+        near = np.maximum(np.abs(x - pose.x), np.abs(y - pose.y)) <= self.reach_m
+        x, y = x[near], y[near]
+        if not len(x):
+            return
+        cells, kept = self._one_per_cell(self.entries(from_columns(x, y)))
+        known = self._lives[cells]
+        watched_s = np.minimum(now_s - self._seen_s[cells], GAP_S)
+        watched_s = np.where(known, self._watched_s[cells] + watched_s, 0.0)
+        share = np.where(known, NEWEST_SHARE, 1.0)
+        self._x[cells] += share * (x[kept] - self._x[cells])
+        self._y[cells] += share * (y[kept] - self._y[cells])
+        self._watched_s[cells] = watched_s
+        self._seen_s[cells] = now_s
+        self._expires_s[cells] = now_s + self._life_s(watched_s)
+        self._expires_m[cells] = self._travelled_m + self._layer.travel_m
+        self._passes[cells] = 0
+        self._lives[cells] = True
+        self._cells = np.concatenate((self._cells, cells[~known]))
+        self._changed()
+
+    def knows(self, points: Points) -> NDArray[np.bool_]:
+        """In whose cells something is remembered, of points (odometry frame) that are within reach of the robot."""
+        known: NDArray[np.bool_] = self._lives[self.entries(points)]
+        return known
+
+    def pass_through(self, free: NDArray[np.bool_]) -> None:
+        """One observation saw free space at these of `points`; the second one in a row forgets them.
+
+        In a row: seeing the point once more starts anew.
+        """
+        self._passes[self._cells[free]] += 1
+        self._forget(self._passes[self._cells] >= PASSES)
+
+    def forget(self, gone: NDArray[np.bool_]) -> None:
+        """Forget these of `points` at once."""
+        self._forget(gone)
+
+    def clear(self) -> None:
+        """Forget everything: the odometry frame is a new one."""
+        self._robot = None
+        self._forget(np.ones(len(self._cells), dtype=np.bool_))
+
+    # --- within -------------------------------------------------------------------------------
+
+    def _one_per_cell(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Each cell once, and the number of the last point in it."""
+        numbers = np.arange(len(cells))
+        self._order[cells] = numbers
+        kept = np.flatnonzero(self._order[cells] == numbers)
+        return cells[kept], kept
+
+    def _life_s(self, watched_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        shortest, longest = self._layer.shortest_life_s, self._layer.longest_life_s
+        life_s = shortest + (longest - shortest) / (LONG_S - BRIEFLY_S) * (watched_s - BRIEFLY_S)
+        return np.minimum(np.maximum(life_s, shortest), longest)
+
+    def _expire(self, now_s: float) -> None:
+        if self._first_expiry_s < now_s:
+            self._forget(self._expires_s[self._cells] < now_s)
+
+    def _forget(self, gone: NDArray[np.bool_]) -> None:
+        if not gone.any():
+            return
+        self._lives[self._cells[gone]] = False
+        self._cells = self._cells[~gone]
+        self._changed()
+
+    def _changed(self) -> None:
+        self._points = None
+        self._first_expiry_s = float(self._expires_s[self._cells].min(initial=math.inf))
+        self._revision += 1

@@ -1,0 +1,72 @@
+"""What a scan says about places where something was seen before (GATE.md, method 7)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry.planar import Points, wrapped
+from robots.bridge.gate.sensing.scan import Sweep
+
+BEHIND_M = 0.12  # beams that end this far behind a place passed through it
+SAME_M = 0.10  # a beam that ends this little before a place may have met what was there
+
+
+class Sight(NamedTuple):
+    """For each place, whether something there would be in this scan, and whether the scan saw through it."""
+
+    vouched: NDArray[np.bool_]
+    through: NDArray[np.bool_]
+
+
+class Past(NamedTuple):
+    """How far behind each place the nearest three beams end at least, metres: -inf where one of them tells nothing.
+
+    In `surely`, a beam that hit something single counts as any other.
+    """
+
+    surely: NDArray[np.float64]
+    likely: NDArray[np.float64]
+
+
+def sight(sweep: Sweep, places: Points) -> Sight:
+    """`places` in the sensor's frame.
+
+    Nothing is said of what is outside the field of view, behind what is hit, or where one of the three nearest
+    beams measured nothing. A beam that noise may have shortened or lengthened shows nothing, but three in a row that
+    end well behind a place do pass through it.
+    """
+    surely, likely = past(sweep, places)
+    through = surely > BEHIND_M
+    return Sight(through | (likely >= -SAME_M), through)
+
+
+def past(sweep: Sweep, places: Points) -> Past:
+    """`places` in the sensor's frame."""
+    beams, distances = _looked_at(sweep, places)
+    return Past(sweep.least_ends[beams] - distances, sweep.least_sure_ends[beams] - distances)
+
+
+def seen_free(sweep: Sweep, places: Points) -> NDArray[np.bool_]:
+    """The `through` of `sight`, for less."""
+    beams, distances = _looked_at(sweep, places)
+    free: NDArray[np.bool_] = sweep.least_ends[beams] - distances > BEHIND_M
+    return free
+
+
+def _looked_at(sweep: Sweep, places: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The beam nearest to each of `places`, and how far it is."""
+    x, y = places.T
+    return _beams(sweep, np.arctan2(y, x)), np.sqrt(x * x + y * y)
+
+
+def _beams(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The beam nearest to each bearing (-pi..pi); out of view, the number of beams."""
+    beams = len(sweep.ranges)
+    turned = (bearings - wrapped(sweep.angle_min)) * math.copysign(1.0, sweep.increment)
+    turned += math.tau * (turned < 0.0)
+    nearest = (turned / abs(sweep.increment) + 0.5).astype(np.intp)
+    return nearest % beams if sweep.is_full_circle else np.minimum(nearest, beams)

@@ -1,0 +1,270 @@
+"""What sonars heard, kept as arcs until a sensor that covers the place shows it free (GATE.md, method 7).
+
+An echo says: something is on this arc, nobody knows where on it. A thin leg leaves the cone while it is still in the
+way, and then the sonar is silent. So silence about a place is told apart from news of it:
+
+* A later reading shows free what lies in the middle of its cone and well before its range. The cone's rim shows
+  nothing: a cone may be narrower than it is described, or the thing be too thin there.
+* A sensor that stands where it heard something several times, and hears it no longer, shows the whole arc free. With
+  it goes what the same thing left behind on the way there.
+* A depth picture shows free what it looks through at all heights that sonars hear. A laser looks through one plane
+  only, below seats and drawers: it has a say where the robot has no depth camera, since there it is trusted with the
+  whole way ahead anyhow. Neither has a say about what is heard now: glass is met by the sonar alone.
+
+Echoes get lost: nothing heard counts for less than something heard farther off, and less still from a sonar that just
+had an echo again. Near standstill the smallest of the last readings stays, so noise does not let the robot creep.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, from_columns, placed, put, seen_from
+from robots.bridge.gate.obstacles.depth_camera import Frame
+from robots.bridge.gate.obstacles.point_memory import STANDS_M
+from robots.bridge.gate.obstacles.sightings import seen_free
+from robots.bridge.gate.sensing.depth import Columns, seen_through
+from robots.bridge.gate.sensing.scan import INSIDE_HULL_M, Sweep
+from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.values import Kind, Pose, SensorHealth
+
+Flags = NDArray[np.bool_]
+
+LIVE_S = 0.5  # what was heard no longer ago is heard now
+NOISE_M = 0.08  # ranges that differ by less may be of one thing
+SURE_SHARE = 0.6  # of the cone about its axis, where whatever stands is surely heard
+SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
+SAME_PLACE_RAD = 0.002
+UNSTEADY_S = 20.0  # a sonar that lost an echo lately and had it again: then its silences count half
+SURELY_HEARD = 3  # times from one place: what stands there is no echo of the rim
+GONE = 6.0  # what shows a place free, in all and in a row, until it is forgotten:
+FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5
+SAME_THING_S = 1.0  # what is heard again within this time, at a place where it may be, is the same thing
+SAME_THING_M = 0.5  # as far from one place of a thing are others: a person with a stride
+HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and hear little below and above
+GRAIN_M = 0.04  # places nearer to each other are one
+REACH_M = 2.0  # from the robot; what is farther away is out of every sonar's reach
+TRAVEL_M = 4.0  # after which the odometry no longer knows well where it was
+MOST = 300  # places; those heard last are kept
+
+# The rows of the table.
+X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES = range(11)
+
+
+class Reading(NamedTuple):
+    """One range of a sonar. `arc`: where the echo may come from (base frame); `free_m`: nothing is nearer than this."""
+
+    sonar: int
+    mount: Pose  # base frame
+    fov: float
+    arc: Points
+    free_m: float
+
+
+class SonarMemory:
+    """The arcs of all sonars of a robot, as places in the odometry frame.
+
+    As a source it gives what is heard no longer; the sonars give what they hear.
+    """
+
+    kind: Kind = "memory"
+    name = "sonar, remembered"
+    word = "sonar, remembered"
+
+    def __init__(self, footprint: Footprint) -> None:
+        self._footprint = footprint
+        self._table: NDArray[np.float64] = np.empty((11, 0))
+        self._base: Pose | None = None
+        self._travelled_m = 0.0
+        self._now_s = -math.inf
+        self._things = 0
+        self._unsteady_s: dict[int, float] = {}  # when each sonar last had a lost echo again
+        self._resets = 0
+        self._revision = 0
+
+    # --- what is known ------------------------------------------------------------------------
+
+    def heard(self, sonar: int, trail: Trail) -> Points:
+        """What this sonar hears, base frame of the newest odometry."""
+        return self._points(self._lately() & (self._table[SONAR] == sonar), trail)
+
+    def revision(self, now_s: float) -> int:
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return self._points(~self._lately(), trail)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        """Memory does not fail; each sonar tells of itself."""
+        return SensorHealth(self.name, "sonar", True, None, "")
+
+    def places(self) -> Points:
+        """Everything, odometry frame, in the order of `pass_through`."""
+        return from_columns(self._table[X], self._table[Y])
+
+    def _lately(self) -> Flags:
+        lately: Flags = self._table[HEARD_S] >= self._now_s - LIVE_S
+        return lately
+
+    def _points(self, chosen: Flags, trail: Trail) -> Points:
+        newest = trail.newest
+        if newest is None or trail.resets != self._resets or not chosen.any():
+            return NO_POINTS
+        x, y = self._table[:2, chosen]
+        return placed(from_columns(x, y), seen_from(ORIGIN, newest))
+
+    # --- what comes in ------------------------------------------------------------------------
+
+    def take(self, reading: Reading, base: Pose, trail: Trail, now_s: float) -> None:
+        """Take a reading that was made when the robot was at `base` (odometry frame)."""
+        self._follow(base, trail, now_s)
+        eye = put(reading.mount, base)
+        distance, off = self._seen_from(eye)
+        echo = len(reading.arc) > 0
+        unsteady = now_s - self._unsteady_s.get(reading.sonar, -math.inf) < UNSTEADY_S
+        counts = (FARTHER_COUNTS if echo else NOTHING_COUNTS) / (1.0 + unsteady)
+        self._clear(reading, distance, off, self._heard_from(reading.sonar, eye), counts)
+        if echo:
+            self._add(reading, eye, placed(reading.arc, base), now_s)
+        self._revision += 1
+
+    def look(self, frame: Frame, base: Pose, now_s: float) -> None:
+        """A depth picture came that was taken when the robot was at `base`."""
+        if self._table.shape[1]:
+            places = placed(self.places(), seen_from(ORIGIN, base))
+            low, high = (np.full(len(places), height_m, dtype=np.float32) for height_m in HEARD_BETWEEN_M)
+            self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)), now_s)
+
+    def scan(self, sweep: Sweep, laser: Pose, base: Pose, now_s: float) -> None:
+        """A scan came; `laser` is its pose on the robot, which was at `base`."""
+        if self._table.shape[1]:
+            there = placed(self.places(), seen_from(ORIGIN, put(laser, base)))
+            self.pass_through(seen_free(sweep, there), now_s)
+
+    def pass_through(self, free: Flags, now_s: float) -> None:
+        """A sensor that covers these of `places` looked through them: those that are heard now stay."""
+        self._table[PASSES, free & (self._table[HEARD_S] < now_s - LIVE_S)] += FARTHER_COUNTS
+        self._keep(self._table[PASSES] < GONE)
+
+    def forget(self) -> None:
+        """Forget what is heard no longer."""
+        self._keep(self._lately())
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._keep(np.zeros(self._table.shape[1], dtype=np.bool_))
+        self._base = None
+
+    # --- within -------------------------------------------------------------------------------
+
+    def _keep(self, kept: Flags) -> None:
+        if not kept.all():
+            self._table = self._table[:, kept]
+            self._revision += 1
+
+    def _follow(self, base: Pose, trail: Trail, now_s: float) -> None:
+        """The robot is at `base`: forget what is far off, or long ago on the way, or where its hull is now."""
+        if trail.resets != self._resets:
+            self._resets = trail.resets
+            self.clear()
+        self._now_s = now_s
+        here = trail.newest or base  # stamps of several sonars go to and fro
+        there = self._base or here
+        way_m = math.hypot(here.x - there.x, here.y - there.y)
+        if self._base is None or way_m > STANDS_M:
+            self._travelled_m += way_m
+            self._base = here
+        if not self._table.shape[1]:
+            return
+        places = placed(self.places(), seen_from(ORIGIN, base))
+        near = np.hypot(*places.T) < REACH_M
+        lasting = self._table[HEARD_M] > self._travelled_m - TRAVEL_M
+        outside = (self._footprint.gaps(places) >= -INSIDE_HULL_M) | self._lately()
+        self._keep(near & lasting & outside)
+
+    def _seen_from(self, eye: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How far each place is, and how far off the sensor's axis."""
+        dx, dy = self._table[X] - eye.x, self._table[Y] - eye.y
+        off = np.abs(np.remainder(np.arctan2(dy, dx) - eye.yaw + math.pi, math.tau) - math.pi)
+        return np.hypot(dx, dy), off
+
+    def _heard_from(self, sonar: int, eye: Pose) -> Flags:
+        """What this sonar heard from where it is now."""
+        table = self._table
+        turned = np.abs(np.remainder(table[FROM_YAW] - eye.yaw + math.pi, math.tau) - math.pi)
+        moved = np.hypot(table[FROM_X] - eye.x, table[FROM_Y] - eye.y)
+        same: Flags = (table[SONAR] == sonar) & (moved < SAME_PLACE_M) & (turned < SAME_PLACE_RAD)
+        return same
+
+    def _clear(
+        self,
+        reading: Reading,
+        distance: NDArray[np.float64],
+        off: NDArray[np.float64],
+        same_place: Flags,
+        counts: float,
+    ) -> None:
+        """Forget what this reading, with those before it, shows free."""
+        table, half = self._table, reading.fov / 2.0
+        same_place &= table[TIMES] >= SURELY_HEARD
+        free = (distance < reading.free_m - NOISE_M) & (same_place | (off < SURE_SHARE * half))
+        table[PASSES, free] += counts
+        if len(reading.arc):
+            heard = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= half)
+            if (table[PASSES, heard & same_place] > 0.0).any():
+                self._unsteady_s[reading.sonar] = self._now_s
+            table[PASSES, heard] = 0.0
+        gone = table[PASSES] >= GONE
+        if not gone.any():
+            return
+        left = gone & free & same_place
+        if left.any():
+            gone |= self._of_the_same_things(left)
+        self._keep(~gone)
+
+    def _of_the_same_things(self, left: Flags) -> Flags:
+        """What else the things at these places left behind, near by and earlier."""
+        table = self._table
+        mates = self._belongs_to(left) & (table[HEARD_S] <= table[HEARD_S, left].max())
+        near = np.hypot(table[X][:, None] - table[X, left], table[Y][:, None] - table[Y, left]) < SAME_THING_M
+        of_them: Flags = mates & near.any(axis=1)
+        return of_them
+
+    def _belongs_to(self, places: Flags) -> Flags:
+        """What the things at these places left behind, wherever it is."""
+        belongs = np.zeros(self._table.shape[1], dtype=np.bool_)
+        for thing in set(self._table[THING, places].tolist()):
+            belongs |= self._table[THING] == thing
+        return belongs
+
+    def _add(self, reading: Reading, eye: Pose, arc: Points, now_s: float) -> None:
+        """Something is on this arc."""
+        table = self._table
+        distance, off = self._seen_from(eye)
+        again = (np.abs(distance - reading.free_m) <= NOISE_M) & (off <= reading.fov / 2.0)
+        again &= table[HEARD_S] > now_s - SAME_THING_S
+        self._things += 1
+        table[THING, self._belongs_to(again)] = self._things
+        times = np.where(self._heard_from(reading.sonar, eye), table[TIMES] + 1.0, 1.0)
+        where = eye.x, eye.y, eye.yaw
+        news = np.array((reading.sonar, *where, now_s, self._travelled_m, self._things, 0.0, 1.0))
+        table[SONAR:, again] = news[:, None]
+        table[TIMES, again] = times[again]
+        rows = again.nonzero()[0]
+        x, y = arc.T
+        dx, dy = table[X, rows][:, None] - x, table[Y, rows][:, None] - y
+        close = dx * dx + dy * dy < GRAIN_M**2
+        # What lies a little behind gives way to what is nearer.
+        behind = distance[rows] > reading.free_m
+        fresh = ~close[~behind].any(axis=0)
+        kept = np.ones(table.shape[1], dtype=np.bool_)
+        kept[rows[behind & close[:, fresh].any(axis=1)]] = False
+        added = np.vstack((x[fresh], y[fresh], np.repeat(news[:, None], int(fresh.sum()), axis=1)))
+        self._table = np.concatenate((table[:, kept], added), axis=1)
+        if self._table.shape[1] > MOST:
+            self._table = self._table[:, np.argsort(self._table[HEARD_S], kind="stable")[-MOST:]]

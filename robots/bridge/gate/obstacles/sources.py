@@ -1,0 +1,188 @@
+"""Sources give points, the gate takes points.
+
+Whatever knows of obstacles (a laser, a sonar, a memory, a depth camera) is one `Source`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.obstacles.sonar_memory import Reading, SonarMemory
+from robots.bridge.gate.sensing import scan
+from robots.bridge.gate.sensing.sectors import sector_of
+from robots.bridge.gate.timing.freshness import LASER_LATE_S, SONAR_STALE_S, Freshness
+from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.values import Kind, LaserScan, Pose, Sector, SensorHealth
+
+# most beams this near to the direction of travel must measure something
+LASER_WATCHES_RAD = math.radians(20.0)
+SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
+
+
+class Source(Protocol):
+    """Something that knows where obstacles are."""
+
+    name: str
+    kind: Kind
+    word: str  # for the operator: "laser"
+
+    def revision(self, now_s: float) -> int:
+        """Differs whenever `points` may differ, for a trail that did not change."""
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        """Obstacles (N, 2) in the base frame of the newest odometry."""
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        """How the sensor behind it is."""
+
+
+class Laser:
+    """A planar laser: its newest scan."""
+
+    kind: Kind = "scan"
+
+    def __init__(self, name: str, word: str, pose: Pose, footprint: Footprint) -> None:
+        self.name = name
+        self.word = word
+        self.freshness = Freshness()
+        self.pose = pose
+        self.footprint = footprint
+        self.sweep: scan.Sweep | None = None  # the newest
+        self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
+        self._complaint = ""
+        self._revision = 0
+        self._covered: dict[float, bool] = {}  # the directions of which the newest scan was asked
+
+    def observe(self, told: LaserScan) -> bool:
+        """Take a scan; whether it is news. One that makes no sense is none; its complaint is kept for `health`."""
+        try:
+            check_times(told.stamp_s, told.arrival_s)
+            sweep = scan.Sweep(
+                told.ranges, told.angle_min, told.angle_increment, told.range_min_m, told.range_max_m
+            )
+        except scan.Malformed as error:
+            self._complaint = str(error)
+            return False
+        if not self.freshness.advances(told.stamp_s, told.arrival_s):
+            return False
+        self.sweep = sweep
+        self._covered.clear()
+        self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
+        self._complaint = ""
+        self._revision += 1
+        return True
+
+    def measured(self, sweep: scan.Sweep) -> Points:
+        """The points of a scan of this laser as `seen`, but with all their noise."""
+        return scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
+
+    def covers(self, direction: float) -> bool:
+        """Whether its newest scan looks in a direction of the base frame; one that is half covered may not."""
+        if direction not in self._covered:
+            sweep = self.sweep
+            covered = sweep is not None and sweep.looks_to(direction - self.pose.yaw, LASER_WATCHES_RAD)
+            self._covered[direction] = covered
+        return self._covered[direction]
+
+    @property
+    def sector(self) -> Sector | None:
+        """Where it looks, of the way round the base; None before its first scan."""
+        if self.sweep is None:
+            return None
+        return sector_of(self.pose, self.sweep.middle - self.sweep.span / 2.0, self.sweep.span)
+
+    def is_paired(self, trail: Trail) -> bool:
+        """Whether the odometry tells where the robot was when the newest scan was taken."""
+        stamp_s = self.freshness.stamp_s
+        return stamp_s is not None and trail.pose_at(stamp_s) is not None
+
+    def revision(self, now_s: float) -> int:
+        return self._revision
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return carried(self.seen, self.freshness.stamp_s, trail)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
+        if not text and not self.is_paired(trail):
+            text = "its stamps do not match the odometry’s"
+        return SensorHealth(self.name, "scan", not text, self.freshness.age_s(now_s), text)
+
+
+class Sonar:
+    """A range sensor. `memory` keeps what it heard."""
+
+    kind: Kind = "sonar"
+
+    def __init__(self, number: int, name: str, pose: Pose, fov: float, memory: SonarMemory) -> None:
+        self.name = name
+        self.word = "sonar"
+        self.freshness = Freshness()
+        self._number = number
+        self._pose = pose
+        self._fov = fov
+        self._memory = memory
+        self._range_m: float | None = None
+        self._complaint = ""
+
+    def observe(
+        self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float, trail: Trail
+    ) -> None:
+        """Take a range. One that makes no sense is none; its complaint is kept for `health`."""
+        try:
+            check_times(stamp_s, arrival_s)
+            arc = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
+        except scan.Malformed as error:
+            self._complaint = str(error)
+            return
+        if not self.freshness.advances(stamp_s, arrival_s):
+            return
+        self._range_m = max(range_m, 0.0) if len(arc) else None
+        self._complaint = ""
+        base = trail.pose_at(stamp_s) or trail.newest  # an echo with a wrong stamp still is one
+        if base is not None:
+            free_m = max(min(range_m, max_range_m), 0.0)
+            self._memory.take(
+                Reading(self._number, self._pose, self._fov, arc, free_m), base, trail, arrival_s
+            )
+
+    @property
+    def sector(self) -> Sector:
+        """Where it looks, of the way round the base."""
+        return sector_of(self._pose, -self._fov / 2.0, self._fov)
+
+    def watches(self, direction: float) -> bool:
+        """Whether it looks out for a direction of travel in the base frame."""
+        return abs(wrapped(direction - self._pose.yaw)) <= SONAR_WATCHES_RAD
+
+    def range_m(self, now_s: float) -> float | None:
+        """The newest range, None if nothing is in range or nothing new came."""
+        return self._range_m if self.freshness.within(SONAR_STALE_S, now_s) else None
+
+    def revision(self, now_s: float) -> int:
+        return self._memory.revision(now_s)
+
+    def points(self, trail: Trail, now_s: float) -> Points:
+        return self._memory.heard(self._number, trail)
+
+    def health(self, trail: Trail, now_s: float) -> SensorHealth:
+        text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint)
+        return SensorHealth(self.name, "sonar", not text, self.freshness.age_s(now_s), text)
+
+
+def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:
+    """Points in the base frame of `stamp_s`, brought to the newest one; none if the odometry cannot tell how."""
+    newest = trail.newest
+    then = None if stamp_s is None else trail.pose_at(stamp_s)
+    if newest is None or then is None or not len(points):
+        return NO_POINTS
+    return placed(points, seen_from(then, newest))
+
+
+def check_times(stamp_s: float, arrival_s: float) -> None:
+    """Malformed unless both are numbers."""
+    if not (math.isfinite(stamp_s) and math.isfinite(arrival_s)):
+        raise scan.Malformed("its stamps are not numbers")

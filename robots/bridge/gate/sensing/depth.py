@@ -1,0 +1,405 @@
+"""From what a depth camera measured to columns that the robot must not run into (GATE.md, methods 7 and 8).
+
+A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's own
+bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:
+x right, y down, z ahead. Floor and ceiling are taken away by the camera's pose alone, the robot's own body by its
+footprint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry.planar import Points, from_columns
+from robots.bridge.gate.sensing.scan import Malformed
+
+Floats = NDArray[np.float32]
+Levels = NDArray[np.uint16]
+Transform = NDArray[np.float64]  # (4, 4), from the camera's frame to the base frame
+
+COLUMNS = 160  # of a thinned picture, about
+MOST_PIXELS = 4096  # along a side
+LEAST_WIDE, LEAST_HIGH = 3, 2  # a place is looked up in a column of the picture and the two beside it
+NEAREST_M = 0.25
+LEAST_AHEAD_M = 0.05  # what is nearer to the lens than this is not in its picture
+FARTHEST_M = 4.0  # twice what is needed to stop from 1 m/s; beyond, tilt errors make obstacles of the floor
+FLOOR_M = 0.05  # what is lower than this passes for floor; the laser sees most of it
+TILT_ERROR = 0.01  # metres of height for each metre of distance: half a degree
+NOISE_PER_M = 0.0015  # sigma of a structured-light camera, by the square of the distance
+NOISE_SIGMAS = 1.5  # of what noise along the ray leaves in the height
+ABOVE_CAMERA_M = 0.08  # the head's top, and a margin: what hangs higher than this is passed below
+CELL_M = 0.05
+HITS = 3  # in one cell; fewer are noise
+LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; shiny and dark floors are measured in parts
+LEAST_FLOOR_SHARE = 0.05  # of a picture; one with less floor within reach is not judged by it
+BEHIND_M = 0.10  # what is measured this far behind a place passed through it
+FLOOR_BEHIND_M = 0.03  # the same for the floor: behind what lies low it is near, and it is no other thing
+WIDEST_SHARE = 0.4  # cosine of the angle to the side at which the corner of a lowered camera's picture looks
+HEIGHTS = 6  # of a column that are looked at to see through it
+LEVEL_M = 0.1  # what was seen at every level from end to end is one thing, so that a part of it tells of all
+TALL_M = 0.25  # less than this is no part and whole, but all ends
+END_M = 0.08  # of a thing; noise may have made it longer
+
+_HALF = math.ceil((FARTHEST_M + 1.0) / CELL_M)  # cells from the base to the edge of the counting grid
+_SIDE = 2 * _HALF
+
+
+class Lens(NamedTuple):
+    """A pinhole camera: focal lengths and middle in pixels."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @property
+    def makes_sense(self) -> bool:
+        """Whether a camera can have it: one that nobody has calibrated tells zeros."""
+        return all(map(math.isfinite, self)) and self.fx > 0.0 and self.fy > 0.0
+
+    @classmethod
+    def seeing(cls, fov: float, width: int, height: int) -> Lens:
+        """One with a horizontal field of view (radians) and its middle in the middle."""
+        focal = width / 2.0 / math.tan(fov / 2.0)
+        return cls(focal, focal, width / 2.0, height / 2.0)
+
+
+class DepthImage(NamedTuple):
+    """A depth image as it came: `encoding` 32FC1 (metres) or 16UC1 (millimetres), rows `step` bytes apart."""
+
+    width: int
+    height: int
+    encoding: str
+    big_endian: bool
+    step: int
+    data: bytes
+
+
+class Cloud(NamedTuple):
+    """A point cloud as it came; `offsets` of the 32-bit floats x, y, z within a point, bytes."""
+
+    width: int
+    height: int
+    point_step: int
+    row_step: int
+    offsets: Mapping[str, int]
+    big_endian: bool
+    data: bytes
+
+
+class Picture(NamedTuple):
+    """Distances along the optical axis (rows, columns), metres: NaN is not known, infinity is nothing in reach.
+
+    `right` and `down` are where columns and rows look, as parts of that distance.
+    """
+
+    ahead: Floats
+    right: Floats
+    down: Floats
+
+
+class Columns(NamedTuple):
+    """Obstacles: places in the base frame, and between which heights something was seen there (metres).
+
+    Bit n of `levels` says that something was seen between n and n + 1 times `LEVEL_M`; None: nobody knows where.
+    """
+
+    points: Points
+    low: Floats
+    high: Floats
+    levels: Levels | None = None
+
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Columns:
+        """Some of them."""
+        levels = None if self.levels is None else self.levels[kept]
+        return Columns(self.points.T[:, kept].T, self.low[kept], self.high[kept], levels)
+
+
+# --- messages -> pictures --------------------------------------------------------------------------
+
+
+def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
+    """A thinned depth image. Malformed if it cannot be one."""
+    kinds = {"32FC1": "f4", "16UC1": "u2"}
+    if image.encoding not in kinds:
+        raise Malformed(f"its pictures are {image.encoding[:20]!r}, only 32FC1 and 16UC1 are understood")
+    _check_size(image.width, image.height)
+    if not lens.makes_sense:
+        raise Malformed("its lens makes no sense")
+    kind = np.dtype((">" if image.big_endian else "<") + kinds[image.encoding])
+    if image.step < image.width * kind.itemsize:
+        raise Malformed("the rows of its pictures are too short")
+    if (image.height - 1) * image.step + image.width * kind.itemsize > len(image.data):
+        raise Malformed("its pictures are shorter than they say")
+    thin = _thinning(image.width, image.height)
+    rows, columns = image.height // thin, image.width // thin
+    first = thin // 2  # the middle of each square stands for it
+    start = first * (image.step + kind.itemsize)
+    strides = (thin * image.step, thin * kind.itemsize)
+    pixels = _view(image.data, (rows, columns), kind, start, strides)
+    ahead = pixels.astype(np.float32)
+    if kind.kind == "u":
+        ahead *= np.float32(0.001)
+    ahead[~(ahead > 0.0)] = np.nan
+    across = first + thin * np.arange(columns)
+    along = first + thin * np.arange(rows)
+    return Picture(ahead, _parts(across, lens.cx, lens.fx), _parts(along, lens.cy, lens.fy))
+
+
+def picture_of_cloud(cloud: Cloud, fov: float) -> Picture:
+    """The nearest points of a cloud, as a camera in its place would see them. Malformed if it is none."""
+    x, y, z = _coordinates(cloud)
+    columns, rows = COLUMNS, COLUMNS * 3 // 4
+    lens = Lens.seeing(fov, columns, rows)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        across = np.floor(x / z * np.float32(lens.fx) + np.float32(lens.cx))
+        along = np.floor(y / z * np.float32(lens.fy) + np.float32(lens.cy))
+        kept = (z > 0.0) & (across >= 0) & (across < columns) & (along >= 0) & (along < rows)
+    ahead = np.full(rows * columns, np.inf, dtype=np.float32)
+    np.minimum.at(ahead, (along[kept] * columns + across[kept]).astype(np.intp), z[kept])
+    ahead[np.isinf(ahead)] = np.nan  # a pixel without a point is not known to be free
+    right, down = (
+        _parts(np.arange(n) + 0.5, c, f)
+        for n, c, f in ((columns, lens.cx, lens.fx), (rows, lens.cy, lens.fy))
+    )
+    return Picture(ahead.reshape(rows, columns), right, down)
+
+
+def _coordinates(cloud: Cloud) -> tuple[Floats, Floats, Floats]:
+    """x, y, z of a thinned cloud, flat."""
+    if cloud.width < 1 or cloud.height < 1 or cloud.width * cloud.height > MOST_PIXELS**2:
+        raise Malformed("its clouds have no points, or far too many")
+    if not all(0 <= cloud.offsets.get(axis, -1) <= cloud.point_step - 4 for axis in "xyz"):
+        raise Malformed("its clouds have no x, y and z")
+    if cloud.row_step < cloud.width * cloud.point_step:
+        raise Malformed("the rows of its clouds are too short")
+    if cloud.height > 1:
+        thin = thin_rows = _thinning(cloud.width, cloud.height)
+    else:
+        thin, thin_rows = max(cloud.width // (COLUMNS * COLUMNS), 1), 1
+    shape = (math.ceil(cloud.height / thin_rows), math.ceil(cloud.width / thin))
+    strides = (thin_rows * cloud.row_step, thin * cloud.point_step)
+    kind = np.dtype(">f4" if cloud.big_endian else "<f4")
+    x, y, z = (
+        _view(cloud.data, shape, kind, cloud.offsets[axis], strides).astype(np.float32).ravel()
+        for axis in "xyz"
+    )
+    return x, y, z
+
+
+def _view(
+    data: bytes, shape: tuple[int, int], kind: np.dtype[np.generic], start: int, strides: tuple[int, int]
+) -> NDArray[np.generic]:
+    last = start + (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + kind.itemsize
+    if last > len(data):
+        raise Malformed("its pictures are shorter than they say")
+    view: NDArray[np.generic] = np.ndarray(shape, kind, data, start, strides)
+    return view
+
+
+def _check_size(width: int, height: int) -> None:
+    if not (LEAST_WIDE <= width <= MOST_PIXELS and LEAST_HIGH <= height <= MOST_PIXELS):
+        raise Malformed(f"its pictures have {width} x {height} pixels")
+
+
+def _thinning(width: int, height: int) -> int:
+    """The side of the squares of which one pixel is taken; at least two squares fit either way."""
+    return max(min(width // COLUMNS, height // 2), 1)
+
+
+def _parts(pixels: NDArray[Any], centre: float, focal: float) -> Floats:
+    parts: Floats = ((pixels - centre) / focal).astype(np.float32)
+    return parts
+
+
+# --- pictures -> obstacles -------------------------------------------------------------------------
+
+
+def top_m(to_base: Transform, height_m: float) -> float:
+    """Up to where the robot reaches: at least `height_m`; the head rises with the camera, which stands in the head."""
+    return max(height_m, float(to_base[2, 3]) + ABOVE_CAMERA_M)
+
+
+def check_shown(picture: Picture, to_base: Transform) -> None:
+    """Malformed if of the floor that is within reach neither itself nor something before it is shown.
+
+    Else a covered lens, a picture of nothing but NaN, or a camera whose pose is wrong would be a free way.
+    """
+    per_metre = _rise(picture, to_base)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        to_floor = -float(to_base[2, 3]) / per_metre
+        floor = (to_floor > NEAREST_M) & (to_floor < FARTHEST_M)
+        depth_below = -(picture.ahead * per_metre + np.float32(to_base[2, 3]))
+        shown = floor & (picture.ahead > NEAREST_M) & (depth_below < _floor_error(picture.ahead))
+    expected = np.count_nonzero(floor)
+    if expected > LEAST_FLOOR_SHARE * floor.size and np.count_nonzero(shown) < LEAST_SHOWN_SHARE * expected:
+        raise Malformed("its pictures show neither the floor nor what stands on it")
+
+
+def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:
+    """What stands above the floor and below the robot's own height, in cells of 5 cm with three hits at least."""
+    ahead = picture.ahead
+    turned = to_base.astype(np.float32)
+    with np.errstate(invalid="ignore", over="ignore"):
+        height = ahead * _rise(picture, to_base) + turned[2, 3]
+        hit = (
+            (height > _floor_error(ahead)) & (height < highest_m) & (ahead > NEAREST_M) & (ahead < FARTHEST_M)
+        )
+    hits = np.flatnonzero(hit)
+    rows, columns = np.divmod(hits, ahead.shape[1])
+    far, right, down = ahead.ravel()[hits], picture.right[columns], picture.down[rows]
+    x = far * (turned[0, 0] * right + turned[0, 1] * down + turned[0, 2]) + turned[0, 3]
+    y = far * (turned[1, 0] * right + turned[1, 1] * down + turned[1, 2]) + turned[1, 3]
+    return _counted(x, y, height.ravel()[hits])
+
+
+def _rise(picture: Picture, to_base: Transform) -> Floats:
+    """How much higher each pixel's ray gets for each metre ahead."""
+    up = to_base[2].astype(np.float32)
+    rise: Floats = up[0] * picture.right + (up[1] * picture.down + up[2])[:, None]
+    return rise
+
+
+def _floor_error(ahead: Floats) -> Floats:
+    """How far from the floor what is measured of it may seem to be, metres."""
+    return (ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead) + FLOOR_M).astype(
+        np.float32, copy=False
+    )
+
+
+def _counted(x: Floats, y: Floats, height: Floats) -> Columns:
+    """The middle of the hits in each cell that has enough of them."""
+    near = np.maximum(np.abs(x), np.abs(y)) < _HALF * CELL_M
+    x, y, height = x[near], y[near], height[near]
+    cells = _cell(x) * _SIDE + _cell(y)
+    counts = np.bincount(cells, minlength=_SIDE * _SIDE)
+    many = _rim(counts >= HITS)
+    low = np.full(len(counts), np.inf, dtype=np.float32)
+    high = np.full(len(counts), -np.inf, dtype=np.float32)
+    np.minimum.at(low, cells, height)
+    np.maximum.at(high, cells, height)
+    levels = np.zeros(len(counts), dtype=np.uint16)
+    np.bitwise_or.at(levels, cells, _level(height))
+    middle_x = np.bincount(cells, x, len(counts))[many] / counts[many]
+    middle_y = np.bincount(cells, y, len(counts))[many] / counts[many]
+    return Columns(from_columns(middle_x, middle_y), low[many], high[many], levels[many])
+
+
+def _level(height: Floats) -> Levels:
+    number = np.clip(height * np.float32(1.0 / LEVEL_M), 0.0, 15.0).astype(np.uint16)
+    level: Levels = np.left_shift(np.uint16(1), number)
+    return level
+
+
+def is_one_thing(columns: Columns, gaps: bool = False) -> NDArray[np.bool_]:
+    """Which columns are tall, and something was seen at each level between their ends.
+
+    With `gaps`, two levels in a row may lack.
+    """
+    if columns.levels is None:
+        return np.zeros(len(columns.points), dtype=np.bool_)
+    lowest, highest = _level(columns.low), _level(columns.high)
+    between: Levels = (highest - lowest) | highest  # all levels from the lowest to the highest
+    tall = columns.high - columns.low > TALL_M
+    seen: Levels = columns.levels
+    if gaps:
+        seen = seen | np.left_shift(seen, np.uint16(1)) | np.right_shift(seen, np.uint16(1))
+    one: NDArray[np.bool_] = tall & (seen & between == between)
+    return one
+
+
+def _cell(along: Floats) -> NDArray[np.intp]:
+    cells: NDArray[np.intp] = np.floor(along * np.float32(1.0 / CELL_M)).astype(np.intp) + _HALF
+    return cells
+
+
+def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """The cells that have a free one beside them: nothing comes to the inside of a table top but over its edge."""
+    grid = occupied.reshape(_SIDE, _SIDE)
+    inside = np.zeros_like(grid)
+    inside[1:-1, 1:-1] = grid[:-2, 1:-1] & grid[2:, 1:-1] & grid[1:-1, :-2] & grid[1:-1, 2:]
+    return np.flatnonzero(grid & ~inside)
+
+
+# --- evidence of free space ------------------------------------------------------------------------
+
+
+class _Look(NamedTuple):
+    """What a picture tells of columns: at which `heights` it saw through them, and whether one of them denies it."""
+
+    heights: Floats  # (HEIGHTS, columns)
+    through: NDArray[np.bool_]
+    denied: NDArray[np.bool_]  # (columns)
+
+
+def came_since(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
+    """Which columns (base frame of the picture) an earlier picture did not find there: they came by themselves."""
+    look = _look(picture, to_base, columns)
+    came: NDArray[np.bool_] = ~look.denied & look.through.any(axis=0)
+    return came
+
+
+def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
+    """Which columns (base frame) have gone: where something was, something well behind is measured, or the floor.
+
+    Of one tall thing a height between its ends suffices, of all else each height must be free. A height at which
+    something is still measured denies both. What is out of view, not measured, or hidden tells nothing.
+    """
+    gone = np.zeros(len(columns.points), dtype=np.bool_)
+    before = np.flatnonzero(_may_be_in_view(to_base, columns.points))
+    columns = columns.only(before)
+    look = _look(picture, to_base, columns)
+    inner = (look.heights > columns.low + END_M) & (look.heights < columns.high - END_M)
+    part, whole = (look.through & inner).any(axis=0), look.through.all(axis=0)
+    gone[before] = ~look.denied & np.where(is_one_thing(columns), part, whole)
+    return gone
+
+
+def _may_be_in_view(to_base: Transform, points: Points) -> NDArray[np.bool_]:
+    """Leaves out most of what is beside and behind a camera, at little cost."""
+    x, y = points[:, 0] - to_base[0, 3], points[:, 1] - to_base[1, 3]
+    level = math.hypot(to_base[0, 2], to_base[1, 2])
+    ahead = to_base[0, 2] * x + to_base[1, 2] * y
+    may: NDArray[np.bool_] = ahead > level * (WIDEST_SHARE * np.sqrt(x * x + y * y) - NEAREST_M)
+    return may
+
+
+def _look(picture: Picture, to_base: Transform, columns: Columns) -> _Look:
+    share = np.linspace(0.0, 1.0, HEIGHTS, dtype=np.float32)[:, None]
+    height = columns.low + share * (columns.high - columns.low)
+    x, y = columns.points.T
+    inverse = np.linalg.inv(to_base).astype(np.float32)
+    x, y = x.astype(np.float32), y.astype(np.float32)
+    right, down, ahead = (
+        inverse[i, 0] * x + inverse[i, 1] * y + inverse[i, 2] * height + inverse[i, 3] for i in range(3)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        column = _pixel(picture.right, right / ahead)
+        row = _pixel(picture.down, down / ahead)
+    rows, wide = picture.ahead.shape
+    in_view = (ahead > LEAST_AHEAD_M) & (row >= 0) & (row < rows) & (column >= 1) & (column < wide - 1)
+    upright = np.where(in_view, row, 1).astype(np.intp)
+    beside = np.where(in_view, column, 1).astype(np.intp) + np.array([-1, 0, 1])[:, None, None]
+    measured = picture.ahead[upright, beside]
+    up = to_base[2].astype(np.float32)
+    rise = up[0] * picture.right[beside] + (up[1] * picture.down[upright] + up[2])
+    noise = 4.0 * NOISE_PER_M * ahead**2
+    with np.errstate(invalid="ignore"):
+        shows_floor = measured * rise + up[3] < _floor_error(measured)
+        behind = measured - (ahead + noise)
+        free = behind > np.where(shows_floor, FLOOR_BEHIND_M, BEHIND_M)
+        met = ~free & ~shows_floor & (behind > -BEHIND_M - 2.0 * noise)
+    through = in_view & free.all(axis=0)
+    denied = (in_view & met.any(axis=0)).any(axis=0)
+    return _Look(height, through, denied)
+
+
+def _pixel(looks: Floats, part: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The number of the row or column that looks where `part` of the distance says; they are evenly spaced."""
+    pixels: NDArray[np.float64] = np.rint((part - looks[0]) / (looks[1] - looks[0]))
+    return pixels

@@ -1,0 +1,216 @@
+"""From what a laser or a sonar measured to points in the base frame (GATE.md, method 8 and "Parameters")."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.planar import NO_POINTS, Points, from_columns, placed, wrapped
+from robots.bridge.gate.values import Pose
+
+NEIGHBOUR_BEAMS = 2
+NEIGHBOUR_M = 0.10
+SAME_SURFACE_M = 0.05  # two beams beside each other that differ by less met the same surface
+INSIDE_HULL_M = 0.03  # what lies deeper than this in the hull is the robot itself
+MOST_BEAMS = 20_000
+FINEST_RAD = 1e-5  # between two beams; with less, the number of the beam that looks somewhere overflows
+LEAST_KNOWN_SHARE = 0.5  # a scan, or a part of it, that mostly measures nothing vouches for nothing
+CONE_POINTS = 9  # over a cone of 0.5 rad at 1 m they stand 6 cm apart
+
+
+class Malformed(ValueError):
+    """A measurement that makes no sense, and why, in words."""
+
+
+class Sweep:
+    """The geometry of one scan: beam i points to `angle_min + i * increment` in the sensor's frame."""
+
+    def __init__(
+        self, ranges: Any, angle_min: float, increment: float, range_min_m: float, range_max_m: float
+    ) -> None:
+        """Check everything; Malformed if the scan cannot be one."""
+        try:
+            self.ranges = np.asarray(ranges, dtype=np.float64)
+            numbers = [float(number) for number in (angle_min, increment, range_min_m, range_max_m)]
+        except (TypeError, ValueError, OverflowError) as error:
+            raise Malformed("its scans are not numbers") from error
+        self.angle_min, self.increment, self.range_min_m, self.range_max_m = numbers
+        self._check()
+
+    def _check(self) -> None:
+        if self.ranges.ndim != 1 or not 2 <= len(self.ranges) <= MOST_BEAMS:
+            raise Malformed("its scans have no beams, or far too many")
+        if not (abs(self.angle_min) <= math.tau and FINEST_RAD <= abs(self.increment) <= math.pi / 2.0):
+            raise Malformed("the angles of its scans make no sense")
+        if self.span > math.tau + 2.0 * abs(self.increment):
+            raise Malformed("its scans go round more than once")
+        if not 0.0 <= self.range_min_m < self.range_max_m:
+            raise Malformed("the range limits of its scans make no sense")
+        if self.known.mean() < LEAST_KNOWN_SHARE:
+            raise Malformed("most of its beams measure nothing")
+
+    @property
+    def span(self) -> float:
+        """Angle between the first and the last beam, radians."""
+        return abs(self.increment) * (len(self.ranges) - 1)
+
+    @property
+    def middle(self) -> float:
+        """Angle of the middle beam in the sensor's frame."""
+        return self.angle_min + self.increment * (len(self.ranges) - 1) / 2.0
+
+    @property
+    def is_full_circle(self) -> bool:
+        """Whether the last beam is next to the first."""
+        return self.span + 1.5 * abs(self.increment) > math.tau
+
+    @cached_property
+    def ends(self) -> NDArray[np.float64]:
+        """How far each beam surely reached: +inf is free; NaN and what is out of range reached nowhere, -inf.
+
+        -inf is closer than `range_min_m` and taken to be right there.
+        """
+        ends = np.where(np.isneginf(self.ranges), self.range_min_m, self.ranges)
+        known = (ends >= self.range_min_m) & ((ends < self.range_max_m) | np.isposinf(ends))
+        return np.where(known, ends, -math.inf)
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """Beams that measured something, or that nothing is there.
+
+        A number below `range_min_m` is neither: lasers send 0 for what they cannot measure, or when they are covered.
+        """
+        return ~np.isneginf(self.ends)
+
+    def looks_to(self, angle: float, half_width: float) -> bool:
+        """Whether the field of view holds an angle (sensor's frame), and most beams about it measured something."""
+        beams = (wrapped(angle - self.middle) + self.span / 2.0) / abs(self.increment)
+        half = half_width / abs(self.increment)
+        if not -0.5 <= beams <= len(self.ranges) - 0.5:
+            return False
+        first, end = max(int(beams - half), 0), min(int(beams + half) + 1, len(self.ranges))
+        if self.increment < 0.0:
+            first, end = len(self.ranges) - end, len(self.ranges) - first
+        known = int(self._known_before[end] - self._known_before[first])
+        return known >= LEAST_KNOWN_SHARE * (end - first)
+
+    @cached_property
+    def _known_before(self) -> NDArray[np.intp]:
+        """How many of the beams before each one are known, and how many of all."""
+        return np.concatenate(([0], np.cumsum(self.known)))
+
+    @cached_property
+    def alone(self) -> NDArray[np.bool_]:
+        """Beams that hit something where no beam beside them did: noise, as far as one scan tells."""
+        return np.isfinite(self.ends) & ~has_neighbour(self._hits, self._steps)
+
+    @cached_property
+    def _hits(self) -> NDArray[np.float64]:
+        """How far each beam reached that hit something, NaN for the others."""
+        return np.where(np.isfinite(self.ends), self.ends, np.nan)
+
+    @cached_property
+    def _steps(self) -> list[NDArray[np.float64]]:
+        """How much the beams differ."""
+        return differences(self._hits)
+
+    @cached_property
+    def least_ends(self) -> NDArray[np.float64]:
+        """The shortest `ends` of each beam and its two neighbours, and one more that stands for what is out of view."""
+        return self._least_of_three(self.ends)
+
+    @cached_property
+    def least_sure_ends(self) -> NDArray[np.float64]:
+        """The same, where beams that hit something `alone` reached nowhere."""
+        return self._least_of_three(np.where(self.alone, -math.inf, self.ends))
+
+    def _least_of_three(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        least = np.full(len(ends) + 1, -math.inf)
+        np.minimum(np.minimum(ends[:-2], ends[1:-1]), ends[2:], out=least[1:-2])
+        if self.is_full_circle:
+            least[0] = min(ends[-1], ends[0], ends[1])
+            least[-2] = min(ends[-2], ends[-1], ends[0])
+        return least
+
+    def points(self) -> Points:
+        """What was hit, in the sensor's frame."""
+        return self._at(self.ends)
+
+    def steadied(self) -> Points:
+        """As `points`, with each range averaged over the beams beside it that met the same surface.
+
+        Of many errors the largest counts: noise narrows every door, and in what is remembered it stays. Who
+        compares scan with scan takes `points`: an average over the edge of a thing is where nothing is.
+        """
+        hits = self._hits
+        total, count = hits.copy(), np.ones(len(hits))
+        for beams, steps in enumerate(self._steps, 1):
+            low, high = hits[:-beams], hits[beams:]
+            same = steps < SAME_SURFACE_M
+            total[:-beams] += np.where(same, high, 0.0)
+            total[beams:] += np.where(same, low, 0.0)
+            count[:-beams] += same
+            count[beams:] += same
+        return self._at(total / count)
+
+    def _at(self, ranges: NDArray[np.float64]) -> Points:
+        """Where the beams that hit something end, if they are as long as this."""
+        kept, cos, sin = self._rays
+        ends = ranges.take(kept)
+        return from_columns(ends * cos, ends * sin)
+
+    @cached_property
+    def _rays(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+        """The beams that hit something, and where they point."""
+        kept = np.flatnonzero(np.isfinite(self.ends) & ~self.alone)
+        angles = self.angle_min + self.increment * kept
+        return kept, np.cos(angles), np.sin(angles)
+
+
+def differences(hits: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """How much each beam differs from the next one, from the one after that, and so on."""
+    return [np.abs(hits[beams:] - hits[:-beams]) for beams in range(1, NEIGHBOUR_BEAMS + 1)]
+
+
+def has_neighbour(hits: NDArray[np.float64], steps: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Beams with another within two beams and 10 cm of range: noise stands alone, the thinnest leg does not.
+
+    NaN marks no hit, `steps` are the `differences`. The last beam is a neighbour of the first: so it is on a full
+    circle, and elsewhere it only keeps more.
+    """
+    kept = np.zeros(len(hits), dtype=np.bool_)
+    for beams, step in enumerate(steps, 1):
+        close = step < NEIGHBOUR_M
+        kept[beams:] |= close
+        kept[:-beams] |= close
+        around = np.abs(hits[:beams] - hits[-beams:]) < NEIGHBOUR_M
+        kept[:beams] |= around
+        kept[-beams:] |= around
+    return kept
+
+
+def outside_hull(points: Points, footprint: Footprint) -> Points:
+    """The points that are not the robot's own body."""
+    if not len(points):
+        return points
+    outside = footprint.gaps(points) >= -INSIDE_HULL_M
+    return points if outside.all() else points.T[:, outside].T
+
+
+def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> Points:
+    """What a sonar may have met: an arc across its cone, base frame.
+
+    Nothing at or beyond `max_range_m`; -inf is right at the sensor. Malformed if the range is no range.
+    """
+    if math.isnan(range_m) or (range_m < 0.0 and not math.isinf(range_m)):
+        raise Malformed("its ranges make no sense")
+    if range_m >= max_range_m or range_m == math.inf:
+        return NO_POINTS
+    angles = np.linspace(-fov / 2.0, fov / 2.0, CONE_POINTS)
+    range_m = max(range_m, 0.0)
+    return placed(from_columns(range_m * np.cos(angles), range_m * np.sin(angles)), pose)

@@ -1,0 +1,42 @@
+"""Which parts of the way round the base are in some sensor's field of view, and which in nobody's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from robots.bridge.gate.geometry.planar import wrapped
+from robots.bridge.gate.values import Pose, Sector
+
+AT_M = 1.0  # the distance for which a sensor's field is told
+LEAST_RAD = math.radians(3.0)  # narrower is no gap
+
+
+def sector_of(mount: Pose, first: float, span: float) -> Sector:
+    """What a field of view covers of the way round the base: `span` radians from `first` on, in the sensor's frame."""
+    if span >= math.tau:
+        return 0.0, math.tau
+    edges = [mount.yaw + first, mount.yaw + first + span]
+    start, end = (
+        math.atan2(mount.y + AT_M * math.sin(edge), mount.x + AT_M * math.cos(edge)) for edge in edges
+    )
+    return start, start + (end - start) % math.tau
+
+
+def gaps_between(covered: Iterable[Sector]) -> list[Sector]:
+    """The parts of a full turn that none of these sectors covers, each from -pi..pi on counter-clockwise."""
+    pieces: list[Sector] = []
+    for start, end in covered:
+        first = wrapped(start)
+        for turn in (-math.tau, 0.0):
+            pieces.append((max(first + turn, -math.pi), min(first + turn + end - start, math.pi)))
+    gaps, reached = [], -math.pi
+    for start, end in sorted(piece for piece in pieces if piece[0] < piece[1]):
+        if start > reached:
+            gaps.append((reached, start))
+        reached = max(reached, end)
+    if reached < math.pi:
+        gaps.append((reached, math.pi))
+    if len(gaps) > 1 and gaps[0][0] == -math.pi and gaps[-1][1] == math.pi:
+        gaps = [*gaps[1:-1], (gaps[-1][0], gaps[0][1] + math.tau)]
+    return [(start, end) for start, end in gaps if end - start >= LEAST_RAD]

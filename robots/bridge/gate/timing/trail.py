@@ -1,0 +1,104 @@
+"""Where the robot has been lately, by the stamps of its odometry, so that older points can be carried to now."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+
+from robots.bridge.gate.geometry.planar import wrapped
+from robots.bridge.gate.values import Pose, Velocity
+
+KEPT = 200  # poses: 4 s at 50 Hz, and no sensor is used for longer than 0.5 s
+LARGEST_HOLE_S = 0.2  # between two poses that are interpolated, and beyond the newest
+JUMP_M = 0.3  # more than the base can have moved: the odometry was reset
+JUMP_RAD = 0.5
+SILENT_S = 0.3  # the dead-man's time: what is silent for longer may be another robot when it is back
+
+
+class Trail:
+    """The newest poses, oldest first, with strictly growing stamps of the robot's clock (seconds)."""
+
+    def __init__(self, fastest_mps: float, fastest_radps: float) -> None:
+        self._fastest_mps = fastest_mps
+        self._fastest_radps = fastest_radps
+        self._stamps: list[float] = []
+        self._poses: list[Pose] = []
+        self._velocity = Velocity(0.0, 0.0, 0.0)
+        self.revision = 0
+        self.resets = 0  # how often the frame became another one
+
+    @property
+    def newest(self) -> Pose | None:
+        """The pose of now, as far as is known."""
+        return self._poses[-1] if self._poses else None
+
+    def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
+        """Take the newest pose, which goes on from the last one."""
+        self._stamps.append(stamp_s)
+        self._poses.append(pose)
+        self._velocity = velocity
+        self.revision += 1
+        if len(self._stamps) > 2 * KEPT:
+            del self._stamps[:KEPT], self._poses[:KEPT]
+
+    def goes_on(self, stamp_s: float, pose: Pose, silent_s: float = math.inf) -> bool:
+        """Whether a pose that came `silent_s` after the last one is in the same frame.
+
+        It is not after a jump, a stamp that went back, or a hole: of a clock that was set on nobody heard a silence,
+        and of messages that came late all at once the stamps show none.
+        """
+        if not self._stamps:
+            return True
+        passed_s = min(stamp_s - self._stamps[-1], silent_s)
+        return 0.0 <= passed_s <= SILENT_S and not self._jumped(pose, passed_s)
+
+    def forget(self) -> None:
+        """The frame is another one: what was known before is anywhere."""
+        self._stamps.clear()
+        self._poses.clear()
+        self.resets += 1
+
+    def pose_at(self, stamp_s: float) -> Pose | None:
+        """The pose at a stamp, None if the odometry does not tell."""
+        if not self._stamps or stamp_s < self._stamps[0]:
+            return None
+        after = bisect_left(self._stamps, stamp_s)
+        if after == len(self._stamps):
+            return self._foretold(stamp_s - self._stamps[-1])
+        if self._stamps[after] == stamp_s:
+            return self._poses[after]
+        hole = self._stamps[after] - self._stamps[after - 1]
+        if hole > LARGEST_HOLE_S:
+            return None
+        return between(self._poses[after - 1], self._poses[after], (stamp_s - self._stamps[after - 1]) / hole)
+
+    def _foretold(self, ahead_s: float) -> Pose | None:
+        """The newest pose moved on with its velocity: a scan is often stamped after the newest odometry."""
+        if ahead_s > LARGEST_HOLE_S:
+            return None
+        pose, velocity = self._poses[-1], self._velocity
+        heading = pose.yaw + velocity.w * ahead_s / 2.0
+        cos, sin = math.cos(heading), math.sin(heading)
+        return Pose(
+            pose.x + ahead_s * (cos * velocity.vx - sin * velocity.vy),
+            pose.y + ahead_s * (sin * velocity.vx + cos * velocity.vy),
+            wrapped(pose.yaw + velocity.w * ahead_s),
+        )
+
+    def _jumped(self, pose: Pose, passed_s: float) -> bool:
+        last = self._poses[-1]
+        moved = math.hypot(pose.x - last.x, pose.y - last.y)
+        turned = abs(wrapped(pose.yaw - last.yaw))
+        return (
+            moved > JUMP_M + 2.0 * self._fastest_mps * passed_s
+            or turned > JUMP_RAD + 2.0 * self._fastest_radps * passed_s
+        )
+
+
+def between(first: Pose, second: Pose, share: float) -> Pose:
+    """The pose a share of the way from one to the other, turning the short way."""
+    return Pose(
+        first.x + share * (second.x - first.x),
+        first.y + share * (second.y - first.y),
+        wrapped(first.yaw + share * wrapped(second.yaw - first.yaw)),
+    )

@@ -1,0 +1,115 @@
+"""The robot's map, taken while somebody has control: by a short-lived process, for the control loop decodes none.
+
+Taken at the beginning of each control session and every few minutes of it, for a robot may be mapping just then.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from asyncio.subprocess import PIPE
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+import msgspec
+from msgspec import Struct
+
+from robots.bridge.audit.record_sink import TakenMap
+from robots.bridge.config import BridgeConfig, Topic
+
+log = logging.getLogger(__name__)
+
+# Behind the control loop from its first line on, as the inspector is once it has started.
+COMMAND = ("nice", "-n", "10", sys.executable, "-m", "robots.bridge.ros.sensors.map")
+END_S = 15.0  # from its start, whatever hangs
+FRESH_S = 300.0  # a map is taken anew after this
+AGAIN_S = 60.0  # the same, where there was none
+LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
+
+
+class MapWanted(Struct, frozen=True):
+    """What the process is asked."""
+
+    master_uri: str
+    topic: Topic
+
+
+class NoMap(Struct, frozen=True, tag=True):
+    """There is none that could be drawn, and why."""
+
+    why: str
+
+
+_answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
+
+
+class Maps:
+    """Lives on the event loop. `keep` is handed each map that was taken, and must not wait."""
+
+    def __init__(
+        self, config: BridgeConfig, keep: Callable[[TakenMap], None], command: Sequence[str] = COMMAND
+    ) -> None:
+        topic = config.topics.map
+        self._wanted = MapWanted(config.master_uri, topic) if topic else None
+        self._keep = keep
+        self._command = command
+        self._fence: int | None = None  # of the control session for which it was taken last
+        self._due_s = float("-inf")
+        self._taking: asyncio.Task[None] | None = None
+        self._told = ""  # why there was no map: said once
+
+    def look(self, fence: int | None, now_s: float) -> None:
+        """Once per period. `fence`: the number of who has control, None if nobody has."""
+        if self._wanted is None or fence is None or self._taking is not None:
+            return
+        if fence != self._fence or now_s >= self._due_s:
+            self._fence, self._due_s = fence, now_s + AGAIN_S
+            self._taking = asyncio.get_running_loop().create_task(self._take(self._wanted, now_s))
+
+    async def close(self) -> None:
+        """The bridge ends."""
+        if self._taking is not None:
+            self._taking.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._taking
+
+    async def _take(self, wanted: MapWanted, now_s: float) -> None:
+        try:
+            match await asyncio.wait_for(self._asked(wanted), END_S):
+                case TakenMap() as taken:
+                    self._due_s, self._told = now_s + FRESH_S, ""
+                    self._keep(taken)
+                case NoMap(why=why):
+                    self._say(why)
+        except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
+            self._say(f"the process that takes it failed ({error!r})")
+        finally:
+            self._taking = None
+
+    async def _asked(self, wanted: MapWanted) -> TakenMap | NoMap:
+        process = await asyncio.create_subprocess_exec(*self._command, stdin=PIPE, stdout=PIPE)
+        assert process.stdin is not None and process.stdout is not None  # noqa: S101  (they are pipes)
+        try:
+            process.stdin.write(msgspec.json.encode(wanted))
+            process.stdin.close()
+            answer: TakenMap | NoMap = _answer.decode(await _up_to(process.stdout, LARGEST_ANSWER))
+            return answer
+        finally:
+            if not process.stdout.at_eof():  # else it ends by itself, and may have done so by now
+                process.kill()
+            await process.wait()
+
+    def _say(self, why: str) -> None:
+        if why != self._told:
+            self._told = why
+            log.info("no map of the robot is put on record: %.300r", why)
+
+
+async def _up_to(stream: asyncio.StreamReader, most: int) -> bytes:
+    """All that comes; what is more than so many bytes is no answer."""
+    try:
+        await stream.readexactly(most + 1)
+    except asyncio.IncompleteReadError as end:
+        return end.partial
+    return b""

@@ -1,0 +1,156 @@
+"""A nav_msgs/OccupancyGrid as a small picture, from its serialized bytes. Pure; numpy and the standard library.
+
+Numbers of a robot's are believed only as far as they make sense: what does not is `BadMap`, with words for the log.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+import zlib
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.audit.record_sink import TakenMap
+from robots.bridge.gate.values import Pose
+
+MOST_CELLS = 4096 * 4096
+LARGEST_SIDE = 2048  # cells of the picture: what has more is thinned
+MOST_SIDE = 8 * LARGEST_SIDE  # of a map: a long thin one is filled up to whole blocks before it is thinned
+LONGEST_FRAME = 200  # characters of its name
+FRAME = "map"  # of REP 105, in which the bridge knows where the odometry's lies
+FREE_TO, OCCUPIED_FROM = 25, 65  # percent, as map_server draws the line
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+# Greys for a light page and for a dark one: the floor a shade of the page's own, what stands there in full.
+_COLOURS = bytes((127, 135, 131)) * 3
+_OPACITY = bytes((0, 34, 255))
+_FARTHEST_M = 1e5
+_TILT = 0.02  # of a quaternion's x and y: a map lies flat
+
+_HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
+_LENGTH = struct.Struct("<I")
+_INFO = struct.Struct("<IIfII7d")  # load time, resolution, width, height, origin
+LARGEST_MESSAGE = _HEADER.size + 2 * _LENGTH.size + LONGEST_FRAME + _INFO.size + MOST_CELLS
+
+Cells = NDArray[np.uint8]  # UNKNOWN, FREE or OCCUPIED; row 0 is the lower edge
+
+
+class BadMap(ValueError):
+    """This is no map that could be drawn, and why."""
+
+
+class _Geometry(NamedTuple):
+    """Where cells lie: `origin` is the outer corner of the first one."""
+
+    resolution_m: float
+    origin: Pose
+
+    def from_cell(self, column: int, row: int) -> _Geometry:
+        """The same, if this cell were the first."""
+        x, y, yaw = self.origin
+        along, up = column * self.resolution_m, row * self.resolution_m
+        c, s = math.cos(yaw), math.sin(yaw)
+        return self._replace(origin=Pose(x + c * along - s * up, y + s * along + c * up, yaw))
+
+
+def taken(raw: bytes) -> TakenMap:
+    """The map that a message holds, cut to what is known of it. Raises `BadMap`."""
+    geometry, cells = _read(raw)
+    geometry, cells = _cut(geometry, cells)
+    geometry, cells = _thinned(geometry, cells)
+    height, width = cells.shape
+    told = struct.pack("<dddd2I", geometry.resolution_m, *geometry.origin, width, height)
+    return TakenMap(
+        resolution_m=geometry.resolution_m,
+        origin=geometry.origin,
+        width=width,
+        height=height,
+        picture=_png(np.flipud(cells)),
+        digest=hashlib.sha256(told + cells.tobytes()).hexdigest(),
+    )
+
+
+def _read(raw: bytes) -> tuple[_Geometry, Cells]:
+    try:
+        (length,) = _LENGTH.unpack_from(raw, _HEADER.size)
+        at = _HEADER.size + _LENGTH.size
+        frame = raw[at : at + min(length, LONGEST_FRAME)].decode(errors="replace").lstrip("/")
+        info = _INFO.unpack_from(raw, at + length)
+        at += length + _INFO.size
+        (count,) = _LENGTH.unpack_from(raw, at)
+    except struct.error as error:
+        raise BadMap("it is cut short") from error
+    if frame != FRAME:
+        raise BadMap(f"it is told in the frame {frame!r}, not in {FRAME!r}")
+    _, _, resolution_m, width, height, *origin = info
+    if not width or not height or max(width, height) > MOST_SIDE or width * height > MOST_CELLS:
+        raise BadMap(f"it has {width} x {height} cells")
+    if count != width * height or len(raw) != at + _LENGTH.size + count:
+        raise BadMap(f"it has {width} x {height} cells and tells {count}")
+    percent = np.frombuffer(raw, np.int8, count, at + _LENGTH.size).reshape(height, width)
+    return _geometry(resolution_m, *origin), _told(percent)
+
+
+def _geometry(
+    resolution_m: float, x: float, y: float, z: float, qx: float, qy: float, qz: float, qw: float
+) -> _Geometry:
+    if not 0.001 <= resolution_m <= 10.0:
+        raise BadMap(f"its cells are {resolution_m} m wide")
+    if not (abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M):
+        raise BadMap(f"it begins at {x}, {y}")
+    if not (0.5 < math.hypot(qx, qy, qz, qw) < 2.0 and math.hypot(qx, qy) < _TILT):
+        raise BadMap("it does not lie flat")
+    # What was sent has single precision: 0.05 is meant, and not 0.05000000074505806.
+    return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, 2.0 * math.atan2(qz, qw)))
+
+
+def _told(percent: NDArray[np.int8]) -> Cells:
+    cells = np.full(percent.shape, UNKNOWN, np.uint8)
+    cells[(percent >= 0) & (percent <= FREE_TO)] = FREE
+    cells[(percent >= OCCUPIED_FROM) & (percent <= 100)] = OCCUPIED
+    return cells
+
+
+def _cut(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
+    """Without the rows and columns around it of which nothing is known: SLAM begins with a large sheet."""
+    rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+    if not rows.size:
+        raise BadMap("nothing is known of any cell")
+    kept = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return geometry.from_cell(int(columns[0]), int(rows[0])), kept
+
+
+def _thinned(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
+    """Several cells as one, if there are too many: a wall among them stays, and what is known."""
+    share = -(-max(cells.shape) // LARGEST_SIDE)
+    if share == 1:
+        return geometry, cells
+    height, width = cells.shape
+    filled = np.pad(cells, ((0, -height % share), (0, -width % share)))
+    blocks = filled.reshape(filled.shape[0] // share, share, filled.shape[1] // share, share)
+    return geometry._replace(resolution_m=geometry.resolution_m * share), blocks.max(axis=(1, 3))
+
+
+def _png(rows: Cells) -> bytes:
+    """A picture in three colours, its first row on top."""
+    height, width = rows.shape
+    unfiltered = np.pad(
+        rows, ((0, 0), (1, 0))
+    ).tobytes()  # each row begins with the number of its filter: none
+    return b"".join(
+        (
+            b"\x89PNG\r\n\x1a\n",
+            _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
+            _chunk(b"PLTE", _COLOURS),
+            _chunk(b"tRNS", _OPACITY),
+            _chunk(b"IDAT", zlib.compress(unfiltered, 9)),
+            _chunk(b"IEND", b""),
+        )
+    )
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))

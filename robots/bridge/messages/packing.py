@@ -1,0 +1,264 @@
+"""A message's bytes, read and written by its definition. Pure: no class is generated, no code of anybody's is run.
+
+A message is read in part: of a long array or text the beginning, the rest is stepped over. So a map of a million
+cells costs no more than a short one.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+from robots.bridge.messages.fields import FLOATS, INTEGERS, NOW, STAMPS
+from robots.wire import Field
+
+HEADER = "std_msgs/Header"
+MOST_STEPS = 200_000  # through one message: some tenths of a second
+LARGEST_WRITTEN = 4 * 1024 * 1024  # bytes
+_LENGTH = struct.Struct("<I")
+_CODES = {
+    "bool": "?",
+    "byte": "b",
+    "char": "B",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
+}
+
+Time = tuple[int, int]  # seconds, nanoseconds
+
+
+class Broken(ValueError):
+    """The bytes are not a message of this definition."""
+
+
+class TooLarge(ValueError):
+    """A message that would take too long to be read, or too much room when it is written."""
+
+
+class Detail(NamedTuple):
+    """How much is read: of arrays longer than `whole` the `first` elements, of texts so many characters."""
+
+    whole: int
+    first: int
+    text: int
+
+
+class Reading:
+    """The way through one message's bytes; `shortened` has the whole length of each array that was read in part."""
+
+    def __init__(self, data: bytes, detail: Detail) -> None:
+        self.data = data
+        self.at = 0
+        self.detail = detail
+        self.shortened: dict[str, int] = {}  # by path
+        self._steps_left = MOST_STEPS
+
+    def step(self, size: int) -> int:
+        """Go `size` bytes on; returns where they begin."""
+        self._steps_left -= 1
+        if self._steps_left < 0:
+            raise TooLarge("The message has too many parts to be shown.")
+        begin = self.at
+        self.at += size
+        if self.at > len(self.data):
+            raise Broken(f"The message ends after {len(self.data)} bytes, within a field.")
+        return begin
+
+    def length(self) -> int:
+        """Of what follows, as it stands before it."""
+        size: int = _LENGTH.unpack_from(self.data, self.step(4))[0]
+        return size
+
+
+class _Kind(Protocol):
+    """A field's type. `size` in bytes, None if that differs from message to message."""
+
+    size: int | None
+
+    def read(self, reading: Reading, path: str) -> Any: ...
+
+    def skip(self, reading: Reading) -> None: ...
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None: ...  # None: nothing was given
+
+
+class _Number:
+    def __init__(self, type_name: str) -> None:
+        self._struct = struct.Struct("<" + _CODES[type_name])
+        self.size: int | None = self._struct.size
+        self._blank = False if type_name == "bool" else 0
+        self._name = type_name
+
+    def read(self, reading: Reading, path: str) -> Any:
+        return self.plain(self._struct.unpack_from(reading.data, reading.step(self._struct.size))[0])
+
+    def skip(self, reading: Reading) -> None:
+        reading.step(self._struct.size)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        out += self._struct.pack(self._blank if value is None else value)
+
+    def plain(self, value: Any) -> Any:
+        """As JSON has it: without the digits that a float32 does not know, and NaN as text."""
+        if self._name not in FLOATS:
+            return value
+        if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else ("Infinity" if value > 0 else "-Infinity")
+        return float(f"{value:.7g}") if self._name == "float32" else value
+
+
+class _Stamp:
+    size: int | None = 8
+
+    def __init__(self, type_name: str, blank: Any = None) -> None:
+        self._struct = struct.Struct("<II" if type_name == "time" else "<ii")
+        self._blank = blank
+
+    def read(self, reading: Reading, path: str) -> dict[str, int]:
+        secs, nsecs = self._struct.unpack_from(reading.data, reading.step(8))
+        return {"secs": secs, "nsecs": nsecs}
+
+    def skip(self, reading: Reading) -> None:
+        reading.step(8)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        value = self._blank if value is None else value
+        if value == NOW:
+            out += self._struct.pack(*now)
+        else:
+            out += self._struct.pack(value["secs"], value["nsecs"]) if value else bytes(8)
+
+
+class _Text:
+    size: int | None = None
+
+    def read(self, reading: Reading, path: str) -> str:
+        size = reading.length()
+        begin = reading.step(size)
+        kept = reading.detail.text
+        text = reading.data[begin : begin + min(size, 4 * kept)].decode(errors="replace")
+        return text if len(text) <= kept and size <= 4 * kept else f"{text[:kept]}…"
+
+    def skip(self, reading: Reading) -> None:
+        reading.step(reading.length())
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        text = (value or "").encode()
+        out += _LENGTH.pack(len(text)) + text
+
+
+class _Array:
+    def __init__(self, element: _Kind, length: int) -> None:
+        self._element = element
+        self._length = length  # -1: any
+        self.size = None if length < 0 or element.size is None else length * element.size
+
+    def read(self, reading: Reading, path: str) -> list[Any]:
+        length = reading.length() if self._length < 0 else self._length
+        self._check_room(reading, length)
+        shown = length
+        if length > (reading.detail.whole if self._element.size != 0 else 1):
+            shown = reading.detail.first if self._element.size != 0 else 1
+            reading.shortened[path] = length
+        values = [self._element.read(reading, f"{path}[{number}]") for number in range(shown)]
+        self._skip(reading, length - shown)
+        return values
+
+    def skip(self, reading: Reading) -> None:
+        length = reading.length() if self._length < 0 else self._length
+        self._check_room(reading, length)
+        self._skip(reading, length)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        values = [None] * max(self._length, 0) if value is None else value
+        if self._length < 0:
+            out += _LENGTH.pack(len(values))
+        if self._element.size == 0:
+            return
+        for element in values:
+            self._element.write(element, out, now)
+            if len(out) > LARGEST_WRITTEN:
+                raise TooLarge(f"The message would have more than {LARGEST_WRITTEN} bytes.")
+
+    def _skip(self, reading: Reading, count: int) -> None:
+        if self._element.size is not None:
+            reading.step(count * self._element.size)
+            return
+        for _ in range(count):
+            self._element.skip(reading)
+
+    def _check_room(self, reading: Reading, length: int) -> None:
+        """Elements of no bytes at all may be as many as they like; they are just not walked."""
+        if self._element.size != 0 and length > len(reading.data) - reading.at:
+            raise Broken(f"An array says that it has {length} elements; the message is shorter.")
+
+
+class _Message:
+    def __init__(self, fields: Sequence[Field], header: bool) -> None:
+        self._fields = [(field.name, _kind(field, header)) for field in fields]
+        sizes = [kind.size for _, kind in self._fields]
+        self.size = None if None in sizes else sum(size or 0 for size in sizes)
+
+    def read(self, reading: Reading, path: str) -> dict[str, Any]:
+        reading.step(0)  # a message of no fields counts, too
+        before = f"{path}." if path else ""
+        return {name: kind.read(reading, before + name) for name, kind in self._fields}
+
+    def skip(self, reading: Reading) -> None:
+        if self.size is not None:
+            reading.step(self.size)
+            return
+        for _, kind in self._fields:
+            kind.skip(reading)
+
+    def write(self, value: Any, out: bytearray, now: Time) -> None:
+        given = value or {}
+        for name, kind in self._fields:
+            kind.write(given.get(name), out, now)
+
+
+def _kind(field: Field, header: bool) -> _Kind:
+    element: _Kind
+    if field.type in STAMPS:
+        element = _Stamp(field.type, NOW if header and field.name == "stamp" else None)
+    elif field.type in INTEGERS or field.type in FLOATS:
+        element = _Number(field.type)
+    elif field.type == "string":
+        element = _Text()
+    else:
+        element = _Message(field.fields, header=field.type == HEADER)
+    return element if field.array is None else _Array(element, field.array)
+
+
+class Layout:
+    """How messages of one definition lie in bytes."""
+
+    def __init__(self, definition: Sequence[Field]) -> None:
+        self._message = _Message(definition, header=False)
+
+    def read(self, data: bytes, detail: Detail) -> tuple[dict[str, Any], dict[str, int]]:
+        """The fields, and by path the whole lengths of arrays that were shortened. Raises `Broken` or `TooLarge`."""
+        reading = Reading(data, detail)
+        fields = self._message.read(reading, "")
+        if reading.at != len(data):
+            raise Broken(f"The message has {len(data)} bytes; its definition says {reading.at}.")
+        return fields, reading.shortened
+
+    def write(self, values: dict[str, Any], now: Time) -> bytes:
+        """The bytes of what `fields.fitted` returned: what is left out is zero or empty, a header's stamp now.
+
+        Raises `TooLarge`.
+        """
+        out = bytearray()
+        self._message.write(values, out, now)
+        return bytes(out)

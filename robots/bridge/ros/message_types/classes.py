@@ -1,0 +1,120 @@
+"""ROS classes by type name, also for the types that the distribution does not package.
+
+PAL's types are written in `definitions/`, one file each, and turned into Python by genpy once per
+change of a definition: into a folder named by what went in, so that processes never see half of it
+and an old folder is never wrong. Once a class of ours was asked for, that folder is on `sys.path`, and
+``import play_motion_msgs.msg`` works like any other.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import shutil
+import sys
+import tempfile
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import genpy
+
+from robots.bridge.ros.bounds.texts import NAME, cut
+
+DEFINITIONS = Path(__file__).with_name("definitions")
+REPOSITORY = Path(__file__).resolve().parents[3]
+
+
+class UnknownTypeError(LookupError):
+    """Neither the distribution nor our definitions have this type."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no ROS type {name!r}: neither installed nor among our definitions")
+
+
+def message_class(name: str) -> type[Any]:
+    """The class of message type `name`, such as ``play_motion_msgs/PlayMotionActionGoal``."""
+    return _class(name, "msg")
+
+
+def service_class(name: str) -> type[Any]:
+    """The class of service type `name`, such as ``play_motion_msgs/ListMotions``."""
+    return _class(name, "srv")
+
+
+@cache
+def _class(name: str, kind: str) -> type[Any]:
+    package, _, short = name.partition("/")
+    if len(name) > NAME:
+        raise UnknownTypeError(cut(name, NAME))
+    if not (package.isidentifier() and short.isidentifier()):
+        raise UnknownTypeError(name)
+    if (DEFINITIONS / package).is_dir():
+        make_ours_importable()
+    try:
+        found: type[Any] = getattr(import_module(f"{package}.{kind}"), short)
+    except (ModuleNotFoundError, AttributeError) as error:
+        raise UnknownTypeError(name) from error
+    return found
+
+
+@cache
+def make_ours_importable() -> Path:
+    """Generate our packages unless that was done before, and append their folder to `sys.path`."""
+    folder = _generated()
+    sys.path.append(str(folder))
+    return folder
+
+
+def definition_files() -> list[Path]:
+    """All definition files, in one order."""
+    return sorted(file for file in DEFINITIONS.rglob("*.*") if file.suffix in {".msg", ".srv", ".action"})
+
+
+def _digest() -> str:
+    """Names everything that decides what is generated."""
+    generators = (Path(__file__).with_name("generate.py"), Path(genpy.__file__).with_name("generator.py"))
+    digest = hashlib.sha256()
+    for file in (*definition_files(), *generators):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _generated() -> Path:
+    cache_folder = _cache_folder()
+    target = cache_folder / _digest()
+    if target.is_dir():
+        return target
+
+    from robots.bridge.ros.message_types.generate import generate
+
+    # Made beside its place and moved there in one step: two processes may come here at once.
+    draft = Path(tempfile.mkdtemp(dir=cache_folder, prefix="draft-"))
+    generate(definition_files(), draft)
+    try:
+        draft.rename(target)
+    except OSError:
+        if not target.is_dir():
+            raise
+        shutil.rmtree(draft)  # another process was faster, with the same content
+    return target
+
+
+def _cache_folder() -> Path:
+    """Where generated classes are kept: a place of our own, for whoever may write there may run code in us."""
+    wanted = Path(os.environ.get("FLEET_VAR") or REPOSITORY / "var") / "ros-types"
+    try:
+        wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return _short_lived_folder()
+    return wanted if os.access(wanted, os.W_OK) else _short_lived_folder()
+
+
+@cache
+def _short_lived_folder() -> Path:
+    """For a read-only installation: generated anew by each process, gone with it."""
+    folder = Path(tempfile.mkdtemp(prefix="fleet-ros-types-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder

@@ -1,0 +1,66 @@
+"""How long the robot's machine takes to acknowledge the twists that are written to its drive topic.
+
+The kernel knows how many bytes of a connection it still keeps because nobody has acknowledged them (tcp(7), SIOCOUTQ).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import struct
+import termios
+from typing import Any
+
+import rospy
+
+from robots.bridge.gate.timing.acknowledgements import Echo
+from robots.bridge.ros.tasks.publishing import heard_by
+
+
+class Echoes:
+    """The connections of the drive topic to one machine, the master's; to all, if it listens nowhere.
+
+    Somebody who looks on from elsewhere, over a slow link of his own, says nothing of the robot's.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._echoes: dict[Any, Echo] = {}  # by rospy's connection
+
+    def wrote(self, publisher: rospy.Publisher, now_s: float) -> None:
+        """A message has just been published."""
+        connections = heard_by(publisher)
+        of_robot = [connection for connection in connections if _peer(connection) == self._address]
+        self._echoes = {
+            connection: self._echoes.get(connection) or Echo() for connection in of_robot or connections
+        }
+        for connection, echo in self._echoes.items():
+            echo.wrote(connection.stat_bytes, now_s)
+
+    def took_s(self, now_s: float) -> float | None:
+        """Of the slowest that has shown it since the last call."""
+        found = [
+            echo.took_s(connection.stat_bytes - _kept(connection), now_s)
+            for connection, echo in self._echoes.items()
+        ]
+        return max((took_s for took_s in found if took_s is not None), default=None)
+
+
+# rospy closes a connection on a thread of its own, and then drops its socket.
+_CLOSED = (OSError, AttributeError, ValueError)
+
+
+def _peer(connection: Any) -> str:
+    """The address of the other end."""
+    try:
+        return str(connection.socket.getpeername()[0])
+    except _CLOSED:
+        return ""
+
+
+def _kept(connection: Any) -> int:
+    """Bytes that the other end has not acknowledged."""
+    try:
+        kept: int = struct.unpack("i", fcntl.ioctl(connection.socket.fileno(), termios.TIOCOUTQ, bytes(4)))[0]
+    except _CLOSED:
+        return 0
+    return kept

@@ -1,0 +1,34 @@
+"""Whether hosts' names are known here: looked up aside, for a resolver whose name server is silent tries for long."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Set
+
+from robots.bridge.ros.ros_worker import Errands
+
+
+class Names:
+    """The host names by which a robot's nodes want to be called."""
+
+    def __init__(self) -> None:
+        self._errands = Errands("names")
+        self._wanted: Set[str] = frozenset()
+        self._unknown: Set[str] = frozenset()
+
+    def unknown(self, hosts: Set[str]) -> Set[str]:
+        """Which of these could not be resolved when it was tried last. Tries all of them again, and returns at once."""
+        self._wanted = hosts
+        self._errands.do(self._look_up)
+        return hosts & self._unknown
+
+    def _look_up(self) -> None:
+        self._unknown = {host for host in self._wanted if not _is_known(host)}
+
+
+def _is_known(host: str) -> bool:
+    try:
+        socket.getaddrinfo(host, None)
+    except (OSError, ValueError):  # the latter of what cannot be a name
+        return False
+    return True

@@ -1,0 +1,278 @@
+"""Talking to a ROS master over XML-RPC, with time-outs, and noticing at once when it dies."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import time
+import xmlrpc.client
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+from urllib.parse import urlsplit
+
+import msgspec
+
+from robots.bridge.probe_findings import BRIDGE, WATCHDOG
+from robots.bridge.ros.bounds import texts
+
+TIMEOUT_S = 1.0
+WHOLE_S = 5.0  # a call with its answer: of a hundred kilobytes, maybe, by a slow radio
+LARGEST_ANSWER = 64 * 1024 * 1024  # bytes that are read; what is kept of them is less
+MOST_VALUES = 500_000  # in an answer
+INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
+
+
+def is_own(node: str) -> bool:
+    """Whether a node is a console's bridge, inspector or watchdog: none is part of the robot, or listens."""
+    return node.startswith((BRIDGE, INSPECTOR, WATCHDOG))
+
+
+_Told = TypeVar("_Told")
+_Nodes = list[tuple[str, list[str]]]  # by topic
+
+
+class MasterError(Exception):
+    """The master does not answer, or answers that something failed. The text is for people."""
+
+
+class NotThere(MasterError):
+    """It answers, and has nothing of that name, or does not do it."""
+
+
+def left_s(until_s: float) -> float:
+    """The time until then, by the monotonic clock; a TimeoutError once it is over."""
+    left_s = until_s - time.monotonic()
+    if left_s <= 0.0:
+        raise TimeoutError("timed out")
+    return left_s
+
+
+class _Reader(xmlrpc.client.Unmarshaller):
+    """Makes values of an answer. Each text is cut at `longest` characters, as it comes."""
+
+    def __init__(self, longest: int) -> None:
+        super().__init__()
+        self._longest = longest
+        self._room = longest
+        self._values_left = MOST_VALUES
+
+    def start(self, tag: str, attrs: dict[str, str]) -> None:
+        self._room = self._longest
+        self._values_left -= 1
+        if self._values_left < 0:
+            raise xmlrpc.client.ResponseError("the answer has too many values")
+        super().start(tag, attrs)
+
+    def data(self, text: str) -> None:
+        if self._room > 0:
+            super().data(text[: self._room])
+            self._room -= len(text)
+
+
+class _Transport(xmlrpc.client.Transport):
+    """For one call: no wait is longer than `timeout_s`, and all of it is over within `WHOLE_S`."""
+
+    accept_gzip_encoding = False
+
+    def __init__(self, timeout_s: float, longest: int) -> None:
+        super().__init__()
+        self._timeout_s = timeout_s
+        self._longest = longest
+        self._until_s = time.monotonic() + WHOLE_S
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        if not connection.sock:
+            connection.timeout = self._timeout_s
+            connection.connect()
+            connection.sock = _Socket(connection.sock, self._timeout_s, self._until_s)
+        return connection
+
+    def getparser(self) -> Any:
+        reader = _Reader(self._longest)
+        return xmlrpc.client.ExpatParser(reader), reader
+
+    def parse_response(self, response: Any) -> Any:
+        if response.getheader("Content-Encoding"):
+            raise xmlrpc.client.ResponseError("the answer is compressed, though nobody asked for that")
+        return super().parse_response(response)
+
+
+class _Socket(socket.socket):
+    """A connection on which nothing is waited for after `until_s`, however slowly the other side speaks."""
+
+    def __init__(self, connection: socket.socket, timeout_s: float, until_s: float) -> None:
+        super().__init__(fileno=connection.detach())
+        self._timeout_s, self._until_s = timeout_s, until_s
+        self._left = LARGEST_ANSWER
+
+    def recv_into(self, *into: Any) -> int:
+        """A part of what comes. OSError if it is too much."""
+        self._limit()
+        size = super().recv_into(*into)
+        self._left -= size
+        if self._left < 0:
+            raise OSError(f"its answer has more than {LARGEST_ANSWER} bytes")
+        return size
+
+    def sendall(self, *what: Any) -> None:
+        """All of it."""
+        self._limit()
+        super().sendall(*what)
+
+    def _limit(self) -> None:
+        self.settimeout(min(self._timeout_s, left_s(self._until_s)))
+
+
+@dataclass(frozen=True)
+class SystemState:
+    """Who publishes and who subscribes: topic -> node names; topic -> type; and service -> node names."""
+
+    publishers: dict[str, list[str]]
+    subscribers: dict[str, list[str]]
+    types: dict[str, str]
+    services: dict[str, list[str]]
+    is_cut: bool = False  # there are more than are kept here
+
+
+class Master:
+    """One master (or one node), as the node `caller` calls it.
+
+    Calls raise MasterError once it says nothing for `timeout_s`, and within `WHOLE_S` though it speaks. Before that its
+    name is looked up, for as long as this computer's resolver tries.
+    """
+
+    def __init__(self, uri: str, caller: str, timeout_s: float = TIMEOUT_S) -> None:
+        self.uri = uri
+        self._caller = caller
+        self._timeout_s = timeout_s
+
+    def alive(self) -> None:
+        """Return if the master answers."""
+        self.call("getPid")
+
+    def node_uri(self, node: str) -> str | None:
+        """The XML-RPC address of a registered node, None if there is none of that name."""
+        try:
+            return self._told(str, "lookupNode", node)
+        except NotThere:
+            return None
+
+    def register(self, kind: str, topic: str, type_name: str, node_uri: str) -> list[str]:
+        """registerPublisher or registerSubscriber; returns the addresses of the other side."""
+        return self._told(list[str], kind, topic, type_name, node_uri)
+
+    def parameter(self, name: str) -> Any:
+        """What the parameter server has there, None if nothing."""
+        try:
+            return self.call("getParam", name, longest=texts.DESCRIPTION)
+        except NotThere:
+            return None
+
+    def system_state(self) -> SystemState:
+        """Publishers, subscribers and types of all topics, and who provides the services; names and tables cut."""
+        told = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
+        publishers, subscribers, services = map(texts.books, told)
+        types = texts.cut_types(self._told(list[tuple[str, str]], "getTopicTypes"))
+        types.update(_goal_types(publishers, types))
+        is_cut = max(map(len, told)) > texts.MOST_TOPICS
+        return SystemState(publishers, subscribers, types, services, is_cut)
+
+    def call(self, method: str, *arguments: object, longest: int = texts.ANSWER) -> Any:
+        """One call of the master (or slave) API; returns its value, with each text in it cut at `longest`."""
+        try:
+            transport = _Transport(self._timeout_s, longest)
+            with xmlrpc.client.ServerProxy(self.uri, transport=transport) as proxy:
+                code, text, value = getattr(proxy, method)(self._caller, *arguments)
+        except socket.gaierror as error:
+            host = urlsplit(self.uri).hostname
+            raise MasterError(
+                f"The name {host} cannot be resolved here: give the robot a host alias."
+            ) from error
+        except TimeoutError as error:
+            raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
+        except Exception as error:  # of whatever is there instead, or dies while it answers
+            why = texts.cut(str(error), texts.SENTENCE)
+            raise MasterError(f"No ROS master answers at {self.uri} ({why}).") from error
+        if code != 1:
+            raise (NotThere if code == -1 else MasterError)(texts.cut(str(text), texts.SENTENCE))
+        return value
+
+    def _told(self, kind: type[_Told], method: str, *arguments: object) -> _Told:
+        """The same, for a value that must be of this kind."""
+        value = self.call(method, *arguments)
+        try:
+            return msgspec.convert(value, kind)
+        except msgspec.ValidationError as error:
+            why = texts.cut(str(error), texts.SENTENCE)
+            raise MasterError(f"No ROS master answers at {self.uri} ({method}: {why}).") from error
+
+
+def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> dict[str, str]:
+    """The types of the goals that actions take, by what these tell of themselves.
+
+    For any topic the master says what was advertised last: for goals, that is who sends them, and so maybe us.
+    """
+    results = {topic: types.get(topic, "") for topic in publishers if topic.endswith("/result")}
+    return {
+        f"{topic.removesuffix('result')}goal": f"{kind.removesuffix('Result')}Goal"
+        for topic, kind in results.items()
+        if kind.endswith("ActionResult")
+    }
+
+
+class DeathWatch:
+    """An idle TCP connection to the master's port: the kernel ends it the moment the master dies. Or MasterError."""
+
+    def __init__(self, uri: str) -> None:
+        parts = urlsplit(uri)
+        try:
+            self._socket = socket.create_connection((parts.hostname or "", parts.port or 80), TIMEOUT_S)
+        except OSError as error:
+            raise MasterError(f"No ROS master answers at {uri} ({error}).") from error
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether the master died within `timeout_s`."""
+        self._socket.settimeout(timeout_s)
+        try:
+            self._socket.recv(1)
+        except TimeoutError:
+            return False
+        except OSError:
+            return True
+        return True
+
+    def close(self) -> None:
+        """Let go."""
+        self._socket.close()
+
+
+def node_alive(uri: str, node: str) -> bool | None:
+    """Whether this node of rospy's answers at this XML-RPC address, or is somewhere that has no name here.
+
+    None: it is silent, or out of reach just now. False: nobody listens there any more, or something else does.
+    """
+    try:
+        return bool(Master(uri, BRIDGE).call("getName") == node)
+    except MasterError as error:
+        why = error.__cause__
+        if isinstance(why, socket.gaierror):
+            return True  # for all that is known: only the robot can call it
+        return None if isinstance(why, OSError) and not isinstance(why, ConnectionRefusedError) else False
+
+
+def why_silent(uri: str) -> str:
+    """Why a node that a master has at this XML-RPC address does not listen, in words: it has ended, or hangs.
+
+    "" if it answers; a host's name that is not known here tells nothing of the node.
+    """
+    try:
+        Master(uri, BRIDGE).alive()
+    except MasterError as error:
+        why = error.__cause__
+        if isinstance(why, ConnectionRefusedError):
+            return "its process has ended: start it again (the master still has its name)"
+        if isinstance(why, OSError) and not isinstance(why, socket.gaierror):
+            return f"it does not answer at {uri}: it hangs, or this computer cannot reach it"
+    return ""

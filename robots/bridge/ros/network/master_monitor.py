@@ -1,0 +1,159 @@
+"""The robot's master, watched: joined when it is there, surveyed while it stays, joined again when it is back."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from contextlib import closing
+from time import monotonic
+from typing import Protocol
+from urllib.parse import urlsplit
+
+import rospy
+
+from robots.bridge.core import RosStatus
+from robots.bridge.probe_findings import BRIDGE
+from robots.bridge.ros.network.master import DeathWatch, Master, MasterError, SystemState, node_alive
+from robots.bridge.ros.registration import register_again
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 0.5
+SURVEY_S = 2.0
+SILENCE_S = 10.0  # of a namesake, without a break, until it counts as dead
+
+
+class Namesake(Exception):
+    """Another bridge is registered with this master, and not known to be dead."""
+
+
+class NodeLost(Exception):
+    """For the rest of this process's life rospy cannot be this robot's node."""
+
+    def __init__(self, text: str, name_taken: bool) -> None:
+        super().__init__(text)
+        self.name_taken = name_taken
+
+
+class Node(Protocol):
+    """Who is told, on the watcher's thread."""
+
+    def begin(self) -> None:
+        """The master is there and knows no other bridge: join it, by rospy. Called once."""
+
+    def began_again(self) -> None:
+        """A master that was restarted has been told all that rospy told its predecessor."""
+
+    def surveyed(self, system: SystemState) -> None:
+        """Who publishes and who listens now."""
+
+    def tell(self, status: RosStatus) -> None:
+        """Why the robot is not joined."""
+
+    def lost(self, name_taken: bool) -> None:
+        """Only another process can be this robot's node: another one took the name, or `begin` failed."""
+
+
+class MasterWatcher:
+    """Watches on a thread of its own, whatever a hostile or dying master answers."""
+
+    def __init__(self, master: Master, node: Node) -> None:
+        self._master = master
+        self._node = node
+        self._begun = False
+        self._silent_since_s: float | None = None  # a namesake
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="master", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look for the master."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """Look no more. Returns at once."""
+        self._ending.set()
+
+    def _watch(self) -> None:
+        while not self._ending.is_set():
+            try:
+                self._join_and_stay()
+            except MasterError as error:
+                self._node.tell(RosStatus("waiting", str(error)))
+            except Namesake as error:
+                self._node.tell(RosStatus("refused", str(error)))
+            except NodeLost as error:
+                if not self._ending.is_set():  # else `rospy.signal_shutdown` came in between
+                    self._node.tell(RosStatus("refused", str(error)))
+                    self._node.lost(error.name_taken)
+                return
+            except Exception as error:  # without this thread the robot's loss would not be noticed
+                log.exception("watching the robot's master failed")
+                self._node.tell(RosStatus("waiting", f"Watching the robot’s ROS master failed ({error})."))
+            self._ending.wait(RETRY_S)
+
+    def _join_and_stay(self) -> None:
+        self._require_name()
+        self._master.alive()
+        with closing(DeathWatch(self._master.uri)) as watch:  # first: it may die while we join
+            self._require_no_namesake()
+            if self._begun:
+                register_again(self._master)
+                self._node.began_again()
+            else:
+                self._begin()
+            self._stay(watch)
+
+    def _begin(self) -> None:
+        """What broke half-way cannot be done again: rospy begins once, and its topics are there already."""
+        try:
+            self._node.begin()
+        except Exception as error:
+            if not self._ending.is_set():
+                log.exception("joining the robot's master failed")
+            raise NodeLost(f"The bridge could not join the robot ({error}).", name_taken=False) from error
+        self._begun = True
+
+    def _stay(self, watch: DeathWatch) -> None:
+        """Survey the robot until the master is gone."""
+        while not self._ending.is_set():
+            self._require_name()
+            self._node.surveyed(self._master.system_state())
+            if watch.wait(SURVEY_S):
+                raise MasterError(f"The ROS master at {self._master.uri} is gone.")
+
+    def name_is_lost(self) -> bool:
+        """Whether the master no longer knows this node by the bridge's name: another took it, and may have left again.
+
+        On any thread. False if the master does not answer.
+        """
+        try:
+            return bool(self._master.node_uri(BRIDGE) != rospy.get_node_uri())
+        except MasterError:
+            return False
+
+    def _require_name(self) -> None:
+        if self._begun and rospy.is_shutdown():
+            raise NodeLost("Another node took this bridge’s name on the robot’s master.", name_taken=True)
+
+    def _require_no_namesake(self) -> None:
+        """One that is only silent may be a busy computer in mid-drive: it is not taken for dead at once."""
+        uri = self._master.node_uri(BRIDGE)
+        alive = node_alive(uri, BRIDGE) if uri and uri != rospy.get_node_uri() else False
+        if alive:
+            self._silent_since_s = None
+            raise Namesake(
+                f"Another console’s bridge on {_host(uri)} drives this robot; stop that one first."
+            )
+        if alive is None:
+            now_s = monotonic()
+            self._silent_since_s = self._silent_since_s or now_s
+            if now_s - self._silent_since_s < SILENCE_S:
+                raise Namesake(
+                    f"Another console’s bridge on {_host(uri)} has this robot and does not answer now. "
+                    "If it stays silent, this one takes over."
+                )
+        self._silent_since_s = None
+
+
+def _host(uri: str | None) -> str | None:
+    return urlsplit(uri).hostname if uri else None

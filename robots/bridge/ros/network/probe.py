@@ -1,0 +1,244 @@
+"""``python -m robots.bridge.ros.network.probe``: a plan on stdin, findings on stdout, both JSON.
+
+Listens to topics by a TCPROS handshake of its own rather than as a rospy node: the publisher then tells its type
+and md5 sum even where they are not ours, and nothing stays registered with the master. Runs in the environment
+that the robot's bridge runs in (`robots.supervisor.ros_environment`), so that names resolve for it as they do for the bridge.
+"""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import struct
+import sys
+import threading
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+from urllib.parse import urlsplit
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+import msgspec
+from rosgraph.network import get_host_name
+
+from robots.bridge.config import ArmSource
+from robots.bridge.probe_findings import (
+    CALLER,
+    CallbackFound,
+    DescriptionFound,
+    DriveFound,
+    Findings,
+    HostFound,
+    Listened,
+    Plan,
+    TopicFound,
+)
+from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
+from robots.bridge.ros.network.master import Master, MasterError, SystemState
+from robots.bridge.ros.network.tcpros import Conversation, first_told
+from robots.bridge.tasks.urdf import BadDescription, Tree
+
+CALLBACK_S = 2.0
+DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
+NODE_S = 3.0  # a robot that is busy is not one that is silent
+HEAD = 512  # bytes of a message that are looked at: its std_msgs/Header
+
+
+def probe(plan: Plan) -> Findings:
+    """Find out; takes a few seconds at most."""
+    master = Master(plan.master_uri, CALLER)
+    try:
+        state = master.system_state()
+        uris = _node_uris(master, state)
+    except MasterError as error:
+        return Findings(master_error=str(error))
+    with ThreadPoolExecutor(len(plan.listened) + 2) as pool:
+        hosts = pool.submit(_hosts, uris)
+        callback = pool.submit(_callback, master)
+        topics = list(pool.map(lambda asked: _topic(asked, state, uris, plan.listen_s), plan.listened))
+        return Findings(
+            hosts=hosts.result(),
+            callback=callback.result(),
+            topics=topics,
+            drive=_drive(plan, state),
+            description=_description(plan.arm, plan.master_uri) if plan.arm else None,
+        )
+
+
+def _drive(plan: Plan, state: SystemState) -> DriveFound:
+    topic = plan.drive.name
+    return DriveFound(
+        state.publishers.get(topic, []), state.subscribers.get(topic, []), state.types.get(topic)
+    )
+
+
+def _description(arm: ArmSource, master_uri: str) -> DescriptionFound:
+    try:
+        told = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
+        if not isinstance(told, str):
+            return DescriptionFound(error="there is none")
+        tree = Tree(told)
+    except (MasterError, BadDescription) as error:
+        return DescriptionFound(error=str(error))
+    return DescriptionFound(
+        links=[link for link in arm.links if link not in tree],
+        joints=[joint for joint in arm.home if not tree.moved_by([joint])],
+    )
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+
+def _node_uris(master: Master, state: SystemState) -> dict[str, str]:
+    """Every node's XML-RPC address."""
+    sides = (state.publishers, state.subscribers)
+    nodes = {node for side in sides for names in side.values() for node in names}
+    found = {node: master.node_uri(node) for node in sorted(nodes)}
+    return {node: uri for node, uri in found.items() if uri}
+
+
+def _hosts(uris: dict[str, str]) -> list[HostFound]:
+    """The host names that nodes advertise; of each, one node is called."""
+    names = Counter(urlsplit(uri).hostname or "" for uri in uris.values())
+    one_of = {urlsplit(uri).hostname or "": uri for uri in uris.values()}
+    with ThreadPoolExecutor(16) as pool:
+        return list(pool.map(lambda item: _host(item[0], item[1], one_of[item[0]]), names.items()))
+
+
+def _host(name: str, nodes: int, uri: str) -> HostFound:
+    try:
+        address = socket.gethostbyname(name)
+    except OSError:
+        return HostFound(name, nodes)
+    try:
+        socket.create_connection((address, urlsplit(uri).port or 80), NODE_S).close()
+    except OSError as error:
+        return HostFound(name, nodes, address, str(error))
+    return HostFound(name, nodes, address)
+
+
+class _QuietHandler(SimpleXMLRPCRequestHandler):
+    def log_message(self, format: str, *args: Any) -> None:
+        """Not a word on stderr."""
+
+
+def _callback(master: Master) -> CallbackFound:
+    """Publish and subscribe one made-up topic: the master then has to call the subscriber, which is us."""
+    advertised, route = get_host_name(), _route(master.uri)
+    called = threading.Event()
+
+    def publisher_update(*_caller_topic_publishers: Any) -> tuple[int, str, int]:
+        called.set()
+        return 1, "", 0
+
+    with SimpleXMLRPCServer(("", 0), _QuietHandler, logRequests=False) as server:
+        server.register_function(publisher_update, "publisherUpdate")
+        serving = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        serving.start()
+        uri = f"http://{advertised}:{server.server_address[1]}/"
+        try:
+            _provoke(master, uri, called)
+        except MasterError as error:
+            return CallbackFound(advertised, False, route, str(error))
+        finally:
+            server.shutdown()
+    return CallbackFound(advertised, called.is_set(), route)
+
+
+def _provoke(master: Master, uri: str, called: threading.Event) -> None:
+    topic = f"{CALLER}/{secrets.token_hex(8)}"
+    master.register("registerSubscriber", topic, "std_msgs/Empty", uri)
+    try:
+        master.register("registerPublisher", topic, "std_msgs/Empty", uri)
+        called.wait(CALLBACK_S)
+    finally:
+        master.call("unregisterPublisher", topic, uri)
+        master.call("unregisterSubscriber", topic, uri)
+
+
+def _route(master_uri: str) -> str | None:
+    """This computer's address in the master's network; connecting a datagram socket sends nothing."""
+    parts = urlsplit(master_uri)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as datagrams:
+        try:
+            datagrams.connect((parts.hostname or "", parts.port or 80))
+        except OSError:
+            return None
+        address: str = datagrams.getsockname()[0]
+        return address
+
+
+# --- topics --------------------------------------------------------------------------------------
+
+
+def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: float) -> TopicFound:
+    """What the topic's publishers offer; the first that can be reached counts."""
+    publishers = state.publishers.get(asked.topic, [])
+    found = TopicFound(asked.what, publishers, state.types.get(asked.topic), our_md5=_our_md5(asked.type))
+
+    def hear(conversation: Conversation) -> TopicFound:
+        return _listen(conversation, asked, found, listen_s)
+
+    addresses = {node: uris.get(node) for node in publishers}
+    heard, unheard = first_told(hear, asked.topic, addresses, CALLER, NODE_S)
+    errors = "; ".join(f"{node}: {why}" for node, why in unheard.items())
+    return heard or msgspec.structs.replace(found, error=errors or None)
+
+
+def _our_md5(type_name: str) -> str | None:
+    try:
+        md5: str = message_class(type_name)._md5sum
+    except UnknownTypeError:
+        return None
+    return md5
+
+
+def _listen(conversation: Conversation, asked: Listened, found: TopicFound, listen_s: float) -> TopicFound:
+    """Read until what was to be seen was seen, or the time is over."""
+    offered = conversation.read_header()
+    if "error" in offered:
+        raise ValueError(offered["error"])
+    messages, frames, skews = 0, set[str](), list[float]()
+    conversation.until_s = time.monotonic() + listen_s
+    as_asked = offered.get("type") == asked.type  # of another type's bytes we know nothing
+    try:
+        while messages == 0 or (as_asked and asked.frames and not frames.issuperset(asked.frames)):
+            head = _read_message(conversation)
+            messages += 1
+            if as_asked and asked.stamped:
+                stamp_s, frame = _stamp_and_frame(head)
+                frames.add(frame)
+                skews.append(stamp_s - time.time())
+    except TimeoutError:
+        pass  # what was seen until now is the answer
+    return msgspec.structs.replace(
+        found,
+        type=offered.get("type"),
+        md5=offered.get("md5sum"),
+        messages=messages,
+        frames=sorted(frames),
+        skew_s=max(skews, default=None),
+    )
+
+
+def _read_message(conversation: Conversation) -> bytes:
+    """The beginning of the next message; the rest of it is read and dropped."""
+    length = conversation.read_length()
+    head = conversation.read(min(length, HEAD))
+    left = length - len(head)
+    while left:
+        left -= len(conversation.read(min(left, 1 << 16)))
+    return head
+
+
+def _stamp_and_frame(head: bytes) -> tuple[float, str]:
+    """Of the std_msgs/Header that the message begins with: its stamp (s) and frame id."""
+    _seq, seconds, nanoseconds, length = struct.unpack_from("<IIII", head)
+    return seconds + nanoseconds * 1e-9, head[16 : 16 + length].decode(errors="replace")
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(
+        msgspec.json.encode(probe(msgspec.json.decode(sys.stdin.buffer.read(), type=Plan)))
+    )

@@ -1,0 +1,120 @@
+"""The beginning of a TCPROS conversation, spoken by hand: what a publisher or a service says of itself."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import TypeVar
+
+import msgspec
+
+from robots.bridge.ros.network.master import Master, MasterError, left_s
+
+LARGEST_HEADER = 1024 * 1024  # bytes of a connection header; a definition is part of it
+MOST_FIELDS = 100  # of it
+CONNECT_S = 1.0
+
+Header = dict[str, str]
+_Told = TypeVar("_Told")
+
+
+class Conversation:
+    """One connection, and by when all is said on it: however slowly the other side speaks, a TimeoutError ends it."""
+
+    def __init__(self, connection: socket.socket, until_s: float) -> None:
+        self.until_s = until_s  # by the monotonic clock
+        self._connection = connection
+
+    def __enter__(self) -> Conversation:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._connection.close()
+
+    def send(self, message: bytes) -> None:
+        """A message, with its length before it."""
+        self._connection.settimeout(left_s(self.until_s))
+        self._connection.sendall(struct.pack("<I", len(message)) + message)
+
+    def read(self, length: int) -> bytes:
+        """Exactly so many bytes."""
+        parts = bytearray()
+        while len(parts) < length:
+            self._connection.settimeout(left_s(self.until_s))
+            part = self._connection.recv(min(length - len(parts), 1 << 16))
+            if not part:
+                raise ConnectionError("closed the connection")
+            parts += part
+        return bytes(parts)
+
+    def read_length(self) -> int:
+        """A length, as it stands before everything."""
+        length: int = struct.unpack("<I", self.read(4))[0]
+        return length
+
+    def read_header(self, largest: int = LARGEST_HEADER) -> Header:
+        """What the other side says of itself, in so many bytes."""
+        length = self.read_length()
+        if length > largest:
+            raise ValueError("does not speak TCPROS")
+        block, fields, at = self.read(length), Header(), 0
+        while at < length:
+            if at + 4 > length or len(fields) >= MOST_FIELDS:
+                raise ValueError("does not speak TCPROS")
+            (size,) = struct.unpack_from("<I", block, at)
+            key, _, value = block[at + 4 : at + 4 + size].decode(errors="replace").partition("=")
+            fields[key] = value
+            at += 4 + size
+        return fields
+
+
+def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) -> Conversation:
+    """Connect, and say who we are and what we want; `read_header` hears the answer. All of it within `timeout_s`."""
+    until_s = time.monotonic() + timeout_s
+    pairs = [f"{key}={value}".encode() for key, value in fields.items()]
+    connection = socket.create_connection((host, port), timeout_s)
+    conversation = Conversation(connection, until_s)
+    try:
+        conversation.send(b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs))
+    except OSError:
+        connection.close()
+        raise
+    return conversation
+
+
+def connect_to_publisher(
+    topic: str, node_uri: str, caller: str, timeout_s: float = CONNECT_S
+) -> Conversation:
+    """A subscriber's connection to one publisher, whatever its type."""
+    protocol = Master(node_uri, caller, timeout_s).call("requestTopic", topic, [["TCPROS"]])
+    try:
+        _, host, port = msgspec.convert(protocol, tuple[str, str, int])
+    except msgspec.ValidationError as error:
+        raise ValueError("does not offer TCPROS") from error
+    wanted = {"callerid": caller, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
+    return connect(host, port, wanted, timeout_s)
+
+
+def first_told(
+    hear: Callable[[Conversation], _Told],
+    topic: str,
+    publishers: Mapping[str, str | None],  # a node's address, None if the master has none
+    caller: str,
+    timeout_s: float = CONNECT_S,
+) -> tuple[_Told | None, dict[str, str]]:
+    """What `hear` makes of the first publisher that can be heard; and why others could not be, by node."""
+    unheard: dict[str, str] = {}
+    for node, uri in publishers.items():
+        try:
+            if uri is None:
+                raise ValueError("has no address at the master")
+            with connect_to_publisher(topic, uri, caller, timeout_s) as conversation:
+                return hear(conversation), unheard
+        except (OSError, MasterError, ValueError, struct.error) as error:
+            unheard[node] = str(error)
+    return None, unheard

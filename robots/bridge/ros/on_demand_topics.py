@@ -1,0 +1,66 @@
+"""Topics that cost the robot something, and so are subscribed only while somebody has control."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import rospy
+
+from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.ros_worker import Errands
+
+BUFFER_BYTES = 1 << 20  # what is read at once: a picture has some hundred kilobytes to some megabytes
+
+
+def listen(
+    topic: str, type_name: str, take: Callable[[bytes], None], queue: int | None = None
+) -> rospy.Subscriber:
+    """Subscribe to a topic of this type; `take` is called on a thread of rospy's with each message as it came."""
+    expect(topic, type_name)
+    return rospy.Subscriber(
+        topic,
+        rospy.AnyMsg,
+        lambda message: take(message._buff),
+        queue_size=queue,
+        buff_size=BUFFER_BYTES,
+        tcp_nodelay=True,
+    )
+
+
+class Part(Protocol):
+    """Some topics, and what becomes of their messages."""
+
+    def listen(self) -> list[rospy.Subscriber]:
+        """Subscribe. Asks the master."""
+
+    def forget(self) -> None:
+        """What was told until now does not hold any more."""
+
+
+class WhileWanted:
+    """Listens, on the errands' thread, while that is wanted."""
+
+    def __init__(self, errands: Errands, *parts: Part) -> None:
+        self._errands = errands
+        self._parts = parts
+        self._wanted = False
+        self._subscribers: list[rospy.Subscriber] = []
+
+    def look(self, wanted: bool) -> None:
+        """Listen, or leave the robot alone. Returns at once."""
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._errands.do(self._follow)
+
+    def _follow(self) -> None:
+        if self._wanted and not self._subscribers:
+            for part in self._parts:
+                # At once: if the next part breaks, this one is still left with control.
+                self._subscribers += part.listen()
+        elif not self._wanted and self._subscribers:
+            leaving, self._subscribers = self._subscribers, []
+            for subscriber in leaving:
+                subscriber.unregister()
+            for part in self._parts:
+                part.forget()

@@ -1,0 +1,64 @@
+"""Work that asks the robot's master or its nodes, and so may take a while: never on the control loop's thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable
+
+from robots.bridge.ros.network.master import MasterError
+
+log = logging.getLogger(__name__)
+
+Errand = Callable[[], None]
+
+
+class Errands:
+    """One thing after another, in a thread of its own that ends with the process."""
+
+    def __init__(self, name: str) -> None:
+        self._waiting: list[Errand] = []
+        self._news = threading.Condition()
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    def do(self, errand: Errand) -> None:
+        """Do it, after what was asked for before; a method that waits already is done once. Returns at once."""
+        with self._news:
+            if errand not in self._waiting:
+                self._waiting.append(errand)
+                self._news.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._waiting)
+                errand = self._waiting.pop(0)
+            try:
+                errand()
+            except MasterError as error:
+                log.warning("the robot was asked in vain: %s", error)
+            except Exception:  # of whatever a hostile master answers; the next one is done
+                log.exception("something that was asked of the robot failed")
+
+
+class Seldom:
+    """Does something at once, and no oftener than every `gap_s`: what is asked for meanwhile is done once, after it."""
+
+    def __init__(self, what: Callable[[], None], gap_s: float) -> None:
+        self._what = what
+        self._gap_s = gap_s
+        self._due_s = -math.inf  # when it was begun last, or will be next
+        self._lock = threading.Lock()
+
+    def do(self) -> None:
+        """Returns at once."""
+        with self._lock:
+            now_s = time.monotonic()
+            if self._due_s > now_s:
+                return
+            self._due_s = max(now_s, self._due_s + self._gap_s)
+            timer = threading.Timer(self._due_s - now_s, self._what)
+            timer.daemon = True
+            timer.start()

@@ -1,0 +1,85 @@
+"""A rosbag of a drive, told to a gate as the bridge would have told it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import rosbag
+
+from robots.bridge.config import Topics
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, is_home
+from robots.bridge.gate.values import STILL, Velocity, Verdict
+from robots.bridge.gate_recording import BadRecording
+from robots.bridge.ros.message_types.convert import laser_scan, planar
+
+Told = tuple[float, Verdict]
+
+
+def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
+    """Tell `gate` what the bag holds; the time and the verdict for each command on the drive topic.
+
+    The bag's own times are the arrivals. Of the arm only whether it is at home is told, and no depth pictures: the gate
+    answers as with a camera that is silent. BadRecording if the file is no bag, or holds no command or no odometry.
+    """
+    tellers = _tellers(gate, topics)
+    sent = STILL
+    seen: set[str] = set()
+    try:
+        with rosbag.Bag(str(file)) as bag:
+            for topic, message, time in bag.read_messages([*tellers, topics.drive.name]):
+                seen.add(topic)
+                if topic in tellers:
+                    tellers[topic](message, time.to_sec())
+                else:
+                    verdict = gate.decide(_twist(message), sent, time.to_sec())
+                    sent = verdict.velocity
+                    yield time.to_sec(), verdict._replace(limits=gate.limits(time.to_sec()))
+    except (rosbag.ROSBagException, OSError) as error:
+        raise BadRecording(f"{file.name} is no rosbag, or was cut: {error}") from error
+    for needed in (topics.odometry.name, topics.drive.name):
+        if needed not in seen:
+            raise BadRecording(f"{file.name} holds nothing on {needed}")
+
+
+def _tellers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], None]]:
+    """What to do with a message of each topic."""
+    reach_m = {sonar.frame_id: sonar.max_range_m for sonar in topics.sonars}
+
+    def odometry(message: Any, at_s: float) -> None:
+        pose, velocity = planar(message)
+        gate.observe_odometry(message.header.stamp.to_sec(), at_s, pose, velocity)
+
+    def sonar(message: Any, at_s: float) -> None:
+        frame = message.header.frame_id.lstrip("/")
+        most_m = reach_m.get(frame, math.inf)
+        gate.observe_range(frame, message.header.stamp.to_sec(), at_s, message.range, most_m)
+
+    def scan_of(source: str) -> Callable[[Any, float], None]:
+        def scan(message: Any, at_s: float) -> None:
+            gate.observe_scan(laser_scan(message, source, at_s))
+
+        return scan
+
+    joints: dict[str, float] = {}
+
+    def joint_states(message: Any, at_s: float) -> None:
+        joints.update(zip(message.name, message.position, strict=False))
+        if topics.arm:
+            home = is_home(joints, topics.arm.home, topics.arm.tolerance)
+            gate.observe_posture(AT_HOME if home else UNKNOWN, at_s)
+
+    return {
+        topics.odometry.name: odometry,
+        **{source.topic: sonar for source in topics.sonars},
+        **{source.topic: scan_of(source.topic) for source in topics.scans},
+        **({topics.joint_states.name: joint_states} if topics.joint_states else {}),
+    }
+
+
+def _twist(message: Any) -> Velocity:
+    twist = getattr(message, "twist", message)
+    return Velocity(twist.linear.x, twist.linear.y, twist.angular.z)

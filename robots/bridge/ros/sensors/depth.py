@@ -1,0 +1,127 @@
+"""A depth camera's topics: pictures made ready for the gate.
+
+Pictures arrive on a thread of rospy's and are thinned out and placed there; what reaches the event loop is small. A
+megabyte of pixels is copied by nobody but rospy.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Protocol
+
+import genpy
+import rospy
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+
+from robots.bridge.config import DepthSource
+from robots.bridge.gate.obstacles.depth_camera import Frame, frame_of
+from robots.bridge.gate.sensing.depth import (
+    Cloud,
+    DepthImage,
+    Lens,
+    Picture,
+    picture_of_cloud,
+    picture_of_image,
+)
+from robots.bridge.gate.sensing.scan import Malformed
+from robots.bridge.gate.values import DepthView
+from robots.bridge.ros.on_demand_topics import listen
+from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
+
+EARLY_SHARE = 0.8  # of the time between two pictures: one that comes a little early is not too many
+
+
+class Taker(Protocol):
+    """Who gets the pictures. Called on threads of rospy's."""
+
+    def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
+        """A picture."""
+
+    def bad_depth(self, why: str) -> None:
+        """One that cannot be used."""
+
+
+class DepthTopics:
+    """The topics of one depth camera."""
+
+    def __init__(self, source: DepthSource, view: DepthView, frames: Frames, taker: Taker) -> None:
+        self._source = source
+        self._view = view
+        self._frames = frames
+        self._taker = taker
+        self._info: tuple[int, int, Lens] | None = None  # width and height of the pictures that it is for
+        self._taken_s = float("-inf")
+
+    def listen(self) -> list[rospy.Subscriber]:
+        """Subscribe."""
+        subscribers = [listen(self._source.topic, self._source.type, self._receive, queue=1)]
+        if self._source.info:
+            subscribers.append(listen(self._source.info, "sensor_msgs/CameraInfo", self._learn))
+        return subscribers
+
+    def forget(self) -> None:
+        """Nothing: of a picture nothing is kept."""
+
+    # --- on rospy's threads ------------------------------------------------------------------------
+
+    def _learn(self, raw: bytes) -> None:
+        """Camera info comes with each picture and stays the same."""
+        if self._info is None:
+            info = CameraInfo().deserialize(raw)
+            lens = Lens(info.K[0], info.K[4], info.K[2], info.K[5])
+            if info.width > 0 and info.height > 0 and lens.makes_sense:
+                self._info = (info.width, info.height, lens)
+
+    def _receive(self, raw: bytes) -> None:
+        arrival_s = time.monotonic()
+        if arrival_s - self._taken_s < EARLY_SHARE * self._source.every_s:
+            return
+        self._taken_s = arrival_s
+        try:
+            message = (PointCloud2 if self._is_cloud else Image)().deserialize(raw)
+            stamp_s = message.header.stamp.to_sec()
+            picture = self._cloud(message) if self._is_cloud else self._image(message)
+            to_base = self._frames.place(message.header.frame_id.lstrip("/"), stamp_s)
+            self._taker.depth(frame_of(picture, to_base, self._view), stamp_s, arrival_s)
+        except (Malformed, PoseUnknown) as error:
+            self._taker.bad_depth(str(error))
+        except genpy.DeserializationError as error:
+            self._taker.bad_depth(f"its messages cannot be read ({error})")
+
+    @property
+    def _is_cloud(self) -> bool:
+        return self._source.type == "sensor_msgs/PointCloud2"
+
+    def _image(self, message: Any) -> Picture:
+        image = DepthImage(
+            message.width,
+            message.height,
+            message.encoding,
+            bool(message.is_bigendian),
+            message.step,
+            message.data,
+        )
+        return picture_of_image(image, self._lens(message.width, message.height))
+
+    def _lens(self, width: int, height: int) -> Lens:
+        """By the camera's own word, for pictures of this size; without it, by the profile's field of view."""
+        if self._info is None or not (width and height):
+            return Lens.seeing(self._source.fov, max(width, 1), max(height, 1))
+        of_width, of_height, lens = self._info
+        across, along = width / of_width, height / of_height
+        return Lens(lens.fx * across, lens.fy * along, lens.cx * across, lens.cy * along)
+
+    def _cloud(self, message: Any) -> Picture:
+        offsets = {
+            field.name: field.offset for field in message.fields if field.datatype == PointField.FLOAT32
+        }
+        cloud = Cloud(
+            message.width,
+            message.height,
+            message.point_step,
+            message.row_step,
+            offsets,
+            bool(message.is_bigendian),
+            message.data,
+        )
+        return picture_of_cloud(cloud, self._source.fov)

@@ -1,0 +1,65 @@
+"""``python -m robots.bridge.ros.sensors.map``: takes the robot's map once, for its bridge. JSON in, MessagePack out.
+
+A process of its own, because a map has up to 16 MB and the control loop decodes none; over within `END_S`. It listens
+by a TCPROS handshake rather than as a rospy node, so nothing is registered with the robot's master.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+
+import msgspec
+
+from robots.bridge.audit.record_sink import TakenMap
+from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
+from robots.bridge.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.network.master import Master, MasterError
+from robots.bridge.ros.network.tcpros import Conversation, first_told
+from robots.processes.shutdown import leave_within
+
+CALLER = "/fleet_map"
+MESSAGE_S = 5.0  # a map is latched: it comes at once
+
+
+def take(wanted: MapWanted) -> TakenMap | NoMap:
+    """The map as the first publisher tells it that can be reached."""
+    master, name = Master(wanted.master_uri, CALLER), wanted.topic.name
+    try:
+        nodes = master.system_state().publishers.get(name, [])
+        addresses = {node: master.node_uri(node) for node in nodes}
+    except MasterError as error:
+        return NoMap(str(error))
+
+    def hear(conversation: Conversation) -> TakenMap:
+        return taken(_message(conversation, wanted))
+
+    heard, unheard = first_told(hear, name, addresses, CALLER)
+    whys = "; ".join(f"{node}: {why}" for node, why in unheard.items())
+    return heard or NoMap(whys or f"nobody publishes {name}")
+
+
+def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
+    """The first message of a publisher."""
+    offered = conversation.read_header()
+    if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
+        raise ValueError(offered.get("error") or f"it tells a {offered.get('type')} that is another one here")
+    conversation.until_s = time.monotonic() + MESSAGE_S
+    length = conversation.read_length()
+    if length > LARGEST_MESSAGE:
+        raise BadMap(f"a message of {length} bytes is too large")
+    return conversation.read(length)
+
+
+def main() -> None:
+    """One question, one answer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # from a terminal it is for the bridge, which ends us
+    leave_within(END_S)
+    wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
+    sys.stdout.buffer.write(msgspec.msgpack.encode(take(wanted)))
+
+
+if __name__ == "__main__":
+    main()

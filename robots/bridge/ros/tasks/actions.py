@@ -1,0 +1,100 @@
+"""One action of the robot's, spoken to by its topics: goals have ids of our own, so that only these are cancelled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+
+from robots.bridge.config import Topic
+from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut, most_of
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.tasks.publishing import Sender, publish
+from robots.bridge.tasks.goals import OURS
+
+RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
+OUTCOMES = {  # others: "failed"
+    GoalStatus.SUCCEEDED: "succeeded",
+    GoalStatus.PREEMPTED: "cancelled",
+    GoalStatus.RECALLED: "cancelled",
+    GoalStatus.REJECTED: "rejected",
+}
+
+
+class Hearer(Protocol):
+    """Who hears what the action tells. Called on threads of rospy's."""
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        """The goals under way, whoever sent them, and their status."""
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:
+        """What the action tells meanwhile."""
+
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        """A goal has ended: one of `OUTCOMES`, or "failed"."""
+
+
+class ActionTopics:
+    """The topics of one action. `joined` is called whenever somebody begins to take its goals."""
+
+    def __init__(
+        self, action: Topic, hearer: Hearer, queue: int = 10, joined: Callable[[], None] = lambda: None
+    ) -> None:
+        kind = action.type.removesuffix("Action")
+        self.name = action.name
+        self.goal_class = message_class(f"{kind}ActionGoal")
+        self._hearer = hearer
+        self._goals = Sender(f"{action.name}/goal", self.goal_class, joined)
+        self._cancels = Sender(f"{action.name}/cancel", GoalID)
+        self._goal_id: str | None = None  # the last one that was sent
+        told = {
+            "status": (GoalStatusArray, self._on_status, 1),
+            "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, queue),
+            "result": (message_class(f"{kind}ActionResult"), self._on_result, queue),
+        }
+        self._subscribers = [
+            rospy.Subscriber(f"{action.name}/{part}", type_, hear, queue_size=size, tcp_nodelay=True)
+            for part, (type_, hear, size) in told.items()
+        ]
+
+    def send(self, goal: Any) -> None:
+        """Send a goal that has its id."""
+        self._goal_id = goal.goal_id.id
+        self._goals.send(goal)
+
+    def cancel(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        if goal_id == self._goal_id:
+            self._goals.withdraw()
+        self._cancels.send(GoalID(id=goal_id))
+
+    def cancel_all(self) -> None:
+        """Cancel everybody's goals: just what an emergency stop means."""
+        self._goals.withdraw()
+        publish(self._cancels.publisher, GoalID())
+
+    def close(self) -> None:
+        """Leave the action."""
+        self._goals.close()
+        self._cancels.close()
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    # --- on rospy's threads ------------------------------------------------------------------------
+
+    def _on_status(self, message: Any) -> None:
+        goals = {
+            status.goal_id.id: status.status for status in message.status_list if status.status in RUNNING
+        }
+        self._hearer.running(self.name, most_of(goals, OURS))
+
+    def _on_feedback(self, message: Any) -> None:
+        self._hearer.feedback(cut(message.status.goal_id.id, NAME), message.feedback)
+
+    def _on_result(self, message: Any) -> None:
+        status = message.status
+        outcome = OUTCOMES.get(status.status, "failed")
+        text = cut(status.text, SENTENCE)
+        self._hearer.ended(cut(status.goal_id.id, NAME), outcome, text, message.result)

@@ -1,0 +1,172 @@
+"""Recorded motions over play_motion's action: which there are, and goals with ids of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, Protocol
+
+from msgspec import structs
+
+from robots.bridge.config import Topic
+from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.messages.packing import Detail
+from robots.bridge.ros.bounds.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
+from robots.bridge.ros.inspector import services
+from robots.bridge.ros.inspector.declined import Declined
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.network.master import Master, MasterError
+from robots.bridge.ros.tasks.actions import ActionTopics
+from robots.bridge.tasks.motions import offered, recorded
+from robots.wire import MotionOffer
+
+WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
+LARGEST_LIST = 1024 * 1024  # bytes of their list
+ERRORS = {  # PlayMotionResult's codes in words
+    "MOTION_NOT_FOUND": "the robot does not know this motion",
+    "CONTROLLER_BUSY": "something else moves these joints",
+    "MISSING_CONTROLLER": "the controller of these joints does not run",
+    "TRAJECTORY_ERROR": "the controller does not take this motion",
+    "GOAL_NOT_REACHED": "the joints did not get to where they should",
+    "PLANNER_OFFLINE": "the robot’s motion planner does not run",
+    "NO_PLAN_FOUND": "the robot found no way to its first posture without a collision",
+    "OTHER_ERROR": "the robot does not say why",
+}
+
+
+class Watcher(Protocol):
+    """Who hears of the motions. Called on threads of rospy's."""
+
+    def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
+        """The goals under way, whoever sent them."""
+
+    def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
+        """A goal has ended."""
+
+    def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
+        """What an action offers now; why nothing."""
+
+    def motions_joined(self) -> None:
+        """Somebody began to perform motions: maybe others than those before."""
+
+
+class MotionTopics:
+    """The motion actions of one robot: the default, and those that may be chosen instead, of one type."""
+
+    def __init__(self, names: Collection[str], type: str, master: Master, watcher: Watcher) -> None:
+        self._master = master
+        self._watcher = watcher
+        self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
+        self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
+        self._offers: dict[str, tuple[list[MotionOffer], str]] = {}  # by action; why there is none
+        self._actions = {
+            name: ActionTopics(Topic(name, type), self, joined=watcher.motions_joined) for name in names
+        }
+
+    def close(self) -> None:
+        """Leave them."""
+        for action in self._actions.values():
+            action.close()
+
+    def read(self) -> None:
+        """Ask the robot what it offers: its service for the names, its parameters for the rest."""
+        for action in self._actions:
+            try:
+                parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
+            except MasterError as error:  # what is known of them stays
+                self._offers.setdefault(action, ([], str(error)))
+            else:
+                self.repertoire[action] = recorded(parameters, listed)
+                offers = offered(parameters, listed)
+                words = "" if offers else f"{action} offers no motions."
+                if len(offers) > MOST_MOTIONS:
+                    words = f"{action} offers {len(offers)} motions; {MOST_MOTIONS} are shown."
+                self._offers[action] = [_cut(offer) for offer in offers[:MOST_MOTIONS]], words
+            self._watcher.motions_read(action, *self._offers[action])
+
+    def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
+        """A motion as the robot has it now, None if no points are known; and whether `read` had it otherwise.
+
+        One question to the master. KeyError if there is no such motion, MasterError if the master does not answer.
+        """
+        now = recorded({motion: self._parameters(action, motion)})[motion]
+        read = self.repertoire.get(action, {})
+        if now is None and motion not in read:
+            raise KeyError(motion)
+        return now, motion not in read or read[motion] != now
+
+    def play(self, goal_id: str, motion: str, action: str) -> None:
+        """Send the goal. Planning is never skipped."""
+        topics = self._actions[action]
+        goal = topics.goal_class()
+        goal.goal_id.id = goal_id
+        goal.goal.motion_name = motion
+        topics.send(goal)
+
+    def cancel(self, goal_id: str, action: str) -> None:
+        """Cancel this goal and no other."""
+        self._actions[action].cancel(goal_id)
+
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: each cancels whatever one action performs, whoever asked for it."""
+        return [action.cancel_all for action in self._actions.values()]
+
+    def _parameters(self, action: str, motion: str = "") -> Any:
+        """What the robot knows of an action's motions, or of one of them."""
+        return self._master.parameter(f"{action}/motions/{motion}".rstrip("/"))
+
+    def _listed(self, service: str) -> dict[str, float] | None:
+        """Names and durations (s) of the motions that the service lists; None: there is none, or it does not answer."""
+        try:
+            found = services.find(self._master, service)
+            if found.type != "play_motion_msgs/ListMotions":
+                return None
+            answer, _ = services.call(found, {}, lambda: None, WHOLE, LARGEST_LIST)
+        except (Declined, ValueError):
+            return None
+        return {
+            info["name"]: info["duration"]["secs"] + info["duration"]["nsecs"] / 1e9
+            for info in answer["motions"]
+        }
+
+    # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        """The goals under way."""
+        self._watcher.motions_running(action, goals.keys())
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:
+        """It is empty."""
+
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        """A goal has ended: in the robot's own words, with its error code in ours."""
+        told = [self._code_words(result.error_code), cut(result.error_string, SENTENCE) or text]
+        if outcome in {"succeeded", "cancelled"}:
+            told = told[1:]
+        self._watcher.motion_ended(
+            goal_id, outcome, cut(_sentence([words for words in told if words]), SENTENCE)
+        )
+
+    def _code_words(self, code: int) -> str:
+        """One that nobody knows as it is; 0 is none."""
+        return self._errors.get(code) or (f"error code {code}" if code else "")
+
+
+def _errors(result: type[Any]) -> dict[int, str]:
+    return {getattr(result, name): words for name, words in ERRORS.items()}
+
+
+def _cut(offer: MotionOffer) -> MotionOffer:
+    """Its texts, as long as a page has room for. A name that is cut is no motion's: it cannot be played."""
+    return structs.replace(
+        offer,
+        name=cut(offer.name, TITLE),
+        title=cut(offer.title, TITLE),
+        usage=cut(offer.usage, TITLE),
+        description=cut(offer.description, PARAGRAPH),
+    )
+
+
+def _sentence(parts: list[str]) -> str:
+    text = ": ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}"

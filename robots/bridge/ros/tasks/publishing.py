@@ -1,0 +1,110 @@
+"""Publishing on topics that rospy may close at any moment: a namesake on the master ends it from outside."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from rospy.core import is_shutdown_requested
+
+from robots.bridge.ros.network.master import is_own
+
+PATIENCE_S = 1.0  # a message waits so long for somebody who listens: connections take some milliseconds
+SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
+
+
+def heard_by(publisher: rospy.Publisher) -> list[Any]:
+    """rospy's connections to who listens. The console's inspector does not count: it shows, and obeys nothing."""
+    return [connection for connection in publisher.impl.connections if not is_own(connection.endpoint_id)]
+
+
+def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy.Publisher:
+    """What is published goes out in the calling thread: nothing waits in a queue of rospy's."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)  # rospy takes no queue for an oversight
+        return rospy.Publisher(topic, kind, subscriber_listener=_AtOnce(patience_s), queue_size=None)
+
+
+class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
+    """A message goes out at once, without a queue and its thread; whoever does not read is cut off, not waited for.
+
+    rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
+    listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the connection,
+    which the listener's own side makes anew when it wakes. All listeners together are waited for `patience_s` at most.
+    """
+
+    def __init__(self, patience_s: float) -> None:
+        self._patience_s = patience_s
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        connections = topic_publish.__self__.connections
+        microseconds = max(round(self._patience_s * 1e6 / max(len(connections), 1)), 1000)
+        patience = struct.pack("@ll", *divmod(microseconds, 1_000_000))  # a timeval
+        for connection in connections:
+            connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, patience)
+
+
+def publish(publisher: rospy.Publisher, message: Any) -> None:
+    """Send it; nothing once rospy shuts down (topics are closed first), which `RosBase` notices and answers for."""
+    try:
+        publisher.publish(message)
+    except rospy.ROSException:
+        if not is_shutdown_requested():
+            raise
+
+
+class Sender(rospy.SubscribeListener):  # type: ignore[misc]
+    """A topic whose newest message waits a moment for its listeners, if it has none yet.
+
+    `joined` is called, on a thread of rospy's, whenever somebody else than the console itself begins to listen.
+    """
+
+    def __init__(self, topic: str, kind: type[Any], joined: Callable[[], None] = lambda: None) -> None:
+        self._joined = joined
+        self._lock = threading.Lock()
+        self._waiting: tuple[Any, float] | None = None  # message, and until when
+        self._heard_by: list[Any] = []  # when somebody began to listen last
+        with self._lock:  # somebody may begin to listen before it is there
+            self.publisher = rospy.Publisher(topic, kind, subscriber_listener=self, queue_size=5)
+
+    def send(self, message: Any) -> None:
+        """To who listens now, else to who begins to within `PATIENCE_S`."""
+        with self._lock:
+            heard = bool(heard_by(self.publisher))
+            self._waiting = None if heard else (message, time.monotonic() + PATIENCE_S)
+        if heard:
+            publish(self.publisher, message)
+
+    def withdraw(self) -> None:
+        """Send to nobody what nobody has heard yet."""
+        with self._lock:
+            self._waiting = None
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self.withdraw()
+        self.publisher.unregister()
+
+    # --- on rospy's threads ------------------------------------------------------------------------
+
+    def peer_subscribe(self, _topic: str, _all: Callable[[Any], None], peer: Callable[[Any], None]) -> None:
+        """Somebody begins to listen. rospy guards each publication with this lock, except the one to a single peer."""
+        with self._lock:
+            if self._waiting is not None and time.monotonic() < self._waiting[1]:
+                self.publisher.impl.acquire()
+                try:
+                    peer(self._waiting[0])
+                finally:
+                    self.publisher.impl.release()
+            before, self._heard_by = self._heard_by, heard_by(self.publisher)
+            is_joined = any(connection not in before for connection in self._heard_by)
+        if is_joined:
+            self._joined()

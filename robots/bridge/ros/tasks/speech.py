@@ -1,0 +1,163 @@
+"""The robot's voice: an action that tells how it goes, or a topic that takes plain texts and tells nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any, Protocol
+
+from actionlib_msgs.msg import GoalStatus
+
+from robots.bridge.config import Topic
+from robots.bridge.ros.bounds.texts import SAID, SENTENCE, cut
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.tasks.actions import ActionTopics
+from robots.bridge.ros.tasks.publishing import Sender
+from robots.bridge.tasks.speech import Utterance
+from robots.wire import SpeechStatus
+
+STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
+
+
+class Ears(Protocol):
+    """Who hears how the speech goes. Called on threads of rospy's."""
+
+    def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
+        """The goals under way on a topic: accepted, or speaking."""
+
+    def speech_said(self, goal_id: str, said: str) -> None:
+        """A word was begun: `said` ends with it."""
+
+    def speech_ended(self, goal_id: str, outcome: str, text: str) -> None:
+        """A goal has ended."""
+
+
+class _Voice(Protocol):
+    """One topic that takes texts."""
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        """Pass it on. Whether the robot tells what becomes of it."""
+
+    def hush(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+
+    def silence(self) -> None:
+        """Cancel everybody's."""
+
+    def close(self) -> None:
+        """Leave the topic."""
+
+
+class SpeechTopics:
+    """The topics of one robot's voice: the default, and those chosen instead, all of one type."""
+
+    def __init__(self, default: Topic, ears: Ears) -> None:
+        self._type = default.type
+        self._ears = ears
+        self._voices: dict[str, _Voice] = {}
+        self.attend({default.name})
+
+    def attend(self, topics: Collection[str]) -> None:
+        """Be connected to these and no others. Asks the master."""
+        for name in set(topics) - set(self._voices):
+            self._voices[name] = _KINDS[self._type](Topic(name, self._type), self._ears)
+        for name in set(self._voices) - set(topics):
+            self._voices.pop(name).close()
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        """Pass it on. Whether the robot tells what becomes of it."""
+        return self._voices[utterance.topic].say(goal_id, utterance)
+
+    def hush(self, goal_id: str, topic: str) -> None:
+        """Cancel this goal and no other."""
+        if topic in self._voices:
+            self._voices[topic].hush(goal_id)
+
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: each cancels whatever is said on one topic, whoever asked for it."""
+        return [voice.silence for voice in list(self._voices.values())]
+
+
+class _ActionVoice:
+    """pal_interaction_msgs/TtsAction, or one with the same fields."""
+
+    def __init__(self, action: Topic, ears: Ears) -> None:
+        self._ears = ears
+        self._topics = ActionTopics(action, self)
+        feedback = message_class(f"{action.type.removesuffix('Action')}Feedback")
+        self._word_begins = feedback.TTS_EVENT_STARTED_PLAYING_WORD
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        goal = self._topics.goal_class()
+        goal.goal_id.id = goal_id
+        goal.goal.rawtext.text = utterance.text
+        goal.goal.rawtext.lang_id = utterance.language.replace("-", "_")
+        self._topics.send(goal)
+        return True
+
+    def hush(self, goal_id: str) -> None:
+        self._topics.cancel(goal_id)
+
+    def silence(self) -> None:
+        self._topics.cancel_all()
+
+    def close(self) -> None:
+        self._topics.close()
+
+    # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        told = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
+        self._ears.speech_running(action, told)
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:
+        if feedback.event_type & self._word_begins:
+            self._ears.speech_said(goal_id, cut(feedback.text_said, SAID))
+
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        outcome = "done" if outcome == "succeeded" else outcome
+        self._ears.speech_ended(goal_id, outcome, cut(result.msg, SENTENCE) or text)
+
+
+class _PlainVoice:
+    """A topic that takes each text as one message, and tells nothing of it."""
+
+    def __init__(self, topic: Topic, _ears: Ears) -> None:
+        self._sender = Sender(topic.name, message_class(topic.type))
+
+    def say(self, _goal_id: str, utterance: Utterance) -> bool:
+        self._sender.send(self.message(utterance))
+        return False
+
+    def message(self, utterance: Utterance) -> Any:
+        """std_msgs/String."""
+        return message_class("std_msgs/String")(data=utterance.text)
+
+    def hush(self, goal_id: str) -> None:
+        """There is no way to."""
+
+    def silence(self) -> None:
+        self._sender.withdraw()
+
+    def close(self) -> None:
+        self._sender.close()
+
+
+class _SoundVoice(_PlainVoice):
+    """sound_play/SoundRequest."""
+
+    def message(self, utterance: Utterance) -> Any:
+        kind = message_class("sound_play/SoundRequest")
+        return kind(sound=kind.SAY, command=kind.PLAY_ONCE, volume=1.0, arg=utterance.text)
+
+    def silence(self) -> None:
+        super().silence()
+        kind = message_class("sound_play/SoundRequest")
+        self._sender.send(kind(sound=kind.ALL, command=kind.PLAY_STOP))
+
+
+_KINDS: dict[str, Callable[[Topic, Ears], _Voice]] = {
+    "pal_interaction_msgs/TtsAction": _ActionVoice,
+    "std_msgs/String": _PlainVoice,
+    "sound_play/SoundRequest": _SoundVoice,
+}

@@ -1,0 +1,145 @@
+"""What is shown of the robot: its state, and a picture of what is seen. Asks, and changes nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import wire
+from robots.bridge.config import CLOCK_SKEW_S, SonarSource
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import Hold, Kind, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.tasks.tasks import Orders
+from robots.wire import Grant, StopState
+
+VIEW_RADIUS_M = 8.0
+DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
+
+
+class Standing(NamedTuple):
+    """How things stand by the bridge's rules, and what the robot told of itself."""
+
+    phase: wire.Phase
+    text: str
+    stop: StopState
+    grant: Grant | None
+    seq: int | None
+    neutral_needed: wire.NeutralNeeded | None
+    foreign: list[str]  # other nodes that publish to the drive topic
+    verdict: Verdict
+    refused: Counter[str]
+    odometry: tuple[float, Pose, Velocity] | None  # when it came, and what it said
+    battery_percent: float | None
+    charging: bool | None
+    skew_s: float | None  # of the robot's clock against ours
+    overload: wire.Overload | None
+    alone: bool  # without a watchdog
+
+
+def state(
+    standing: Standing, gate: Gate, orders: Orders, now_s: float, watchers: list[str], watchers_more: int
+) -> wire.State:
+    """The robot as it is now."""
+    grant, skew_s = standing.grant, standing.skew_s
+    return wire.State(
+        phase=standing.phase,
+        text=standing.text,
+        stop=standing.stop,
+        # Limits are the driver's; some sensors are listened to only for one.
+        verdict=_verdict(standing.verdict, gate.limits(now_s) if grant else ()),
+        odometry=_odometry(*standing.odometry[1:]) if standing.odometry else None,
+        unseen_s=round(now_s - standing.odometry[0], 1) if standing.odometry else None,
+        sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
+        battery_percent=standing.battery_percent,
+        charging=standing.charging,
+        holder=grant.holder if grant else None,
+        fence=grant.fence if grant else None,
+        seq=standing.seq,
+        neutral_needed=standing.neutral_needed if grant else None,
+        foreign=standing.foreign,
+        watchers=watchers,
+        clock_skew_s=skew_s if skew_s and abs(skew_s) > CLOCK_SKEW_S else None,
+        refused=dict(standing.refused),
+        latency_s=round(gate.latency.in_force_s(now_s), 2),
+        latency_measured=gate.latency.measured_s is not None,
+        arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in gate.arm_discs],
+        watchers_more=watchers_more,
+        motion=orders.motions.view(now_s),
+        motion_ended=orders.motions.last,
+        speech=orders.speaking.view(now_s),
+        speech_ended=orders.speaking.last,
+        chosen=orders.choices.chosen,
+        choice_ended=dict(orders.choices.gone),
+        publishing=orders.publishings.view,
+        overload=standing.overload,
+        watchdog_missing=standing.alone,
+    )
+
+
+def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
+    """What is seen, for pictures."""
+    obstacles = gate.obstacles(now_s)
+    x, y = obstacles.points.T
+    near = np.flatnonzero(x * x + y * y < VIEW_RADIUS_M**2)
+    return wire.Scan(
+        laser_cm=_centimetres(obstacles, near, {"scan"}),
+        sonar_cm=[_range_cm(gate, sonar, now_s) for sonar in sonars],
+        depth_cm=_centimetres(obstacles, near, {"depth"}, DRAWN_GRAIN_CM),
+        remembered_cm=_centimetres(obstacles, near, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
+        unseen=[(round(start, 2), round(end, 2)) for start, end in gate.unseen(now_s)],
+    )
+
+
+def _centimetres(
+    obstacles: Obstacles, near: NDArray[np.intp], kinds: Collection[Kind], grain: int = 1
+) -> list[int]:
+    """What sources of these kinds know of, of the rows `near`: flat, one point for each `grain` centimetres."""
+    drawn = np.array([kind in kinds for kind in obstacles.kinds], dtype=np.bool_)
+    rows = near[drawn[obstacles.source[near]]]
+    if not len(rows):
+        return []
+    places = np.rint(obstacles.points.T.take(rows, axis=1) * (100 / grain)).astype(np.int32)
+    if grain > 1:
+        cells = places[0] * 10_000 + places[1]
+        order = cells.argsort(kind="stable")  # half of what np.unique takes for the same
+        ordered = cells[order]
+        first = np.append(True, ordered[1:] != ordered[:-1])
+        places = places.take(order[first], axis=1) * grain
+    flat: list[int] = places.T.ravel().tolist()
+    return flat
+
+
+def _range_cm(gate: Gate, sonar: SonarSource, now_s: float) -> int | None:
+    range_m = gate.sonar_range(sonar.frame_id, now_s)
+    return None if range_m is None else round(range_m * 100)
+
+
+def _odometry(pose: Pose, velocity: Velocity) -> wire.Odometry:
+    return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
+
+
+def _verdict(verdict: Verdict, limits: Sequence[Hold]) -> wire.Verdict:
+    def rounded(velocity: Velocity) -> tuple[float, float, float]:
+        return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
+
+    return wire.Verdict(
+        code=verdict.code,
+        text=verdict.text,
+        asked=rounded(verdict.asked),
+        allowed=rounded(verdict.velocity),
+        sensor=verdict.sensor,
+        distance_m=_rounded(verdict.distance_m),
+        bearing_rad=_rounded(verdict.bearing_rad),
+        side=verdict.side,
+        point=(round(verdict.point[0], 2), round(verdict.point[1], 2)) if verdict.point else None,
+        limits=[wire.SpeedLimit(code, text, round(mps, 3), way) for code, text, mps, way in limits],
+        way=verdict.way,
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 2)

@@ -1,0 +1,108 @@
+"""Whether the arm has room for a motion: what the gate's sensors know of the space that it would sweep.
+
+While the arm moves, laser and sonars do not see it: at their height it does not reach. The depth camera does. What it
+shows counts too, as far as joints tell where the arm is: what is not beside it is something else.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.bridge.gate import words
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.geometry.arm_sweep import intruder
+from robots.bridge.gate.values import Kind, Obstacles
+from robots.wire import Refusal
+
+WATCH: tuple[Kind, ...] = ("scan", "depth")  # what must be awake before the arm moves
+WATCH_ARM: tuple[Kind, ...] = ("scan",)  # and while it does: the arm may carry the camera's view away
+SEES_NO_ARM: tuple[Kind, ...] = ("scan", "memory", "sonar")
+# What was seen earlier ("depth memory") may be the arm of any earlier moment.
+SEES_ARM: tuple[Kind, ...] = ("depth",)
+# A picture is some tenths of a second old when it comes, and half a second older when it stops to count.
+LATELY_S = 1.0
+# Around the arm's discs: what it moves between two looks at its joints, the width of the gripper, a camera's noise.
+BESIDE_ARM_M = 0.10
+
+
+class Arm(Protocol):
+    """Who knows where the arm is."""
+
+    def arm(self) -> tuple[Disc, ...] | None:
+        """The discs that it covers now, by its joints; None if they, or the robot's description, do not tell."""
+
+
+class Room:
+    """The room about one robot's arm. While a motion runs it is to be asked every period."""
+
+    def __init__(self, gate: Gate, arm: Arm) -> None:
+        self._gate = gate
+        self._arm = arm
+        # where the arm was, while it moves
+        self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = deque()
+
+    def why_none(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
+        """Why the arm may not sweep this space, or not go on with it: something is there, or nobody can tell."""
+        if not running:
+            self._lately.clear()
+        if not space:
+            return None
+        obstacles = self._gate.obstacles(now_s)
+        if not running:
+            return self._unwatched(WATCH, now_s) or self._in_the_way(space, obstacles)
+        self._follow_arm(now_s)
+        return self._unwatched(WATCH_ARM, now_s) or self._in_the_way(space, self._but_for_arm(obstacles))
+
+    def _unwatched(self, kinds: Collection[Kind], now_s: float) -> Refusal | None:
+        """The first sensor of these kinds that does not tell what stands around the arm."""
+        for name, kind, ok, _, text in self._gate.sensor_health(now_s):
+            if kind in kinds and not ok:
+                why = f"What stands around the arm is not known: {name}: {text}."
+                return Refusal("not_watched", why, "gate", {"sensor": name})
+        return None
+
+    def _in_the_way(self, space: Sequence[Disc], obstacles: Obstacles) -> Refusal | None:
+        """What of the obstacles is in the space that the arm sweeps."""
+        gaps = self._gate.footprint.gaps(obstacles.points)
+        found = intruder(space, obstacles, gaps, self._gate.arm_discs)
+        if found is None:
+            return None
+        sensor, side = obstacles.names[found.source], words.side(found.bearing_rad)
+        distance = words.figure(max(found.gap_m, 0.0))
+        text = f"The arm would sweep where there is something: {sensor}, {distance} m {side}."
+        gap_m = round(found.gap_m, 2)
+        return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
+
+    def _follow_arm(self, now_s: float) -> None:
+        self._lately.append((now_s, self._arm.arm()))
+        while now_s - self._lately[0][0] > LATELY_S:
+            self._lately.popleft()
+
+    def _but_for_arm(self, obstacles: Obstacles) -> Obstacles:
+        """The obstacles that cannot be the arm, wherever it was of late."""
+        rows = _of(obstacles, SEES_NO_ARM)
+        arm = {disc for _, discs in self._lately for disc in discs or ()}
+        if all(discs is not None for _, discs in self._lately):
+            seen = np.flatnonzero(_of(obstacles, SEES_ARM))
+            rows[seen] = ~_beside(obstacles.points[seen], arm)
+        return obstacles._replace(points=obstacles.points[rows], source=obstacles.source[rows])
+
+
+def _of(obstacles: Obstacles, kinds: Collection[Kind]) -> NDArray[np.bool_]:
+    """Which obstacles sensors of these kinds know of."""
+    numbers = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
+    return np.isin(obstacles.source, numbers)
+
+
+def _beside(points: NDArray[np.float64], arm: Collection[Disc]) -> NDArray[np.bool_]:
+    """Which points lie within the arm's discs, or so near to them that they may be the arm."""
+    x, y, radius = np.array([*arm]).reshape(-1, 3).T
+    away = np.hypot(points[:, :1] - x, points[:, 1:] - y)
+    near: NDArray[np.bool_] = (away < radius + BESIDE_ARM_M).any(axis=1)
+    return near

@@ -1,0 +1,284 @@
+"""One recorded motion at a time: asked for, put on record, begun, watched, ended, and that put on record.
+
+While it is put on record, the robot is asked for its points; it begins when both are there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import msgspec
+from msgspec import Struct
+
+from robots import wire
+from robots.bridge.audit.record_sink import Parameters
+from robots.bridge.audit.records import Asker, Records
+from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
+from robots.wire import Refusal
+
+FARTHEST = 100.0  # rad or m: no joint of an arm goes there
+# Goals that nobody watches, on record or to be put there, at a time: ids are what anybody on the robot's network says.
+MOST_LEFT = 3
+PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
+
+
+class _Point(Struct):
+    positions: list[float]
+
+
+class _Recorded(Struct):
+    """What of a motion's parameters tells how it moves."""
+
+    joints: list[str]
+    points: list[_Point]
+
+
+class _Time(Struct):
+    time_from_start: float
+
+
+class _Meta(Struct, frozen=True):
+    name: str = ""
+    usage: str = ""
+    description: str = ""
+
+
+class _Described(Struct):
+    """What of a motion's parameters is for people."""
+
+    meta: _Meta = _Meta()
+    points: list[_Time] = []
+
+
+for _kind in (
+    _Recorded,
+    _Described,
+):  # learned before there are threads: see robots/registry/profile_schema.py
+    msgspec.json.Decoder(_kind)
+
+
+def recorded(parameters: Any, listed: Collection[str] | None = None) -> dict[str, Motion | None]:
+    """A robot's motions by name, from play_motion's parameters; None: it has one of which no points are known.
+
+    `listed`: those that its service names; None: it names none, and all that have parameters count.
+    """
+    told = _told(parameters)
+    return {name: _recorded(told.get(name)) for name in sorted(told if listed is None else listed)}
+
+
+def offered(parameters: Any, listed: Mapping[str, float] | None = None) -> list[wire.MotionOffer]:
+    """The same motions for people. `listed` has their durations in seconds; 0: the robot does not say."""
+    told = _told(parameters)
+    durations = listed or {}
+    names = sorted(told if listed is None else listed)
+    return [_offer(name, told.get(name), durations.get(name, 0.0)) for name in names]
+
+
+def _told(parameters: Any) -> dict[str, Any]:
+    return {str(name): told for name, told in parameters.items()} if isinstance(parameters, dict) else {}
+
+
+def _recorded(told: Any) -> Motion | None:
+    try:
+        motion = msgspec.convert(told, _Recorded)
+    except msgspec.ValidationError:
+        return None
+    points = tuple(tuple(point.positions) for point in motion.points)
+    fit = all(len(point) == len(motion.joints) and all(map(_possible, point)) for point in points)
+    return Motion(tuple(motion.joints), points) if points and fit else None
+
+
+def _possible(position: float) -> bool:
+    """Whether a joint can be there; not if it is no number."""
+    return abs(position) <= FARTHEST
+
+
+def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
+    try:
+        known = msgspec.convert(told, _Described)
+    except msgspec.ValidationError:
+        known = _Described()
+    if not duration_s and known.points:
+        duration_s = known.points[-1].time_from_start
+    meta = known.meta
+    return wire.MotionOffer(
+        name=name,
+        title=meta.name or name,
+        usage=meta.usage,
+        description=meta.description,
+        duration_s=round(duration_s, 1) if 0.0 < duration_s < math.inf else None,
+    )
+
+
+class Player(Protocol):
+    """What performs motions."""
+
+    def play(self, goal_id: str, motion: str, action: str) -> None:
+        """Send the goal."""
+
+    def cancel(self, goal_id: str, action: str) -> None:
+        """Cancel this goal and no other."""
+
+
+@dataclass
+class Piece:
+    """What is performed: a motion, and the space that its arm sweeps; None: the robot has not told yet."""
+
+    name: str
+    title: str  # for people
+    space: Sequence[Disc] | None = None
+
+
+@dataclass
+class _Left:
+    """A goal that nobody watches, and which is cancelled until the robot obeys."""
+
+    record: Future[int]
+    heard_s: float
+    outcome: str = "unheard"  # until the robot says how it ended
+
+
+class Motions(Goals[Piece]):
+    """The motion under way, if any."""
+
+    def __init__(self, player: Player, records: Records) -> None:
+        super().__init__(records, player.cancel)
+        self._player = player
+        self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
+        self._strays: dict[str, float] = {}  # actions with a goal that nobody watches: cancelled last
+        self._left: dict[str, _Left] = {}  # such goals, by id, as far as they are put on record
+
+    def refuse(self, now_s: float) -> Refusal | None:
+        """Why the base must stand, and no other motion may begin: one runs."""
+        goal = self._current
+        if goal is not None:
+            who = goal.asker.holder.holder
+            does = "performs" if self.begun else "is about to perform"
+            text = f"The robot {does} “{goal.what.title}”, asked for by {who}."
+            return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
+        if busy := self._busy(now_s):
+            is_ours = not busy.isdisjoint(self._strays)
+            which = "this console left: it is being cancelled" if is_ours else "others asked for"
+            return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
+        return None
+
+    def begin(self, name: str, title: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
+        """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
+        number = self._records.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
+        self._current = Goal(asker, number, now_s, Piece(name, title), action)
+        return self._current
+
+    def told(
+        self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
+    ) -> None:
+        """What the arm sweeps by the points that the robot has now; None: it has no such motion, maybe for `why`."""
+        if goal is not self._current:
+            return
+        goal.what.space = space
+        if space is None:
+            name = goal.what.name
+            text = f"The robot has no motion “{name}”."
+            self.deny(why or Refusal("unknown_motion", text, "robot", {"motion": name}), now_s)
+
+    @property
+    def due(self) -> bool:
+        """Whether a motion waits for nothing more: its record is in, and its points are known or not needed."""
+        goal = self._current
+        if goal is None or goal.id is not None or not goal.number.done():
+            return False
+        known = goal.what.space is not None
+        return known or goal.cancelled is not None or goal.number.exception() is not None
+
+    @property
+    def space(self) -> Sequence[Disc]:
+        """What the arm of this console's motion sweeps; nothing once it is cancelled."""
+        goal = self._current
+        return goal.what.space or () if goal is not None and goal.cancelled is None else ()
+
+    @property
+    def under_way(self) -> list[str]:
+        """The motion that was asked for here and is not over, in words."""
+        return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
+
+    def halt(self, refusal: Refusal, now_s: float) -> None:
+        """What runs is cancelled, what has not begun will not be."""
+        if self.begun:
+            self.cancel(refusal.code, refusal.text)
+        else:
+            self.deny(refusal, now_s)
+
+    def start(self, now_s: float) -> None:
+        """Send the goal of what is due; what could not be recorded, or was cancelled meanwhile, is not done."""
+        if goal := self._recorded(now_s):
+            self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
+
+    def tick(self, now_s: float) -> None:
+        """Give up what the robot does not speak of: a goal, or its points."""
+        goal = self._current
+        if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
+            text = "The robot took too long to tell how it would move: ask again."
+            self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
+        for goal_id, left in list(self._left.items()):
+            if left.record.done() and now_s - left.heard_s > UNHEARD_S:
+                self._end_left(goal_id, left.outcome, now_s)
+        super().tick(now_s)
+
+    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
+        """The robot says that a goal has ended."""
+        if goal_id in self._left:
+            self._left[goal_id].outcome = outcome
+        super().ended(goal_id, outcome, text, now_s)
+
+    def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
+        """The robot says which goals are under way."""
+        self._heard(action, goal_ids, now_s)
+        self._cancel_strays(action, goal_ids, now_s)
+
+    def close(self, refusal: Refusal, now_s: float) -> None:
+        """The bridge ends, and with it whoever could watch the motion."""
+        self.deny(refusal, now_s)
+        self.cancel("control_ended", "The bridge ended.")
+        self._end("cancelled", "", now_s)
+        for goal_id in list(self._left):
+            self._end_left(goal_id, refusal.code, now_s)
+
+    def view(self, now_s: float) -> wire.Motion | None:
+        """What is under way, for pages."""
+        goal = self._current
+        if goal is None:
+            return None
+        return wire.Motion(goal.what.name, goal.asker.holder.holder, round(now_s - goal.since_s, 1))
+
+    def _cancel_strays(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
+        """What a bridge that was killed left, or this one gave up: nobody watches the space about that arm."""
+        known = {self._current.id if self._current else None, self._ended}
+        strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
+        for goal_id in strays:
+            if goal_id in self._left:
+                self._left[goal_id].heard_s = now_s
+            elif len(self._left) < MOST_LEFT:
+                self._left[goal_id] = _Left(self._records.cancelled(action, goal_id, now_s), now_s)
+        if not strays:
+            self._strays.pop(action, None)
+        elif now_s - self._strays.get(action, -math.inf) >= CANCEL_AGAIN_S:
+            self._strays[action] = now_s
+            for goal_id in strays:
+                self._withdraw(goal_id, action)
+
+    def _end_left(self, goal_id: str, outcome: str, now_s: float) -> None:
+        """Put on record what came of cancelling it."""
+        self._records.was_cancelled(self._left.pop(goal_id).record, outcome, now_s)
+
+    def _tell(self, goal: Goal[Piece], outcome: str, text: str) -> None:
+        self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)
+
+    def _record(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
+        duration_s = round(now_s - goal.since_s, 2)
+        figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
+        self._records.outcome(goal, "motion.end", outcome, figures, now_s)

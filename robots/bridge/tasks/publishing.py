@@ -1,0 +1,137 @@
+"""Messages that the holder publishes: checked, put on record, then sent once or at a rate until they are stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import msgspec
+
+from robots import wire
+from robots.bridge.audit.record_sink import Parameters
+from robots.bridge.audit.records import Asked, Asker, Records, taken_due
+from robots.wire import Refusal
+
+NOT_SENT = Refusal(
+    "inspector_silent", "Nothing was published: the robot’s inspector is gone. Ask again.", "robot"
+)
+HALTED = Refusal(
+    "halted", "It was not done: control ended, or the robot was stopped, before it was on record.", "robot"
+)
+
+
+class Publisher(Protocol):
+    """What sends messages of any type."""
+
+    def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
+        """Whether the fields fit the type's definition; `then` is called once, with what does not, and the time."""
+
+    def publish(self, order: wire.Publish) -> bool:
+        """Send it once, or at its rate in the place of what was sent there at a rate before. False: it is not sent."""
+
+    def publish_stop(self, topic: str) -> None:
+        """Send no more there."""
+
+    def halt(self) -> None:
+        """Send nothing of what was given until now: neither at a rate nor what still waits for its listeners."""
+
+    def keep_alive(self) -> None:
+        """What is sent at a rate may go on: to be said all the time, for it pauses where nobody says so."""
+
+
+@dataclass(eq=False)
+class _Publishing(Asked):
+    order: wire.Publish
+
+
+class Publishings:
+    """What is published for the holder, by topic."""
+
+    def __init__(self, publisher: Publisher, records: Records) -> None:
+        self._publisher = publisher
+        self._records = records
+        self._waiting: list[_Publishing] = []  # for their records
+        self._running: dict[str, _Publishing] = {}  # at a rate
+
+    def begin(self, order: wire.Publish, asker: Asker, now_s: float) -> None:
+        """Put it on record; it is sent, and the question answered, once that is done."""
+        parameters: Parameters = {
+            "topic": order.topic,
+            "type": order.type,
+            "rate_hz": order.rate_hz,
+            "fields": msgspec.json.encode(order.fields).decode(),
+        }
+        number = self._records.request(asker.holder, "publish.start", parameters, now_s)
+        self._waiting.append(_Publishing(asker, number, now_s, order))
+
+    def tick(self, why_not: Callable[[Asker, float], Refusal | None], now_s: float) -> None:
+        """Send what is on record now; what could not be recorded, or may not begin any more, is not sent."""
+        for publishing in taken_due(self._waiting):
+            refusal = publishing.unrecorded or why_not(publishing.asker, now_s)
+            refusal = refusal or self._send(publishing, now_s)
+            publishing.asker.answer(refusal)
+            if refusal is not None:
+                self._tell_end(publishing, refusal.code, now_s)
+        if self._running:
+            self._publisher.keep_alive()
+
+    def stop(self, topic: str, now_s: float) -> Refusal | None:
+        """Its holder ends what is published there."""
+        if topic not in self._running:
+            return Refusal("not_publishing", f"Nothing is published on {topic} at a rate.", "robot")
+        self._end(topic, "cancelled", now_s)
+        return None
+
+    def halt(self, why: str, now_s: float, refusal: Refusal = HALTED) -> None:
+        """All of it ends, also what waits for its record, or for its listeners; `refusal` answers who waits."""
+        self._publisher.halt()
+        self.deny(why, now_s, refusal)
+        for topic in list(self._running):
+            self._end(topic, why, now_s)
+
+    def deny(self, why: str, now_s: float, refusal: Refusal) -> None:
+        """What waits for its record will not be sent."""
+        waiting, self._waiting = self._waiting, []
+        for publishing in waiting:
+            publishing.asker.answer(refusal)
+            self._tell_end(publishing, why, now_s)
+
+    @property
+    def under_way(self) -> list[str]:
+        """What is published at a rate, or waits for its record, in words."""
+        topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
+        return [f"publishing on {topic}" for topic in sorted(topics)]
+
+    @property
+    def view(self) -> list[wire.Publishing]:
+        """What is published at a rate, for pages."""
+        return [
+            wire.Publishing(topic, publishing.order.type, publishing.order.rate_hz)
+            for topic, publishing in self._running.items()
+        ]
+
+    def _send(self, publishing: _Publishing, now_s: float) -> Refusal | None:
+        topic = publishing.order.topic
+        self._end(topic, "replaced", now_s)
+        if not self._publisher.publish(publishing.order):
+            return NOT_SENT
+        if publishing.order.rate_hz:
+            self._running[topic] = publishing
+        else:
+            self._tell_end(publishing, "sent", now_s)
+        return None
+
+    def _end(self, topic: str, outcome: str, now_s: float) -> None:
+        publishing = self._running.pop(topic, None)
+        if publishing is not None:
+            self._publisher.publish_stop(topic)
+            self._tell_end(publishing, outcome, now_s)
+
+    def _tell_end(self, publishing: _Publishing, outcome: str, now_s: float) -> None:
+        """Put it on record."""
+        figures: Parameters = {
+            "topic": publishing.order.topic,
+            "duration_s": round(now_s - publishing.since_s, 2),
+        }
+        self._records.outcome(publishing, "publish.end", outcome, figures, now_s)

@@ -1,0 +1,189 @@
+"""One text at a time for the robot's voice: which texts can be said, and what becomes of the one that is said.
+
+A text is on record before it is sent. It is said to its end also when its holder goes; only a cancel and the emergency
+stop end it, by its goal's id.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from msgspec import Struct
+
+from robots import wire
+from robots.bridge.audit.record_sink import Parameters
+from robots.bridge.audit.records import Asker, Records
+from robots.bridge.tasks.goals import Goal, Goals
+from robots.wire import Refusal
+
+LONGEST_CHARACTERS = 500
+# a topic that tells nothing is left no sooner: its text waits a second for who begins to listen
+LINGER_S = 1.5
+_LAYOUT = frozenset("\n\t")
+
+
+def why_not_speakable(text: str) -> Refusal | None:
+    """Why a robot should not be asked to say this; None if it may be."""
+    for position, character in enumerate(text):
+        if character not in _LAYOUT and unicodedata.category(character) in {"Cc", "Cs"}:
+            told = f"Character {position + 1} (U+{ord(character):04X}) cannot be spoken: delete it."
+            return Refusal("control_characters", told, "robot", {"position": position})
+    if not any(character.isprintable() and not character.isspace() for character in text):
+        return Refusal("empty_text", "There is nothing to say: write a text first.", "robot")
+    if len(text) > LONGEST_CHARACTERS:
+        told = f"The text has {len(text)} characters; at most {LONGEST_CHARACTERS} are said at once."
+        figures = {"length": len(text), "limit": LONGEST_CHARACTERS}
+        return Refusal("text_too_long", told, "robot", figures)
+    return None
+
+
+def own_language(asked: str, own: Sequence[str]) -> str:
+    """What the robot itself calls a language (BCP 47), if it is one of its `own`; else as it was asked for.
+
+    The same tag, in whichever case; else the first that is the same language: voices know es-ES, and neither es nor
+    es-MX.
+    """
+    same = [tag for tag in own if tag.lower() == asked.lower()]
+    akin = [tag for tag in own if _primary(tag) == _primary(asked)]
+    return next(iter(same + akin), asked)
+
+
+def _primary(tag: str) -> str:
+    return tag.lower().partition("-")[0]
+
+
+def word_said(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
+    """Where in `text` the last word of `said` stands: its first and its last + 1 character.
+
+    Some robots tell all that was said so far, some only the newest word, which is then looked for from `after` on.
+    """
+    told = said.split()
+    if not told:
+        return None
+    words = list(re.finditer(r"\S+", text))
+    if [word.group() for word in words[: len(told)]] == told and not (after and len(told) == 1):
+        return words[len(told) - 1].span()
+    found = text.find(told[-1], after)
+    return (found, found + len(told[-1])) if found >= 0 else None
+
+
+class Utterance(Struct, frozen=True):
+    """What is to be said where: `topic` is an action's name if the robot's voice is an action."""
+
+    text: str
+    language: str
+    topic: str
+
+
+class Voice(Protocol):
+    """What speaks."""
+
+    def say(self, goal_id: str, utterance: Utterance) -> bool:
+        """Pass it on. Whether the robot tells what becomes of it."""
+
+    def hush(self, goal_id: str, topic: str) -> None:
+        """Cancel this goal and no other."""
+
+
+@dataclass
+class _Saying:
+    """A text, and how far the robot is with it."""
+
+    utterance: Utterance
+    status: wire.SpeechStatus = "sent"
+    word: tuple[int, int] | None = None
+
+
+class Speaking(Goals[_Saying]):
+    """The text that is being said, if any."""
+
+    def __init__(self, voice: Voice, records: Records) -> None:
+        super().__init__(records, voice.hush)
+        self._voice = voice
+        self._sent: dict[str, float] = {}  # to topics that tell nothing: when
+        self.last: wire.SpeechEnd | None = None  # how the last one ended, for pages
+
+    def topics(self, now_s: float) -> set[str]:
+        """Where a text is under way, or on its way still."""
+        self._sent = {topic: sent_s for topic, sent_s in self._sent.items() if now_s - sent_s <= LINGER_S}
+        return {*self._sent, *([self.topic] if self.topic else [])}
+
+    def refuse(self, now_s: float) -> Refusal | None:
+        """Why nothing else can be said: the robot speaks."""
+        goal = self._current
+        if goal is not None:
+            who, text = goal.asker.holder.holder, goal.what.utterance.text
+            told = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
+            return Refusal("speaking", told, "robot", {"who": who, "text": text})
+        if self._busy(now_s):
+            return Refusal("speaking", "The robot says something that others asked for: wait.", "robot")
+        return None
+
+    def begin(self, utterance: Utterance, asker: Asker, now_s: float) -> None:
+        """Put it on record; it is sent, and the question answered, once that is done."""
+        text, language, topic = utterance.text, utterance.language, utterance.topic
+        parameters = {"text": text, "language": language, "topic": topic}
+        number = self._records.request(asker.holder, "speech.start", parameters, now_s)
+        self._current = Goal(asker, number, now_s, _Saying(utterance), topic)
+
+    def start(self, connected: Collection[str], now_s: float) -> None:
+        """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
+        goal = self._recorded(now_s)
+        if goal is not None and goal.topic in connected:
+            tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
+            if not tells:
+                self._sent[goal.topic] = now_s
+                self._end("sent", "", now_s)
+
+    def close(self, refusal: Refusal, now_s: float) -> None:
+        """The bridge ends: the robot may go on, unheard from here."""
+        self.deny(refusal, now_s)
+        self._end("unheard", "The bridge ended while the robot spoke.", now_s)
+
+    def view(self, now_s: float) -> wire.Speech | None:
+        """What is being said, for pages, from when it was sent."""
+        goal = self._current
+        if goal is None or goal.id is None:
+            return None
+        saying = goal.what
+        return wire.Speech(
+            number=goal.number.result(),
+            text=saying.utterance.text,
+            language=saying.utterance.language,
+            topic=saying.utterance.topic,
+            who=goal.asker.holder.holder,
+            status=saying.status,
+            since_s=round(now_s - goal.since_s, 1),
+            word=saying.word,
+        )
+
+    def running(self, topic: str, goals: Mapping[str, wire.SpeechStatus], now_s: float) -> None:
+        """Which goals are under way on a topic, and how each is: accepted or speaking."""
+        goal = self._heard(topic, goals, now_s)
+        if goal is not None and goal.id is not None:
+            goal.what.status = goals[goal.id]
+
+    def said(self, goal_id: str, said: str, now_s: float) -> None:
+        """A word was begun: `said` ends with it."""
+        goal = self._current
+        if goal is not None and goal.id == goal_id:
+            goal.heard_s = now_s
+            saying = goal.what
+            saying.word = word_said(saying.utterance.text, said, saying.word[1] if saying.word else 0)
+
+    def _tell(self, goal: Goal[_Saying], outcome: str, text: str) -> None:
+        self.last = wire.SpeechEnd(goal.number.result(), outcome, text)
+
+    def _record(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
+        figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
+        self._records.outcome(goal, "speech.end", outcome, figures, now_s)
+
+
+def _short(text: str) -> str:
+    """As much of it as a sentence about it can carry. It runs its own way, as Arabic does in an English sentence."""
+    one_line = " ".join(text.split())
+    return f"\u2068{one_line if len(one_line) <= 60 else f'{one_line[:59]}…'}\u2069"

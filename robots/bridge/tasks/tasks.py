@@ -1,0 +1,400 @@
+"""What the holder asks of the robot besides driving: where to look, what to perform, say and publish, and where to.
+
+Each order passes the same chain as a stick (lease, stop, robot there), is put on record, and is passed on to the robot
+after that. Nothing here waits, and nothing that ended begins again by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from msgspec import structs
+
+from robots import wire
+from robots.bridge.audit.record_sink import Holder
+from robots.bridge.audit.records import Asked, Asker, Records, Reply, taken_due
+from robots.bridge.config import BridgeConfig
+from robots.bridge.drive import twists
+from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.lease.lease_guard import Grants
+from robots.bridge.tasks import input_routing
+from robots.bridge.tasks.arm_clearance import Arm, Room
+from robots.bridge.tasks.capabilities import Catalogue
+from robots.bridge.tasks.denylist import admissible
+from robots.bridge.tasks.head import Aim, Head
+from robots.bridge.tasks.input_routing import Choices, Switch
+from robots.bridge.tasks.motions import Motions, Player
+from robots.bridge.tasks.publishing import HALTED, Publisher, Publishings
+from robots.bridge.tasks.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
+from robots.wire import Grant, Refusal
+
+LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
+ENDED = Refusal("bridge_ended", "It was not done: the robot’s bridge ended.", "robot")
+LEFT = Refusal("link_lost", "It was not done: the page that asked for it was left.", "lease")
+OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
+
+# Called later, on the loop: the space from where the arm is, None if the action offers no such motion; and the time.
+Swept = Callable[[tuple[Disc, ...] | None, float], None]
+
+
+class Rules(input_routing.Rules, Protocol):
+    """What orders must know of the robot besides: `Core`."""
+
+    grants: Grants
+
+    def why_closed(self, now_s: float) -> Refusal | None:
+        """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
+
+    def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
+        """A velocity from the holder's tools: as if the stick had asked for it."""
+
+
+class Performer(Player, Voice, Switch, Arm, Protocol):
+    """What orders do to the robot."""
+
+    def aim_head(self, aim: Aim) -> None:
+        """Send the head there."""
+
+    def sweep(self, motion: str, action: str, then: Swept) -> None:
+        """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them.
+
+        Returns at once. Where the points are others than those of the list, the list is read again. Where nobody took
+        the action's goals at the last survey, `Choices.surveyed` hears first who does now.
+        """
+
+
+class Orders:
+    """The orders of one robot's holder."""
+
+    def __init__(
+        self,
+        config: BridgeConfig,
+        performer: Performer,
+        gate: Gate,
+        records: Records,
+        rules: Rules,
+        publisher: Publisher,
+        announce: Callable[[wire.Offers], None],
+    ) -> None:
+        config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
+        self.motions = Motions(performer, records)
+        self.speaking = Speaking(performer, records)
+        self.choices = Choices(config, performer, records, rules)
+        self.catalogue = Catalogue(config, self.choices, announce)
+        self.publishings = Publishings(publisher, records)
+        self._config = config
+        self._publisher = publisher
+        self._performer = performer
+        self._room = Room(gate, performer)
+        self._records = records
+        self._rules = rules
+        self._head = Head(config.topics.head) if config.topics.head else None
+        self._gate = gate
+        # what is being put on record, to be done at once then; and the rules that may forbid it, beside those of all
+        self._asked: dict[str, list[Asked]] = {"head.look_ahead": [], "memory.forget": []}
+        self._why_not = {"head.look_ahead": self._why_no_look, "memory.forget": self._why_not_forget}
+
+    def take(self, order: wire.Order, link: int, now_s: float, answer: Reply) -> None:
+        """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
+        refusal = self._rules.grants.refuse_drive(order.fence or 0, link, now_s)
+        grant = self._rules.grants.current
+        if refusal is not None or grant is None:
+            answer(refusal)
+            return
+        asker = Asker(holder_of(grant), link, answer)
+        match order:
+            case wire.Publish():
+                self._publish(order, grant, asker, now_s)
+            case wire.Play():
+                self._play(order, asker, now_s)
+            case wire.LookAhead():
+                self._ask("head.look_ahead", asker, now_s)
+            case wire.Forget():
+                self._ask("memory.forget", asker, now_s)
+            case wire.Say():
+                self._say(order, asker, now_s)
+            case wire.Choose():
+                self.choices.take(order, asker, now_s)
+            case _:
+                answer(self._end(order, now_s))
+
+    def _end(self, order: wire.Order, now_s: float) -> Refusal | None:
+        """What ends something is done at once, and its outcome put on record."""
+        match order:
+            case wire.PlayCancel():
+                return self._cancel_motion("Its holder cancelled it.")
+            case wire.SayCancel():
+                return self._cancel_speech("Its holder cancelled it.")
+            case wire.PublishStop(topic=topic):
+                return self.publishings.stop(topic, now_s)
+            case _:
+                return Refusal("not_offered", "This robot does not do that.", "robot")
+
+    def cancel(self, what: str, by: str) -> Refusal | None:
+        """Cancel by one who need not have control; the web process has checked the right."""
+        why = f"Cancelled by {by}."
+        return self._cancel_motion(why) if what == "motion" else self._cancel_speech(why)
+
+    def refresh(self) -> None:
+        """Read again what the robot offers, and tell it."""
+        if "motions" in self.choices.uses:
+            self.catalogue.asked()
+            self._performer.read_motions()
+        else:
+            self.catalogue.tell(anyway=True)
+
+    def why_stand(self, now_s: float) -> Refusal | None:
+        """Why the base must stand: a motion runs."""
+        return self.motions.refuse(now_s)
+
+    @property
+    def under_way(self) -> list[str]:
+        """What was asked for and is not over, in words. A text that is said is not in it: it ends by itself."""
+        return self.motions.under_way + self.publishings.under_way
+
+    # --- what happens meanwhile ---------------------------------------------------------------------
+
+    def tick(self, sent: Velocity, page_gone_s: float | None, now_s: float) -> None:
+        """Pass on what is on record now, cancel what must not go on.
+
+        `sent`: what the base was told last; `page_gone_s`: when the holder's page was lost, None while it is there.
+        """
+        if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
+            why = f"The page of who asked for it was out of reach for {LINK_PATIENCE_S:.0f} s."
+            self.motions.cancel("link_lost", why)
+            self.publishings.halt("link_lost", now_s)
+        self.publishings.tick(self._rules.why_not_begin, now_s)
+        self._watch_motion(now_s)
+        self._watch_speech(now_s)
+        self.choices.tick({"speech": self.speaking.topics(now_s)}, now_s)
+        self.catalogue.tell()
+        self._move_head(sent, now_s)
+        if self._granted("memory.forget", now_s):
+            self._gate.forget()
+
+    def stopped(self, by: str, now_s: float) -> None:
+        """The emergency stop was pressed."""
+        self._deny_asked(now_s)
+        self.publishings.halt("stopped", now_s)
+        self.motions.cancel("stopped", f"The robot was stopped by {by}.")
+        self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
+
+    def unrecorded(self, refusal: Refusal, now_s: float) -> None:
+        """Nothing can be recorded. A text that is being said already is said to its end."""
+        self._deny_asked(now_s, refusal)
+        self.publishings.halt(refusal.code, now_s, refusal)
+        self.motions.halt(refusal, now_s)
+        self.speaking.deny(refusal, now_s)
+        self.choices.withdraw(refusal, now_s)
+
+    def page_left(self, now_s: float) -> None:
+        """Who asked is gone: what has not begun will not, whoever comes back. `tick` bears what runs for a while."""
+        self._deny_asked(now_s, LEFT)
+        self.publishings.deny(LEFT.code, now_s, LEFT)
+        self.motions.deny(LEFT, now_s)
+        self.speaking.deny(LEFT, now_s)
+        self.choices.withdraw(LEFT, now_s)
+
+    def control_ended(self, reason: str, now_s: float) -> None:
+        """Nobody answers for what is under way. A text that is being said already is said to its end."""
+        self._deny_asked(now_s)
+        self.publishings.halt("control_ended", now_s)
+        self.motions.cancel("control_ended", reason)
+        if self.speaking.waiting:
+            self.speaking.cancel("cancelled", reason)
+        self.choices.control_ended(reason, now_s)
+
+    def close(self, now_s: float) -> None:
+        """The bridge ends."""
+        self._deny_asked(now_s, ENDED)
+        self.publishings.halt(ENDED.code, now_s, ENDED)
+        self.motions.close(ENDED, now_s)
+        self.speaking.close(ENDED, now_s)
+        self.choices.close(ENDED, now_s)
+
+    # --- what is done at once -------------------------------------------------------------------------
+
+    def _ask(self, kind: str, asker: Asker, now_s: float) -> None:
+        """Put it on record; it is done, and the question answered, once that is there."""
+        refusal = self._rules.why_not_begin(asker, now_s) or self._why_not[kind](now_s)
+        if refusal is not None:
+            asker.answer(refusal)
+            return
+        number = self._records.request(asker.holder, kind, {}, now_s)
+        self._asked[kind].append(Asked(asker, number, now_s))
+
+    def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
+        """What is not on record yet will not be done."""
+        for kind, waiting in self._asked.items():
+            denied, waiting[:] = list(waiting), []
+            for asked in denied:
+                self._tell(kind, asked, refusal, now_s)
+
+    def _tell(self, kind: str, asked: Asked, refusal: Refusal | None, now_s: float) -> None:
+        """Answer, and put on record what came of it."""
+        asked.asker.answer(refusal)
+        self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
+
+    def _granted(self, kind: str, now_s: float) -> bool:
+        """Answer what is on record now. Whether something was asked for that nothing forbids."""
+        granted = False
+        for asked in taken_due(self._asked[kind]):
+            refusal = asked.unrecorded or self._rules.why_not_begin(asked.asker, now_s)
+            refusal = refusal or self._why_not[kind](now_s)
+            granted = granted or refusal is None
+            self._tell(kind, asked, refusal, now_s)
+        return granted
+
+    def _why_not_forget(self, now_s: float) -> Refusal | None:
+        """What was seen counts for the way that the base is on, and for the arm's."""
+        if self.motions.refuse(now_s):
+            text = "The robot performs a motion: what it saw is needed for that."
+            return Refusal("motion_running", text, "robot")
+        return self._rules.why_not_still(now_s)
+
+    # --- head -----------------------------------------------------------------------------------------
+
+    def _why_no_look(self, now_s: float) -> Refusal | None:
+        if self._head is None:
+            return Refusal("no_head", "This robot has no head that can be turned.", "robot")
+        if refusal := self._rules.why_closed(now_s):
+            return refusal
+        if self.motions.refuse(now_s):
+            text = "The robot performs a motion: its head belongs to that."
+            return Refusal("motion_running", text, "robot")
+        return None
+
+    def _move_head(self, sent: Velocity, now_s: float) -> None:
+        """Where it was asked to look and that is on record now; else, by setting, into the turn."""
+        if self._head is None:
+            return
+        aim = None
+        if self._granted("head.look_ahead", now_s):
+            aim = self._head.ahead(now_s)
+        elif self._rules.grants.current and sent != STILL and self._why_no_look(now_s) is None:
+            aim = self._head.follow(sent, now_s)
+        if aim is not None:
+            self._performer.aim_head(aim)
+
+    # --- publishing -----------------------------------------------------------------------------------
+
+    def _publish(self, order: wire.Publish, grant: Grant, asker: Asker, now_s: float) -> None:
+        if order.type in twists.TYPES:
+            asker.answer(self._twist(order, grant, now_s))
+            return
+        refusal = self._rules.why_not_begin(asker, now_s) or self._why_not_publish(order)
+        if refusal is not None:
+            asker.answer(refusal)
+            return
+
+        def checked(refusal: Refusal | None, now_s: float) -> None:
+            # Meanwhile control may have gone elsewhere, or the stop been pressed.
+            refusal = refusal or self._rules.why_not_begin(asker, now_s)
+            if refusal is None:
+                self.publishings.begin(order, asker, now_s)
+            else:
+                asker.answer(refusal)
+
+        self._publisher.check(order, checked)
+
+    def _why_not_publish(self, order: wire.Publish) -> Refusal | None:
+        """What the allow-list has not, nobody publishes."""
+        wanted = ("publish", order.topic, order.type)
+        if any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._config.allowed):
+            return None
+        text = f"Nobody may publish {order.type} on {order.topic}: the allow-list does not have it."
+        return Refusal("not_allowed", text, "robot", {"topic": order.topic, "type": order.type})
+
+    def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
+        """A velocity goes through the gate, so there is one topic for it, and it must be asked for again and again."""
+        topic, type_name = self.choices.topic("drive"), self._config.topics.drive.type
+        if (order.topic, order.type) != (topic, type_name):
+            text = f"Velocities go to {topic} as {type_name}, through the gate, and nowhere else."
+            return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
+        if order.rate_hz:
+            text = f"A velocity is valid for {COMMAND_LIFE_S} s: send each one, the console repeats none."
+            return Refusal("dead_man", text, "dead-man")
+        velocity = twists.velocity_from(order.fields, order.type)
+        if isinstance(velocity, Refusal):
+            return velocity
+        return self._rules.twist(velocity, order, grant, now_s)
+
+    # --- motions --------------------------------------------------------------------------------------
+
+    def _play(self, order: wire.Play, asker: Asker, now_s: float) -> None:
+        """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
+        refusal = self.motions.refuse(now_s) or self._why_no_motion(asker, None, now_s)
+        # Who listened at the last survey is seconds old: a robot that has just come may have joined since.
+        if refusal is not None and refusal.code != "no_listener":
+            asker.answer(refusal)
+            return
+        action = self.choices.topic("motions")
+        title = self.catalogue.title_of(order.motion, action)
+        goal = self.motions.begin(order.motion, title, action, asker, now_s)
+
+        def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
+            self.motions.told(goal, space, now_s, self.choices.refuse("motions", action))
+            self._watch_motion(now_s)
+
+        self._performer.sweep(order.motion, action, swept)
+
+    def _cancel_motion(self, why: str) -> Refusal | None:
+        if self.motions.cancel("cancelled", why):
+            return None
+        return Refusal("no_motion", "No motion that was started here runs.", "robot")
+
+    def _why_no_motion(self, asker: Asker, action: str | None, now_s: float) -> Refusal | None:
+        """The first rule that keeps the arm where it is; other motions and the arm's space apart."""
+        return (
+            self._rules.why_not_begin(asker, now_s)
+            or self.choices.refuse("motions", action)
+            or self._rules.why_not_still(now_s)
+        )
+
+    def _watch_motion(self, now_s: float) -> None:
+        """Begin what is due, if nothing stands against it; cancel what must not go on."""
+        motions = self.motions
+        if motions.due:
+            if asker := motions.waiting:
+                refusal = self._why_no_motion(asker, motions.topic, now_s)
+                refusal = refusal or self._room.why_none(motions.space, now_s)
+                if refusal is not None:
+                    motions.deny(refusal, now_s)
+            motions.start(now_s)
+        elif motions.begun and (refusal := self._room.why_none(motions.space, now_s, running=True)):
+            motions.cancel(OUTCOMES[refusal.code], refusal.text)
+        motions.tick(now_s)
+
+    # --- speech ---------------------------------------------------------------------------------------
+
+    def _say(self, order: wire.Say, asker: Asker, now_s: float) -> None:
+        refusal = why_not_speakable(order.text) or self._rules.why_not_begin(asker, now_s)
+        refusal = refusal or self.choices.refuse("speech", order.topic) or self.speaking.refuse(now_s)
+        if refusal is not None:
+            asker.answer(refusal)
+            return
+        language = own_language(order.language, self._config.topics.languages)
+        utterance = Utterance(order.text, language, order.topic or self.choices.topic("speech"))
+        self.speaking.begin(utterance, asker, now_s)
+
+    def _cancel_speech(self, why: str) -> Refusal | None:
+        if self.speaking.cancel("cancelled", why):
+            return None
+        return Refusal("no_speech", "Nothing that was asked for here is being said.", "robot")
+
+    def _watch_speech(self, now_s: float) -> None:
+        """Say what is on record, if nothing has come in between."""
+        asker = self.speaking.waiting
+        if asker and (refusal := self._rules.why_not_begin(asker, now_s)):
+            self.speaking.cancel("cancelled", refusal.text)
+        self.speaking.start(self.choices.connected("speech"), now_s)
+        self.speaking.tick(now_s)
+
+
+def holder_of(grant: Grant) -> Holder:
+    """Who answers for what happens under a grant."""
+    return Holder(grant.holder_id, grant.holder, grant.session, grant.fence)

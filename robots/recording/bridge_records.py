@@ -1,0 +1,310 @@
+"""A bridge's records, in the audit log of the console.
+
+Of what the bridge tells, plain facts are kept as long as the record, how long and how far a drive was among them;
+places, words and what the sensors saw are what may expire or be erased.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, ParamSpec, TypedDict, TypeVar
+from uuid import UUID
+
+from django.core.exceptions import ValidationError
+from django.db import (
+    DatabaseError,
+    InterfaceError,
+    InternalError,
+    OperationalError,
+    close_old_connections,
+    connection,
+    transaction,
+)
+from django.db.models import Exists, Max, OuterRef
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.audit import AuditUnavailable, record
+from fleet.audit.errors import cause_of
+from fleet.audit.models import Record
+from robots.bridge.audit.drive_path import Sample
+from robots.bridge.audit.record_sink import (
+    BadRecord,
+    DriveSummary,
+    GateStart,
+    GateSummary,
+    Holder,
+    Parameters,
+    Place,
+    RecordError,
+    TakenMap,
+)
+from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.registry.maps import map_seen
+from robots.registry.models import BridgePulse
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+# What tells the outcome of each kind of record, and what it is if the bridge was killed in between.
+ENDS = {
+    "gate.begin": ("gate.end", "bridge_killed"),
+    "drive.start": ("drive.end", "bridge_killed"),
+    "motion.start": ("motion.end", "unknown"),
+    "motion.cancel": ("motion.cancel", "unknown"),
+    "speech.start": ("speech.end", "unknown"),
+    "publish.start": ("publish.end", "unknown"),
+    "topic.choose": ("topic.choose", "unknown"),
+    "head.look_ahead": ("head.look_ahead", "unknown"),
+    "memory.forget": ("memory.forget", "unknown"),
+}
+_EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
+
+
+_File = tuple[int, int]  # device and inode
+
+
+class _Opened(threading.local):
+    """A connection to a file of SQLite's, and which file and write-ahead log these were when it was made."""
+
+    by: object = None
+    files: tuple[_File, _File | None] | None = None
+
+
+_opened = _Opened()
+
+
+def _look_at_file() -> None:
+    """Write to the file that has the database's name now, and to the log that has the log's.
+
+    A kept connection of SQLite's goes on with those it opened, and what it writes into one that was removed or
+    replaced nobody can read. While it is kept, nobody but who restores a backup removes the log.
+    """
+    if connection.vendor != "sqlite":
+        return
+    name = connection.settings_dict["NAME"]
+    file = _file_of(name)
+    if file is None:
+        connection.close()
+        raise RecordError("the file of the database is gone")
+    if connection.connection is _opened.by and (file, _log_of(name)) != _opened.files:
+        connection.close()
+    connection.ensure_connection()
+    if connection.connection is not _opened.by:
+        _opened.by, _opened.files = connection.connection, (file, _log_of(name))
+
+
+def _log_of(name: object) -> _File | None:
+    return _file_of(f"{name}-wal")
+
+
+def _file_of(name: str) -> _File | None:
+    """What has this name; None: nothing has it."""
+    try:
+        status = os.stat(name)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
+    """Whatever kept the record from being written, in words.
+
+    A connection may be kept from call to call; after a failure the next call makes a fresh one.
+    """
+
+    @functools.wraps(method)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            close_old_connections()
+            _look_at_file()
+            return method(*args, **kwargs)
+        except AuditUnavailable as error:
+            connection.close()
+            raise RecordError(cause_of(error.__cause__ or error)[1]) from error
+        except (OperationalError, InternalError, InterfaceError) as error:
+            connection.close()
+            raise RecordError(cause_of(error)[1]) from error
+        except (DatabaseError, ValidationError, ValueError) as error:
+            raise BadRecord("the audit log does not take it") from error
+
+    return call
+
+
+class AuditSink:
+    """`robots.bridge.audit.record_sink.RecordSink` for one robot, over `fleet.audit`."""
+
+    def __init__(self, robot_id: UUID, robot_name: str) -> None:
+        self._robot_id = robot_id
+        self._robot_name = robot_name
+
+    @_or_record_error
+    def settle(self) -> None:
+        """Commit the ends that an earlier bridge owes, because it was killed; a second time there are none."""
+        with transaction.atomic():
+            pulse, _ = BridgePulse.objects.get_or_create(robot_id=self._robot_id)
+            for start in self._without_end(pulse.settled):
+                kind, outcome = ENDS[start.kind]
+                record(kind, of=start, outcome=outcome)
+            records = Record.objects.filter(robot_id=self._robot_id)
+            pulse.settled = records.aggregate(newest=Max("id"))["newest"] or 0
+            pulse.save()
+
+    @_or_record_error
+    def pulse(self) -> None:
+        """Commit the time of day."""
+        BridgePulse.objects.update_or_create(robot_id=self._robot_id, defaults={"at": timezone.now()})
+
+    @_or_record_error
+    def begin_drive(self, holder: Holder, start: Place) -> int:
+        """Commit the start of a drive."""
+        return record("drive.start", private=_place(start), **self._by(holder)).pk
+
+    @_or_record_error
+    def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
+        """Commit the end of a drive, with what it came to."""
+        figures = {
+            "distance_m": round(summary.distance_m, 3),
+            "duration_s": round(summary.duration_s, 2),
+            "top_mps": round(summary.top_mps, 3),
+            "top_radps": round(summary.top_radps, 3),
+            "interventions": summary.interventions,
+        }
+        where = {
+            "words": summary.ended_by,
+            "path": _path(summary.path),
+            "path_tolerance_m": summary.tolerance_m,
+            **_place(summary.end),
+        }
+        record(
+            "drive.end",
+            of=drive,
+            outcome=summary.outcome,
+            parameters=figures,
+            private=where,
+            **self._by(holder),
+        )
+
+    @_or_record_error
+    def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
+        """Commit what was asked of the robot besides driving."""
+        facts = dict(parameters)
+        text = str(facts.pop("text", ""))
+        private = {name: facts.pop(name) for name in _EXPIRING if name in facts}
+        return record(kind, parameters=facts, text=text, private=private, **self._by(holder)).pk
+
+    @_or_record_error
+    def outcome(
+        self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
+    ) -> None:
+        """Commit what came of it."""
+        facts = dict(parameters)
+        words = facts.pop("text", None)
+        private = {"words": words} if words else {}
+        record(kind, of=request, outcome=outcome, parameters=facts, private=private, **self._by(holder))
+
+    @_or_record_error
+    def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
+        """Commit that the gate began to hold back, and why."""
+        figures = {
+            "words": start.verdict.text,
+            "t_s": round(start.t_s, 2),
+            "pose": _pose(start.pose),
+            **_verdict(start.verdict),
+        }
+        return record(
+            "gate.begin", of=drive, outcome=start.verdict.code, private=figures, **self._by(holder)
+        ).pk
+
+    @_or_record_error
+    def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
+        """Commit that it ended, and what it came to."""
+        figures = {
+            "duration_s": round(summary.duration_s, 2),
+            "also": summary.also,
+            "nearest": _verdict(summary.nearest),
+            "pose": _pose(summary.pose),
+        }
+        record("gate.end", of=intervention, private=figures, **self._by(holder))
+
+    @_or_record_error
+    def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
+        """Commit that a stop reached the robot."""
+        record(
+            "stop.latch",
+            robot_id=self._robot_id,
+            robot_name=self._robot_name,
+            session_id=UUID(holder.session) if holder else None,
+            fence=holder.fence if holder else None,
+            parameters={"number": number, "was_standing": was_standing},
+        )
+
+    @_or_record_error
+    def keep_map(self, taken: TakenMap) -> None:
+        """Commit that this is the robot's map now."""
+        map_seen(self._robot_id, taken, timezone.now())
+
+    def _without_end(self, after: int) -> list[Record]:
+        """This robot's records that lack their end, the newest first: what began last ended first."""
+        missing: list[Record] = []
+        for kind, (end, _) in ENDS.items():
+            ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
+            starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
+            if kind == end:
+                # Whoever cancels a motion has the outcome at once.
+                starts = starts.filter(of=None, outcome="")
+            missing += starts.exclude(Exists(ends))
+        return sorted(missing, key=lambda start: -start.pk)
+
+    def _by(self, holder: Holder | None) -> _By:
+        return {
+            "actor": User.objects.filter(pk=holder.holder_id).first() if holder else None,
+            "robot_id": self._robot_id,
+            "robot_name": self._robot_name,
+            "session_id": UUID(holder.session) if holder else None,
+            "fence": holder.fence if holder else None,
+        }
+
+
+class _By(TypedDict):
+    actor: User | None
+    robot_id: UUID
+    robot_name: str
+    session_id: UUID | None
+    fence: int | None
+
+
+def _place(place: Place) -> dict[str, Any]:
+    return {"pose": _pose(place.pose), "map_to_odom": _pose(place.map_to_odom)}
+
+
+def _pose(pose: Pose | None) -> list[float] | None:
+    """x and y in metres, yaw in radians."""
+    return None if pose is None else [round(value, 3) for value in pose]
+
+
+def _path(path: Sequence[Sample]) -> list[list[float]]:
+    """Of each sample t, x, y, yaw and speed."""
+    return [[round(value, 3) for value in sample] for sample in path]
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {
+        "sensor": verdict.sensor,
+        "distance_m": _rounded(verdict.distance_m),
+        "bearing_rad": _rounded(verdict.bearing_rad),
+        "side": verdict.side,
+        "asked": _velocity(verdict.asked),
+        "allowed": _velocity(verdict.velocity),
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+def _velocity(velocity: Velocity) -> dict[str, float]:
+    return {"vx_mps": round(velocity.vx, 3), "vy_mps": round(velocity.vy, 3), "w_radps": round(velocity.w, 3)}

@@ -1,0 +1,129 @@
+"""Faults of robots on record: when one began, and when it was over. What goes on is not told again.
+
+A fault belongs to a part: the bridge, as its supervisor sees it, or the robot, as its bridge does. While a part is at
+fault, what else ails it belongs to the same fault.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from concurrent.futures import Future
+from typing import NamedTuple
+from uuid import UUID
+
+from django.db import transaction
+from django.utils import timezone
+
+from fleet.audit import record
+from fleet.audit.models import Record
+from fleet.audit.services import lock_chain
+from robots.bridge.config import LinkAddress
+from robots.link.client import LinkRefused, state_once
+from robots.registry.models import BridgeStatus, Robot
+from robots.registry.selectors import link_address
+
+log = logging.getLogger(__name__)
+
+BRIDGE, ROBOT = "bridge", "robot"  # parts
+LOOK_S = 5.0  # between two looks at the robots
+SURE_AFTER = 3  # looks: a robot whose bridge starts anew is not at fault
+
+State = BridgeStatus.State
+_BRIDGE_FAULTS = {State.BACKING_OFF: "bridge_ended", State.REFUSED: "bridge_refused"}
+_BRIDGE_WELL = {State.RUNNING, State.DISABLED}
+
+
+class Condition(NamedTuple):
+    """How a part is."""
+
+    fault: str = ""  # in a word; "": it is well
+    words: str = ""
+
+
+def bridge_is(robot_id: UUID, state: State, detail: str) -> None:
+    """Put on record what a new state of its process says of a robot's bridge; starting and ending say nothing."""
+    if state in _BRIDGE_FAULTS:
+        part_is(robot_id, BRIDGE, Condition(_BRIDGE_FAULTS[state], detail))
+    elif state in _BRIDGE_WELL:
+        part_is(robot_id, BRIDGE, Condition())
+
+
+@transaction.atomic
+def part_is(robot_id: UUID, part: str, now: Condition) -> None:
+    """Put on record that a part is at fault, or is not any more, if that is news. Whoever tells it first is heard."""
+    name = Robot.objects.filter(pk=robot_id).values_list("name", flat=True).first()
+    if name is None:
+        return
+    lock_chain(robot_id, name)
+    told = Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part)
+    last = told.order_by("-id").first()
+    is_open = last is not None and last.of_id is None
+    if now.fault and not is_open:
+        parameters = {"part": part}
+        record(
+            "fault",
+            robot_id=robot_id,
+            robot_name=name,
+            outcome=now.fault,
+            parameters=parameters,
+            private={"words": now.words},
+        )
+    elif last is not None and is_open and not now.fault:
+        duration_s = round((timezone.now() - last.at).total_seconds(), 1)
+        record("fault", of=last, outcome="over", parameters={"part": part, "duration_s": duration_s})
+
+
+class RobotWatch:
+    """Asks each robot's bridge now and then how the robot is. One process does; time is an argument, in seconds."""
+
+    def __init__(self) -> None:
+        self._asked: dict[UUID, Future[Condition]] = {}
+        self._unwell: dict[UUID, int] = {}  # looks one after the other
+        self._told: dict[UUID, bool] = {}  # whether it was at fault, as last put on record
+        self._next_s = 0.0
+
+    def step(self, now_s: float) -> None:
+        """Note the answers that are there, and ask again when it is time. Waits for no robot."""
+        for robot_id, answer in list(self._asked.items()):
+            if answer.done():
+                self._note(robot_id, answer.result())
+                del self._asked[robot_id]
+        if now_s >= self._next_s:
+            self._next_s = now_s + LOOK_S
+            for robot in Robot.objects.filter(enabled=True).select_related("profile"):
+                if robot.id not in self._asked:
+                    self._asked[robot.id] = _ask(robot.id, link_address(robot))
+
+    def _note(self, robot_id: UUID, now: Condition) -> None:
+        self._unwell[robot_id] = self._unwell.get(robot_id, 0) + 1 if now.fault else 0
+        if now.fault and self._unwell[robot_id] < SURE_AFTER:
+            return
+        at_fault = bool(now.fault)
+        if self._told.get(robot_id) != at_fault:
+            part_is(robot_id, ROBOT, now)
+            self._told[robot_id] = at_fault
+
+
+def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
+    """Ask beside, in a thread that the end of the process does not wait for."""
+    answer: Future[Condition] = Future()
+
+    def ask() -> None:
+        try:
+            answer.set_result(condition_of(robot_id, address))
+        except Exception:  # whatever it is, the robot is asked again
+            log.exception("a robot could not be asked how it is")
+            answer.set_result(Condition("link_fault", "The console failed to ask the robot’s bridge."))
+
+    threading.Thread(target=ask, name="robot", daemon=True).start()
+    return answer
+
+
+def condition_of(robot_id: UUID, address: LinkAddress) -> Condition:
+    """How a robot is, by its bridge."""
+    try:
+        state = state_once(robot_id, address)
+    except LinkRefused as refused:
+        return Condition(refused.refusal.code, refused.refusal.text)
+    return Condition() if state.phase == "online" else Condition("robot_offline", state.text)

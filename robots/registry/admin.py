@@ -1,0 +1,292 @@
+"""The registry in the admin. Everything is saved by `robots.registry.services`, which checks and records it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from django import forms
+from django.conf import settings
+from django.contrib import admin, messages
+from django.db import models
+from django.db.models import QuerySet
+from django.forms import ModelForm
+from django.http import HttpRequest
+from django.urls import reverse
+from django.utils.html import format_html
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from fleet.audit.recorded_admin import RecordedAdmin
+from robots.registry import services, shipped
+from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, save_entries
+from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.registry.selectors import last_editor
+from robots.supervisor.keeper import LOCK, supervised
+
+
+class ReadableJSON(json.JSONEncoder):
+    """JSON as people like to edit it."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{**options, "indent": 2})
+
+
+READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
+    models.JSONField: {
+        "encoder": ReadableJSON,
+        "widget": forms.Textarea(
+            attrs={"rows": 8, "cols": 100, "class": "vLargeTextField json", "spellcheck": "false"}
+        ),
+    }
+}
+
+
+ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true without a supervisor, too
+
+
+class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Who may do what with this robot."""
+
+    model = RobotRole
+    formset = SpokenFormSet
+    extra = 0
+    autocomplete_fields = ["user"]
+    verbose_name_plural = _("people (staff may do everything without an entry)")
+
+
+class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """A form that was left open does not undo what others changed, such as taking a robot out of service."""
+
+    as_of = forms.CharField(widget=forms.HiddenInput, required=False)
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if not self.instance._state.adding:
+            self.initial["as_of"] = self.instance.updated_at.isoformat()
+
+    def clean_as_of(self) -> str:
+        """`ValidationError` if the entry was saved since the form was opened."""
+        as_of: str = self.cleaned_data["as_of"]
+        if as_of and as_of != self.initial.get("as_of", as_of):  # a copy of an entry is new
+            told = gettext("It was changed meanwhile by %s. Open this page again; nothing was saved.")
+            raise forms.ValidationError(told % last_editor(self.instance))
+        return as_of
+
+
+@admin.register(Robot)
+class RobotAdmin(RecordedAdmin):
+    """Robots. None is deleted, for control sessions and records speak of them: clear "enabled" instead."""
+
+    list_display = [
+        "name",
+        "slug",
+        "profile",
+        "enabled",
+        "practice",
+        "master_uri",
+        "bridge_state",
+        "check_link",
+    ]
+    list_filter = ["enabled", "practice", "profile"]
+    list_select_related = ["profile", "bridge"]
+    search_fields = ["name", "slug", "master_uri"]
+    prepopulated_fields = {"slug": ["name"]}
+    readonly_fields = ["bridge_state", "check_link", "updated_at"]
+    form = FreshForm
+    formfield_overrides = READABLE
+    inlines = [RoleInline, AllowanceInline]
+    fieldsets = [
+        (
+            None,
+            {
+                "fields": [
+                    "name",
+                    "slug",
+                    "profile",
+                    "enabled",
+                    "practice",
+                    "bridge_state",
+                    "check_link",
+                    "as_of",
+                ]
+            },
+        ),
+        (
+            _("Network"),
+            {
+                "fields": ["master_uri", "advertised_address", "host_aliases", "bridge_address"],
+                "description": _(
+                    "ROS nodes call each other back by name, so names must resolve both ways: most of what goes "
+                    "wrong in a lab goes wrong here. Save, then open the check."
+                ),
+            },
+        ),
+        (
+            _("Driving"),
+            {
+                "fields": ["drive_topic", "default_share", "max_share", "stick", "overrides"],
+                "description": _(
+                    "What differs from the profile. A change takes effect within 3 s; the robot stops for it, "
+                    "other robots do not."
+                ),
+            },
+        ),
+    ]
+
+    @admin.display(description=_("bridge"))
+    def bridge_state(self, robot: Robot) -> str:
+        """How the bridge process fares, as far as anybody knows."""
+        status = getattr(robot, "bridge", None)
+        if status is None:
+            return gettext("not seen by a supervisor yet")
+        since = gettext("%(state)s since %(time)s UTC") % {
+            "state": status.get_state_display(),
+            "time": f"{status.since:%Y-%m-%d %H:%M:%S}",
+        }
+        told = f"{since}: {status.detail}" if status.detail else since
+        if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
+            return told
+        return gettext("no supervisor is running; the last one said: %s") % told
+
+    @admin.display(description=_("check"))
+    def check_link(self, robot: Robot) -> str:
+        """A link to the check page."""
+        if robot._state.adding:
+            return gettext("after saving")
+        url = reverse("robot-check", args=[robot.slug])
+        return format_html('<a href="{}">{}</a>', url, gettext("Check this robot"))
+
+    def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
+        """Save by the service."""
+        services.robot_save(robot=obj, actor=person_of(request))
+
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
+        """Roles and allow-list by the service."""
+        if formset.model is not RobotRole:
+            save_entries(formset, person_of(request))
+            return
+        for entry in formset.save(commit=False):
+            _give(entry, person_of(request))
+        for entry in formset.deleted_objects:
+            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=person_of(request))
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """Robots are disabled, not deleted."""
+        return False
+
+
+def _give(entry: RobotRole, actor: User) -> None:
+    """A role as entered; if the row was another person's, that person's role ends."""
+    before = RobotRole.objects.select_related("user", "robot").filter(pk=entry.pk).first()
+    if before is not None and (before.user_id, before.robot_id) != (entry.user_id, entry.robot_id):
+        services.role_set(robot=before.robot, user=before.user, role=None, actor=actor)
+    services.role_set(robot=entry.robot, user=entry.user, role=Role(entry.role), actor=actor)
+
+
+@admin.register(RobotRole)
+class RobotRoleAdmin(RecordedAdmin):
+    """Every role of every person."""
+
+    list_display = ["user", "robot", "role"]
+    list_filter = ["role", "robot"]
+    list_select_related = ["user", "robot"]
+    search_fields = ["user__username", "user__full_name", "robot__name"]
+    autocomplete_fields = ["user", "robot"]
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotRole, form: ModelForm[RobotRole], change: bool
+    ) -> None:
+        """Save by the service."""
+        _give(obj, person_of(request))
+
+    def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
+        """Take the role away by the service."""
+        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
+        """Each of them by the service."""
+        for entry in queryset.select_related("robot", "user"):
+            self.delete_model(request, entry)
+
+
+@admin.register(RobotProfile)
+class RobotProfileAdmin(RecordedAdmin):
+    """Kinds of robots."""
+
+    list_display = ["name", "slug", "holonomic", "forward_mps", "blind_mps", "drive_topic", "source"]
+    readonly_fields = ["source", "updated_at"]
+    form = FreshForm
+    formfield_overrides = READABLE
+    actions = ["take_shipped"]
+    inlines = [AllowanceInline]
+    save_as = True
+    fieldsets = [
+        (None, {"fields": ["name", "slug", "holonomic", "source", "as_of"]}),
+        (
+            _("Limits"),
+            {
+                "fields": [
+                    *("forward_mps", "reverse_mps", "lateral_mps", "turn_radps"),
+                    *("linear_mps2", "angular_radps2", "blind_mps"),
+                ],
+                "description": _(
+                    "What the safety gate believes of the base. A number above what the base can do makes the "
+                    "gate brake too late."
+                ),
+            },
+        ),
+        (
+            _("Driving"),
+            {"fields": ["default_share", "reverse_steering", "stick", "drive_topic", "drive_type"]},
+        ),
+        (_("Body and ROS interface"), {"fields": ["footprint", "topics", "gate"]}),
+    ]
+
+    @admin.display(description=_("source"))
+    def source(self, profile: RobotProfile) -> str:
+        """Whether the profile is as shipped."""
+        file = shipped.file_of(profile)
+        if file is None:
+            return gettext("made here")
+        if shipped.differs(profile, file):
+            return gettext("edited here; the shipped one differs")
+        return gettext("as shipped")
+
+    @admin.action(description=_("Give up local edits, take the shipped version"))
+    def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
+        """Back to the data file."""
+        for profile in queryset:
+            taken = services.profile_take_shipped(profile=profile, actor=person_of(request))
+            if taken:
+                self.message_user(request, gettext("%s is as shipped now.") % profile.name, messages.SUCCESS)
+            else:
+                told = gettext("%s was made here; nothing is shipped for it.") % profile.name
+                self.message_user(request, told, messages.WARNING)
+
+    def save_model(
+        self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
+    ) -> None:
+        """Save by the service, and say it where a limit of the gate was loosened."""
+        services.profile_save(profile=obj, actor=person_of(request))
+        if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
+            told = gettext(
+                "The blind speed of every %(name)s is %(now)s m/s now, it was %(before)s: where no sensor watches, "
+                "only the operator’s eyes do."
+            )
+            figures = {"now": f"{obj.blind_mps:g}", "before": f"{form.initial['blind_mps']:g}"}
+            self.message_user(request, told % {"name": obj.name, **figures}, messages.WARNING)
+
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
+        """The allow-list by the service."""
+        save_entries(formset, person_of(request))
+
+    def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
+        """Delete by the service."""
+        services.profile_delete(profile=obj, actor=person_of(request))
+
+    def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
+        """A profile that is in use, or would come back with the next migration, stays."""
+        return obj is not None and shipped.file_of(obj) is None and not obj.robots.exists()

@@ -1,0 +1,189 @@
+"""Phrases and allow-lists in the admin: what profiles and robots have any number of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django import forms
+from django.contrib import admin, messages
+from django.contrib.admin.helpers import AdminForm
+from django.contrib.admin.widgets import AdminIntegerFieldWidget
+from django.db import models
+from django.db.models import F, QuerySet
+from django.forms import BaseInlineFormSet
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.urls import URLPattern, path
+from django.utils.translation import gettext, ngettext
+from django.utils.translation import gettext_lazy as _
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from fleet.audit.recorded_admin import RecordedAdmin
+from robots.registry import phrases, services
+from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
+from robots.registry.profile_schema import Problems
+from robots.registry.selectors import first_language
+
+
+def save_entries(formset: Any, actor: User) -> None:
+    """What was entered, changed and ticked for deletion on the page of a profile or robot."""
+    for entry in formset.save(commit=False):
+        services.entry_save(entry=entry, actor=actor)
+    for entry in formset.deleted_objects:
+        services.entry_delete(entry=entry, actor=actor)
+
+
+class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscriptable at run time
+    """Rows whose inputs say the name of their column to people who do not see it."""
+
+    def add_fields(self, form: Any, index: int | None) -> None:
+        """And their names."""
+        super().add_fields(form, index)
+        for field in form.fields.values():
+            if field.label:
+                field.widget.attrs["aria-label"] = field.label
+
+
+class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
+    """The allow-list of a profile or robot."""
+
+    model = Allowance
+    formset = SpokenFormSet
+    extra = 0
+    fields = ["what", "use", "name", "type", "role"]
+    verbose_name_plural = _("allow-list (what is not there, nobody may)")
+
+
+class EntryAdmin(RecordedAdmin):
+    """Entries of all profiles and robots. An entry stays with whom it was made for."""
+
+    list_select_related = ["profile", "robot"]
+
+    @admin.display(description=_("of"), ordering="profile")
+    def whose(self, entry: Phrase | Allowance) -> str:
+        """A kind of robot, or one robot."""
+        return gettext("every %s") % entry.profile if entry.profile else str(entry.robot)
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> list[str]:
+        """Whose it is, once it is somebody's."""
+        return ["profile", "robot"] if obj else []
+
+    def save_model(self, request: HttpRequest, obj: Any, form: Any, change: bool) -> None:
+        """Save by the service."""
+        services.entry_save(entry=obj, actor=person_of(request))
+
+    def delete_model(self, request: HttpRequest, obj: Any) -> None:
+        """Delete by the service."""
+        services.entry_delete(entry=obj, actor=person_of(request))
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> None:
+        """Each of them by the service."""
+        for entry in queryset.select_related("profile", "robot"):
+            self.delete_model(request, entry)
+
+
+@admin.register(Allowance)
+class AllowanceAdmin(EntryAdmin):
+    """Every allow-list."""
+
+    list_display = ["name", "what", "use", "type", "role", "whose", "why_nothing"]
+    list_select_related = ["profile", "robot__profile"]
+    list_filter = ["what", "profile", "robot"]
+    search_fields = ["name", "type"]
+
+    @admin.display(description=_("counts for nothing, for"), empty_value="")
+    def why_nothing(self, entry: Allowance) -> str:
+        """What a later edit, or a newer console, has against it."""
+        return entry.why_nothing
+
+
+# As a robot's page has them: those of its kind, then its own, each in their order.
+WHOSE_FIRST = (F("profile__name").asc(nulls_last=True), "robot__name", "order", "id")
+
+
+@admin.register(Phrase)
+class PhraseAdmin(EntryAdmin):
+    """Every phrase, and the way in and out for files of them."""
+
+    list_display = ["text", "language", "tags", "whose", "order"]
+    list_editable = ["order"]
+    list_filter = ["language", "profile", "robot"]
+    search_fields = ["text", "tags"]
+    ordering = WHOSE_FIRST
+    actions = ["export"]
+    formfield_overrides = {
+        models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})},
+        # In the list its column's head is not its label.
+        models.PositiveIntegerField: {"widget": AdminIntegerFieldWidget(attrs={"aria-label": _("Order")})},
+    }
+
+    def get_urls(self) -> list[URLPattern]:
+        """With the page that takes a file."""
+        page = self.admin_site.admin_view(self.import_page)
+        return [path("import/", page, name="robots_phrase_import"), *super().get_urls()]
+
+    def import_page(self, request: HttpRequest) -> HttpResponse:
+        """A form; what is wrong with a file is said at it."""
+        form = ImportForm(request.POST or None, request.FILES or None)
+        if not form.is_valid():
+            fieldsets = [(None, {"fields": list(form.fields)})]
+            laid_out = AdminForm(form, fieldsets, {}, model_admin=self)  # type: ignore[arg-type]  # any form will do
+            asked_for = {"title": gettext("Import phrases"), "adminform": laid_out}
+            context = self.admin_site.each_context(request) | asked_for
+            return render(request, "admin/robots/phrase/import.html", context)
+        asked = form.cleaned_data
+        new = services.phrases_import(
+            owner=asked["owner"], lines=asked["lines"], actor=person_of(request), replace=asked["replace"]
+        )
+        told = ngettext("%(owner)s: %(count)d new phrase.", "%(owner)s: %(count)d new phrases.", new)
+        self.message_user(request, told % {"owner": asked["owner"], "count": new}, messages.SUCCESS)
+        return redirect("admin:robots_phrase_changelist")
+
+    @admin.action(description=_("Export to a text file"))
+    def export(self, request: HttpRequest, queryset: QuerySet[Phrase]) -> HttpResponse:
+        """The chosen ones, in their order."""
+        content = phrases.written(phrase.line for phrase in queryset.order_by(*WHOSE_FIRST))
+        headers = {"Content-Disposition": 'attachment; filename="phrases.txt"'}
+        return HttpResponse(content, content_type="text/plain; charset=utf-8", headers=headers)
+
+
+class ImportForm(forms.Form):
+    """A file of phrases, and for whom."""
+
+    profile = forms.ModelChoiceField(
+        RobotProfile.objects.all(),
+        required=False,
+        label=_("Profile"),
+        help_text=_("Every robot of a kind,"),
+    )
+    robot = forms.ModelChoiceField(
+        Robot.objects.all(), required=False, label=_("Robot"), help_text=_("or one robot.")
+    )
+    file = forms.FileField(label=_("File"), widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"}))
+    language = forms.CharField(
+        max_length=35,
+        required=False,
+        label=_("Language"),
+        help_text=_("Of lines without one, such as en-GB. Empty: the robot’s first."),
+    )
+    replace = forms.BooleanField(
+        required=False, label=_("Replace"), help_text=_("Instead of what is there; otherwise after it.")
+    )
+
+    def clean(self) -> dict[str, Any]:
+        """Adds `owner` and `lines`."""
+        asked = super().clean() or {}
+        profile, robot, language = asked.get("profile"), asked.get("robot"), asked.get("language")
+        if (profile is None) == (robot is None):
+            self.add_error(None, gettext("Name either a profile or a robot."))
+        elif language and (why := phrases.why_no_language(language)):
+            self.add_error("language", why)
+        elif "file" in asked:
+            asked["owner"] = profile or robot
+            content = asked["file"].read(phrases.LARGEST_FILE_BYTES + 1)
+            try:
+                asked["lines"] = phrases.read(content, language or first_language(asked["owner"]))
+            except Problems as problems:
+                self.add_error("file", problems.lines)
+        return asked

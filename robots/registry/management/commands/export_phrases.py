@@ -1,0 +1,25 @@
+"""``manage.py export_phrases --profile SLUG | --robot SLUG``: phrases as a text file, on standard output."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandParser
+
+from robots.registry import phrases
+from robots.registry.management.owner import add_owner_arguments, owner_in
+
+
+class Command(BaseCommand):
+    """From the registry into a file."""
+
+    help = "Export phrases as import_phrases takes them, to standard output."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Whose."""
+        add_owner_arguments(parser)
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """In their order."""
+        held = owner_in(options).phrases.all()
+        self.stdout.write(phrases.written(phrase.line for phrase in held), ending="")

@@ -1,0 +1,44 @@
+"""``manage.py run_bridge SLUG``: the bridge process of one robot. The supervisor runs it.
+
+stdin is its life line: when it ends, the robot is stopped and the process exits.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import connections
+
+from robots.bridge.process import run
+from robots.recording.bridge_records import AuditSink
+from robots.registry.models import Robot
+from robots.registry.profile_schema import Problems
+from robots.registry.selectors import bridge_config, require_link_settings
+
+
+class Command(BaseCommand):
+    """One bridge."""
+
+    help = "Run the bridge of one robot, until stdin ends."
+    requires_system_checks = []  # the supervisor's start has checked; a bridge must be back soon
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Which robot."""
+        parser.add_argument("slug")
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Hand the bridge plain values and a sink for its records."""
+        robot = Robot.objects.select_related("profile").filter(slug=options["slug"]).first()
+        if robot is None:
+            raise CommandError(f"There is no robot {options['slug']!r}.")
+        try:
+            require_link_settings(robot)
+            config = bridge_config(robot)
+        except Problems as problems:
+            raise CommandError(f"The entry of {robot.slug} is wrong: {problems}") from problems
+        connections.close_all()
+        # Records are written from a thread that keeps a connection of its own: to make one takes longer than a record.
+        connections.settings["default"].update(CONN_MAX_AGE=None, CONN_HEALTH_CHECKS=True)
+        sys.exit(run(config, AuditSink(robot.id, robot.name)))

@@ -1,0 +1,260 @@
+"""``manage.py run_fleet [SLUG ...]``: a bridge and a watchdog for each enabled robot, and one housekeeping process.
+
+Notices within a second what was added, edited or disabled in the registry, and touches only the robot concerned.
+Ends on SIGTERM, SIGINT or SIGHUP: every robot is let go of and stops.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import DatabaseError, connection
+
+from fleet.audit import AuditUnavailable
+from robots.bridge.watchdog.config import watchdog_config
+from robots.processes.shutdown import leave_within
+from robots.recording.faults import bridge_is
+from robots.registry.models import BridgeStatus, Robot
+from robots.registry.profile_schema import Problems
+from robots.registry.selectors import bridge_config, require_link_settings
+from robots.registry.services import bridge_status_set
+from robots.stop.courier import courier
+from robots.supervisor.keeper import (
+    KILL_S,
+    LOCK,
+    AlreadySupervised,
+    Keeper,
+    Program,
+    RestartBudget,
+    only_instance,
+)
+from robots.supervisor.ros_environment import NoWrapper, ros_environment
+
+State = BridgeStatus.State
+Told = tuple[State, str, int | None]  # state, detail in words, process id
+log = logging.getLogger(__name__)
+
+STEP_S = 0.1
+POLL_S = 0.5
+DATABASE_PATIENCE_S = 0.2
+END_S = KILL_S + 1.0
+LAST_S = END_S + 1.0  # the database may hang as well
+HOUSEKEEPING = "run_housekeeping"
+WATCHDOG = ("-m", "robots.bridge.watchdog")
+
+
+def eager() -> RestartBudget:
+    """A watchdog is back soon: without it a stop depends on the bridge alone.
+
+    One that cannot start rests: a start takes half a second of a processor, which the robots' bridges need.
+    """
+    return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=10.0)
+
+
+class Command(BaseCommand):
+    """The fleet supervisor."""
+
+    help = "Run a bridge for every enabled robot, and the housekeeping."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Which robots."""
+        parser.add_argument(
+            "slugs", nargs="*", metavar="SLUG", help="only these robots, for one of several hosts"
+        )
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Until a signal comes."""
+        wait_shortly()
+        only = frozenset(options["slugs"])
+        unknown = only - set(Robot.objects.values_list("slug", flat=True))
+        if unknown:
+            raise CommandError(f"There is no robot {', '.join(sorted(unknown))}.")
+        stopping = Stopping()
+        try:
+            with only_instance(settings.FLEET_RUN_DIR / LOCK):
+                courier().start(stays=True)
+                supervise(Fleet(only), stopping)
+        except AlreadySupervised as other:
+            raise CommandError(f"A supervisor is running already (process {other}).") from other
+
+
+def supervise(fleet: Fleet, stopping: Stopping) -> None:
+    """Until it is to end."""
+    try:
+        while not stopping:
+            fleet.step(time.monotonic())
+            time.sleep(STEP_S)
+    finally:
+        leave_within(LAST_S)
+        fleet.end()
+
+
+def wait_shortly() -> None:
+    """Let a locked SQLite file hold up nothing here: statuses are tried again, bridges come first."""
+    if connection.vendor == "sqlite":
+        connection.close()
+        connection.settings_dict["OPTIONS"]["timeout"] = DATABASE_PATIENCE_S
+
+
+class Stopping:
+    """True once somebody wants this process to end."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, self._ask)
+
+    def _ask(self, _number: int, _frame: object) -> None:
+        self._asked = True
+
+    def __bool__(self) -> bool:
+        return self._asked
+
+
+class Fleet:
+    """The robots of this supervisor, each with the keepers of its bridge and of its watchdog."""
+
+    def __init__(
+        self, only: frozenset[str], manage: Path | None = None, watchdog: Sequence[str] = WATCHDOG
+    ) -> None:
+        self._only = only
+        self._manage = manage or settings.BASE_DIR / "manage.py"
+        self._watchdog = watchdog
+        self._keepers: dict[UUID, Keeper] = {}
+        self._watchdogs: dict[UUID, Keeper] = {}
+        self._told: dict[UUID, Told] = {}
+        self._unsaved: dict[UUID, Told] = {}
+        self._database_well = True
+        self._poll_at_s = 0.0
+        self._housekeeping = Keeper("Housekeeping", lambda *_: None)
+        if not only:  # a supervisor of some robots stands beside the one of the rest, which keeps house
+            self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
+
+    def step(self, now_s: float) -> None:
+        """One round; what the database refuses is tried again in the next."""
+        if now_s >= self._poll_at_s:
+            self._poll_at_s = now_s + POLL_S
+            self._poll()
+        for keeper in self._all:
+            keeper.step(now_s)
+        self._save()
+
+    def end(self) -> None:
+        """Let go of every program and see them out."""
+        for keeper in self._all:
+            keeper.want(None)
+        last_s = time.monotonic() + END_S
+        while time.monotonic() < last_s:
+            for keeper in self._all:
+                keeper.step(time.monotonic())
+            if all(keeper.idle for keeper in self._all):
+                break
+            time.sleep(STEP_S)
+        for robot_id, (state, _, _) in list(self._told.items()):
+            if state != State.DISABLED:
+                self._tell(robot_id, State.STOPPED, "", None)
+        self._save()
+
+    # --- the registry ------------------------------------------------------------------------------
+
+    def _poll(self) -> None:
+        try:
+            mine = [robot for robot in Robot.objects.select_related("profile") if self._is_mine(robot)]
+            for robot in mine:
+                self._look_at(robot)  # asks again, for the allow-list
+        except DatabaseError as error:
+            self._database_failed(error)
+            return
+        self._database_well = True
+        for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
+            self._let_go(robot_id)
+
+    def _is_mine(self, robot: Robot) -> bool:
+        """Named on the command line; without names, every robot whose bridge is not said to run elsewhere."""
+        return robot.slug in self._only if self._only else not robot.bridge_address
+
+    def _look_at(self, robot: Robot) -> None:
+        keeper = self._keepers.get(robot.id) or self._keeper(robot)
+        if not robot.enabled:
+            self._let_go(robot.id)
+            self._tell(robot.id, State.DISABLED, "", None)
+            return
+        try:
+            require_link_settings(robot)
+            config = bridge_config(robot)
+            if config.digest() == keeper.digest:
+                return
+            environment = ros_environment(config, settings.FLEET_RUN_DIR)
+        except (Problems, NoWrapper) as error:
+            self._let_go(robot.id)
+            self._tell(robot.id, State.REFUSED, str(error), None)
+            return
+        except OSError as error:  # a full disk; the bridge that runs keeps running as it was described before
+            state, _, pid = self._told.get(robot.id, (State.BACKING_OFF, "", None))
+            text = f"The robot's entry cannot be put into force ({error.strerror}); tried again."
+            self._tell(robot.id, state, text, pid)
+            return
+        keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
+        watched = watchdog_config(config)
+        watchdog = self._watchdogs[robot.id]
+        if watched.digest() != watchdog.digest:
+            told = msgspec.json.encode(watched).decode()
+            path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
+            arguments = [sys.executable, *self._watchdog, told]
+            watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
+
+    def _let_go(self, robot_id: UUID) -> None:
+        """Neither bridge nor watchdog from now on."""
+        self._keepers[robot_id].want(None)
+        self._watchdogs[robot_id].want(None)
+
+    @property
+    def _all(self) -> list[Keeper]:
+        return [*self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
+
+    def _keeper(self, robot: Robot) -> Keeper:
+        robot_id = robot.id
+        keeper = Keeper(
+            f"Bridge of {robot.slug}", lambda state, detail, pid: self._tell(robot_id, state, detail, pid)
+        )
+        self._keepers[robot_id] = keeper
+        self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)
+        return keeper
+
+    def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:
+        return Program([sys.executable, str(self._manage), *command], environment, digest)
+
+    def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
+        """The fleet stays as it is; said once until it is well again."""
+        if self._database_well:
+            log.warning("The database does not answer, the fleet stays as it is: %s", error)
+        self._database_well = False
+        connection.close()
+
+    # --- what people see ---------------------------------------------------------------------------
+
+    def _tell(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
+        told = (state, detail, pid)
+        if self._told.get(robot_id) != told:
+            self._told[robot_id] = self._unsaved[robot_id] = told
+
+    def _save(self) -> None:
+        for robot_id, (state, detail, pid) in list(self._unsaved.items()):
+            try:
+                bridge_status_set(robot_id=robot_id, state=state, detail=detail, pid=pid)
+                bridge_is(robot_id, state, detail)
+            except (DatabaseError, AuditUnavailable) as error:
+                self._database_failed(error)
+                return
+            del self._unsaved[robot_id]

@@ -1,0 +1,115 @@
+"""``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
+
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick"}],
+"accounts": [{"username", "role", "password"}]}. A new robot gets a small allow-list to try things with. Run again it
+brings the robots' masters up to date and leaves the rest as people made it. Prints {slug: path of the bridge's socket}.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandParser
+from django.db import transaction
+from msgspec import Struct, structs
+from msgspec.json import decode
+
+from fleet.accounts.models import User
+from fleet.audit.command_line import here
+from robots.bridge.config import Allowed
+from robots.registry.models import Allowance, Robot, RobotProfile, Role
+from robots.registry.selectors import link_address
+from robots.registry.services import entry_save, robot_save, role_set
+
+PROFILE = "tiago"
+ALLOWED = (
+    Allowed("choose", "/phone_vel", use="drive"),
+    Allowed("publish", "/fleet_demo/notes", "std_msgs/String"),
+    Allowed("publish", "/fleet_demo/place", "geometry_msgs/PoseStamped"),
+    Allowed("call", "/play_motion/list_motions", "play_motion_msgs/ListMotions"),
+    Allowed("set", "/fleet_demo/greeting"),
+)
+
+
+class PracticeRobot(Struct, frozen=True):
+    """A robot to register."""
+
+    slug: str
+    name: str
+    master_uri: str
+    advertised_address: str
+    stick: list[Any] | None = None
+
+
+class Account(Struct, frozen=True):
+    """A person to let in."""
+
+    username: str
+    role: str
+    password: str
+
+
+class Plan(Struct, frozen=True):
+    """The content of FILE."""
+
+    robots: list[PracticeRobot]
+    accounts: list[Account]
+
+
+class Command(BaseCommand):
+    """Practice robots and accounts for script/demo."""
+
+    help = "Register the practice robots and accounts of script/demo."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """One file."""
+        parser.add_argument("file", type=Path)
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Seed in one transaction."""
+        plan = decode(options["file"].read_bytes(), type=Plan)
+        with transaction.atomic():
+            robots = [seed_robot(robot) for robot in plan.robots]
+            for account in plan.accounts:
+                seed_account(account, robots)
+        self.stdout.write(json.dumps({robot.slug: link_address(robot).unix_path for robot in robots}))
+
+
+def seed_robot(planned: PracticeRobot) -> Robot:
+    """Register a practice robot, or tell a registered one where its master is today."""
+    robot = Robot.objects.filter(slug=planned.slug).first()
+    if robot is not None:
+        robot.master_uri = planned.master_uri
+        return robot_save(robot=robot, actor=here())
+    robot = Robot(
+        slug=planned.slug,
+        name=planned.name,
+        profile=RobotProfile.objects.get(slug=PROFILE),
+        practice=True,
+        master_uri=planned.master_uri,
+        advertised_address=planned.advertised_address,
+        stick=planned.stick,
+    )
+    robot_save(robot=robot, actor=here())
+    for allowed in ALLOWED:
+        entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=here())
+    return robot
+
+
+def seed_account(planned: Account, robots: list[Robot]) -> None:
+    """Let a person in, if they are not known yet: with their role on every practice robot."""
+    if User.objects.filter(username=planned.username).exists():
+        return
+    is_staff = planned.role == Role.STAFF
+    user = User.objects.create_user(
+        planned.username,
+        password=planned.password,
+        full_name=planned.username.capitalize(),
+        is_staff=is_staff,
+        is_superuser=is_staff,
+    )
+    if not is_staff:
+        for robot in robots:
+            role_set(robot=robot, user=user, role=Role(planned.role), actor=here())

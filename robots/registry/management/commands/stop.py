@@ -1,0 +1,159 @@
+"""``manage.py stop SLUG ... | --all``: press the emergency stop of robots, without web process or browser.
+
+It does not replace a robot's red button. With --all, whatever robot has its bridge on this computer is told before the
+registry is asked: that alone knows names, and robots elsewhere, but it may be away, or hang.
+"""
+
+from __future__ import annotations
+
+import getpass
+import os
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as NoAnswer
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import DatabaseError, connection
+
+from fleet.audit.command_line import here
+from robots.bridge.config import LinkAddress
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
+from robots.stop.presses import Pending, Result, press_all, press_at, record_outcome, record_press
+from robots.wire import Refusal, Stopped
+
+REGISTRY_S = 3.0  # a database that says nothing for so long is taken for away
+
+
+class Command(BaseCommand):
+    """The emergency stop."""
+
+    help = "Press the emergency stop of the named robots, or of all."
+    requires_system_checks = []  # nothing comes before a stop
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """Which robots, and why."""
+        parser.add_argument("slugs", nargs="*", metavar="SLUG")
+        parser.add_argument("--all", action="store_true", help="every robot")
+        parser.add_argument("--reason", default="", help="shown on the robot's page and kept")
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        """Stop all at once, then record, then say whom it did not reach."""
+        slugs: list[str] = options["slugs"]
+        if options["all"] == bool(slugs):
+            raise CommandError("Name robots, or say --all.")
+        by, reason = f"{_who()} (command line)", _clean(options["reason"])
+        sockets = [] if slugs else _sockets()
+        addresses = [(None, LinkAddress(unix_path=path)) for path in sockets]
+        with ThreadPoolExecutor(1) as thread:
+            pressed = thread.submit(press_at, addresses, by, reason)
+            try:
+                robots = _registered(slugs).result(REGISTRY_S)
+            except (DatabaseError, NoAnswer) as error:
+                why = str(error) or f"nothing was heard within {REGISTRY_S:g} s"
+                here = dict(zip(sockets, pressed.result(), strict=True))
+                self._tell_without_registry(slugs, here, why)
+                return
+            path_of = {robot: link_address(robot).unix_path or "" for robot in robots}
+            rest = [robot for robot in robots if path_of[robot] not in sockets]
+            results = dict(zip(rest, press_all(rest, by, reason), strict=True))
+            here = dict(zip(sockets, pressed.result(), strict=True))
+        results |= {robot: here.pop(path) for robot, path in path_of.items() if path in here}
+        # One out of service need not be reached, but a bridge of it that still runs was stopped.
+        meant = [robot for robot in robots if slugs or robot.enabled or isinstance(results[robot], Stopped)]
+        left = [*here.values(), *(results[robot] for robot in results.keys() - set(meant))]
+        for result in left:
+            if isinstance(result, Pending):
+                result.withdraw()
+        self._tell({robot: results[robot] for robot in meant}, reason)
+        unknown = sorted(set(slugs) - {robot.slug for robot in robots})
+        if unknown:
+            raise CommandError(f"There is no robot {', '.join(unknown)}.")
+
+    def _tell(self, results: dict[Robot, Result], reason: str) -> None:
+        """Say how it went, then record it, for that may wait; whom it did not reach comes last."""
+        for robot, result in results.items():
+            self.stdout.write(f"{robot.slug}: {_told(result)}")
+        for robot, result in results.items():
+            self._record(robot, reason, result)
+        refused = [robot.slug for robot, result in results.items() if isinstance(result, Refusal)]
+        pending = [robot.slug for robot, result in results.items() if isinstance(result, Pending)]
+        words = []
+        if refused:
+            words.append(f"Not reached: {', '.join(refused)}.")
+        if pending:
+            words.append(
+                f"Pending, not confirmed yet: {', '.join(pending)}. The supervisor, the web processes and a bridge "
+                "that starts deliver the stop as soon as they can."
+            )
+        if words:
+            raise CommandError(f"{' '.join(words)} Use the red button on the robot.")
+
+    def _tell_without_registry(self, slugs: list[str], results: dict[str, Result], why: str) -> None:
+        """Only the registry knows names, and robots elsewhere."""
+        if slugs:
+            raise CommandError(
+                f"The database does not answer, so no robot is known by name ({why}). Say --all."
+            )
+        for path, result in results.items():
+            self.stdout.write(f"{Path(path).name}: {_told(result)}")
+        stopped = sum(isinstance(result, Stopped) for result in results.values())
+        raise CommandError(
+            f"The database does not answer ({why}). Every bridge on this computer was told: {stopped} robots are "
+            f"stopping, {len(results) - stopped} did not answer; their stop is pending. Nothing was recorded, and "
+            "bridges on other computers were not reached. Use the red button on the other robots."
+        )
+
+    def _record(self, robot: Robot, reason: str, result: Result) -> None:
+        pressed = record_press(robot.id, actor=here(), through="command line", reason=reason)
+        record_outcome(pressed, actor=here(), result=result)
+        if pressed is None:
+            self.stderr.write(f"{robot.slug}: not recorded, see the log")
+
+
+def _sockets() -> list[str]:
+    """Of each robot with bridge or watchdog on this computer, its bridge's: a bridge between two lives has none."""
+    found = [path for kind in ("*.sock", "*.stop") for path in settings.FLEET_RUN_DIR.glob(kind)]
+    return sorted({str(path.with_suffix(".sock")) for path in found})
+
+
+def _registered(slugs: list[str]) -> Future[list[Robot]]:
+    """These robots, or all; asked in a thread that the end of the process does not wait for."""
+    answer: Future[list[Robot]] = Future()
+
+    def ask() -> None:
+        try:
+            answer.set_result(list(Robot.objects.filter(slug__in=slugs) if slugs else Robot.objects.all()))
+        except DatabaseError as error:
+            answer.set_exception(error)
+        finally:
+            connection.close()
+
+    threading.Thread(target=ask, name="registry", daemon=True).start()
+    return answer
+
+
+def _who() -> str:
+    """The account that presses; one that has no name presses all the same."""
+    try:
+        return _clean(getpass.getuser())[:100]
+    except (KeyError, OSError):
+        return f"uid {os.getuid()}"
+
+
+def _clean(text: str) -> str:
+    """What can be sent of a text from a terminal, which may be in any encoding."""
+    return text.encode(errors="replace").decode()[:200]
+
+
+def _told(result: Result) -> str:
+    match result:
+        case Pending():
+            return result.refusal.text
+        case Refusal():
+            return result.text
+        case _:
+            return "stopping"

@@ -1,0 +1,35 @@
+"""The registry: kinds of robots, robots, who may do what with them, what they say, and how their bridges fare."""
+
+from robots.registry.models.bridges import BridgePulse, BridgeStatus, RobotMap
+from robots.registry.models.entries import (
+    Allowance,
+    OfProfileOrRobot,
+    Phrase,
+    check_phrase_language,
+    check_phrase_text,
+)
+from robots.registry.models.registry import (
+    ReverseSteering,
+    Robot,
+    RobotProfile,
+    RobotRole,
+    Role,
+    default_stick,
+)
+
+__all__ = [
+    "Allowance",
+    "BridgePulse",
+    "BridgeStatus",
+    "OfProfileOrRobot",
+    "Phrase",
+    "ReverseSteering",
+    "Robot",
+    "RobotMap",
+    "RobotProfile",
+    "RobotRole",
+    "Role",
+    "check_phrase_language",
+    "check_phrase_text",
+    "default_stick",
+]

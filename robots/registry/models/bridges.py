@@ -1,0 +1,67 @@
+"""What the console's own processes note of a robot: how its bridge fares, and the maps it had."""
+
+from __future__ import annotations
+
+from django.db import models
+from django.utils.translation import gettext_lazy as _
+
+from robots.registry.models.registry import Robot
+
+
+class BridgeStatus(models.Model):
+    """How a robot's bridge process fares, written by the supervisor on every change."""
+
+    class State(models.TextChoices):
+        """Life of a bridge process as its supervisor sees it."""
+
+        STARTING = "starting", _("starting")
+        RUNNING = "running", _("running")
+        BACKING_OFF = "backing_off", _("ended, starts again soon")
+        REFUSED = "refused", _("refused to start")
+        DISABLED = "disabled", _("disabled")
+        STOPPED = "stopped", _("ended with the supervisor")
+
+    robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="bridge")
+    state = models.CharField(max_length=16, choices=State.choices)
+    detail = models.CharField(max_length=500, blank=True)
+    pid = models.PositiveIntegerField(null=True, blank=True)
+    since = models.DateTimeField()
+
+    class Meta:
+        verbose_name_plural = "bridge statuses"
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.state}"
+
+
+class RobotMap(models.Model):
+    """What a robot's map was from one time to another, as a picture. One that stays the same is one row."""
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
+    digest = models.CharField(max_length=64)  # of what it shows and where
+    first_seen_at = models.DateTimeField()
+    last_seen_at = models.DateTimeField()
+    resolution_m = models.FloatField()  # of a cell, a pixel
+    origin_x_m = models.FloatField()  # lower left corner, in the map's frame
+    origin_y_m = models.FloatField()
+    origin_yaw = models.FloatField()
+    width = models.PositiveIntegerField()  # cells
+    height = models.PositiveIntegerField()
+    picture = models.BinaryField()  # PNG
+
+    class Meta:
+        indexes = [models.Index(fields=["robot", "first_seen_at"], name="robots_map_of_a_time")]
+
+    def __str__(self) -> str:
+        return f"map of {self.robot} from {self.first_seen_at}"
+
+
+class BridgePulse(models.Model):
+    """What a robot's bridge writes to see whether it could write a record."""
+
+    robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
+    at = models.DateTimeField(null=True)  # of the newest one
+    settled = models.BigIntegerField(default=0)  # up to this record, whatever needs an end has one
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.at}"

@@ -1,0 +1,231 @@
+"""What profiles and robots have any number of: phrases, and entries of their allow-lists."""
+
+from __future__ import annotations
+
+from django.core.exceptions import ValidationError
+from django.core.validators import RegexValidator
+from django.db import models
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
+
+from robots.bridge.config import Topics
+from robots.bridge.tasks.denylist import why_never
+from robots.registry import phrases, profile_schema, robot_config
+from robots.registry.models.registry import Robot, RobotProfile, Role, topic_name
+
+
+class OfProfileOrRobot(models.Model):
+    """What a whole kind of robot has, or one robot in addition."""
+
+    profile = models.ForeignKey(
+        RobotProfile,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="%(class)ss",
+        verbose_name=_("profile"),
+    )
+    robot = models.ForeignKey(
+        Robot,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="%(class)ss",
+        verbose_name=_("robot"),
+    )
+
+    class Meta:
+        abstract = True
+        constraints = [
+            models.CheckConstraint(
+                condition=models.Q(profile__isnull=False) ^ models.Q(robot__isnull=False),
+                name="%(class)s_of_profile_or_robot",
+                violation_error_message=_("Name either a profile or a robot."),
+            )
+        ]
+
+    @property
+    def owner(self) -> RobotProfile | Robot:
+        """Whose it is."""
+        owner = self.profile or self.robot
+        if owner is None:
+            raise ValueError(f"this {self._meta.verbose_name} belongs to no profile and to no robot")
+        return owner
+
+
+def check_phrase_language(code: str) -> None:
+    if why := phrases.why_no_language(code):
+        raise ValidationError(why)
+
+
+def check_phrase_text(text: str) -> None:
+    if why := phrases.why_no_phrase(text):
+        raise ValidationError(why)
+
+
+class Phrase(OfProfileOrRobot):
+    """A ready-made message."""
+
+    text = models.TextField(
+        _("text"),
+        validators=[check_phrase_text],
+        help_text=_("One line, at most 500 characters, in its own script."),
+    )
+    language = models.CharField(
+        _("language"),
+        max_length=35,
+        validators=[check_phrase_language],
+        help_text=_("Such as en-GB (BCP 47)."),
+    )
+    order = models.PositiveIntegerField(_("order"), default=0, help_text=_("Small numbers come first."))
+    tags = models.CharField(
+        _("tags"),
+        max_length=phrases.LONGEST_TAGS,
+        blank=True,
+        help_text=_("Words to find it by, separated by commas."),
+    )
+
+    class Meta(OfProfileOrRobot.Meta):
+        ordering = ["order", "id"]
+        verbose_name = _("phrase")
+        verbose_name_plural = _("phrases")
+
+    def __str__(self) -> str:
+        return f"{self.language}: \u2068{self.text}\u2069"  # it runs its own way, its full stop too
+
+    def clean(self) -> None:
+        """Languages and tags in their usual form."""
+        self.language = phrases.in_usual_case(self.language)
+        tags = phrases.tags_in(self.tags)
+        if why := phrases.why_no_tags(tags):
+            raise ValidationError(why)
+        self.tags = phrases.tags_text(tags)
+
+    @property
+    def line(self) -> phrases.Line:
+        """As in a file."""
+        return phrases.Line(self.text, self.language, phrases.tags_in(self.tags))
+
+
+class Allowance(OfProfileOrRobot):
+    """An entry of the allow-list: what is not there, nobody may. `robots.bridge.tasks.denylist` says what may not be there."""
+
+    class What(models.TextChoices):
+        """What is done with the name."""
+
+        CHOOSE = "choose", _("choose: input goes to this topic or action")
+        PUBLISH = "publish", _("publish on this topic")
+        CALL = "call", _("call this service (staff only)")
+        SET = "set", _("set this parameter (staff only)")
+
+    class Use(models.TextChoices):
+        """Whose input."""
+
+        DRIVE = "drive", _("driving")
+        SPEECH = "speech", _("speech")
+        MOTIONS = "motions", _("motions")
+
+    TYPED = (What.PUBLISH, What.CALL)
+
+    what = models.CharField(_("what"), max_length=8, choices=What.choices)
+    use = models.CharField(
+        _("input"),
+        max_length=8,
+        choices=Use.choices,
+        blank=True,
+        help_text=_(
+            "Of what is chosen: which input goes there. For driving it decides what wins over the console. "
+            "On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab’s joystick and "
+            "every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and "
+            "/tab_vel (100, not masked by emergency_brake) and a controller’s own topic are refused here."
+        ),
+    )
+    name = models.CharField(
+        _("name"),
+        max_length=200,
+        validators=[topic_name],
+        help_text=_("Of the topic, action, service or parameter, in full."),
+    )
+    type = models.CharField(
+        _("type"),
+        max_length=120,
+        blank=True,
+        validators=[
+            RegexValidator(
+                r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$",
+                _("Write package and type, such as std_msgs/String."),
+            )
+        ],
+        help_text=_(
+            "What is published or called needs it, such as std_msgs/String or std_srvs/Trigger; else leave it empty."
+        ),
+    )
+    role = models.CharField(
+        _("lowest role"),
+        max_length=16,
+        choices=[choice for choice in Role.choices if choice[0] != Role.OBSERVER.value],
+        default=Role.OPERATOR,
+        help_text=_("The lowest that may. Services and parameters are for staff, whatever is chosen here."),
+    )
+
+    class Meta(OfProfileOrRobot.Meta):
+        ordering = ["what", "use", "name"]
+        constraints = [
+            *OfProfileOrRobot.Meta.constraints,
+            models.UniqueConstraint(
+                fields=["profile", "what", "use", "name"], name="one_allowance_per_profile_and_name"
+            ),
+            models.UniqueConstraint(
+                fields=["robot", "what", "use", "name"], name="one_allowance_per_robot_and_name"
+            ),
+        ]
+        verbose_name = _("allow-list entry")
+        verbose_name_plural = _("allow-list entries")
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.name}"
+
+    def clean(self) -> None:
+        """Fill in what follows from the rest; refuse what no allow-list admits."""
+        if self.what in (self.What.CALL, self.What.SET):
+            self.role = Role.STAFF
+        errors: dict[str, str] = {}
+        if (self.what == self.What.CHOOSE) != bool(self.use):
+            errors["use"] = (
+                gettext("Say which input goes there.")
+                if not self.use
+                else gettext("Only for what is chosen: leave it empty.")
+            )
+        if self.what in self.TYPED and not self.type:
+            errors["type"] = gettext("What is published or called needs its type.")
+        if self.what == self.What.SET and self.type:
+            errors["type"] = gettext("A parameter has no type: leave it empty.")
+        if errors:
+            raise ValidationError(errors)
+        self._judge()
+
+    def _judge(self) -> None:
+        topics = self._topics()
+        if self.use and not self.type and topics is not None:
+            default = getattr(topics, self.use)
+            self.type = default.type if default else ""
+        if why := self.why_nothing:
+            told = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
+            raise ValidationError({"name": told})
+
+    @property
+    def why_nothing(self) -> str:
+        """Why it counts for nothing: its owner was edited since, or no list of today's console admits it."""
+        if self.what in self.TYPED and not self.type:
+            return gettext("it names no type")
+        topics = self._topics()
+        return (topics and why_never(self.what, self.name, self.type, topics, self.use)) or ""
+
+    def _topics(self) -> Topics | None:
+        """Of its owner; of one whose own entry is wrong, nothing can be said."""
+        try:
+            if self.robot is not None:
+                return robot_config.topics(self.robot)
+            return robot_config.profile_topics(self.profile) if self.profile is not None else None
+        except profile_schema.Problems:
+            return None

@@ -1,0 +1,392 @@
+"""The registry proper: kinds of robots, robots, and who may do what with them."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+from django.conf import settings
+from django.core.exceptions import ValidationError
+from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
+from django.db import models
+from django.utils.functional import cached_property
+from django.utils.text import format_lazy
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
+
+from robots.bridge.drive import input_filters as stick
+from robots.bridge.tasks.denylist import USE_TYPES
+from robots.registry import addresses, profile_schema, robot_config
+
+T = TypeVar("T")
+
+topic_name = RegexValidator(
+    r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$",
+    _("Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _."),
+)
+
+
+def _between(lowest: float, highest: float) -> list[MinValueValidator | MaxValueValidator]:
+    return [MinValueValidator(lowest), MaxValueValidator(highest)]
+
+
+class Role(models.TextChoices):
+    """What a person may do with a robot; ordered, each role includes those below it.
+
+    Staff is no row: `User.is_staff` means staff on every robot.
+    """
+
+    OBSERVER = "observer", _("Observer: may look, and stop")
+    OPERATOR = "operator", _("Operator: may drive")
+    SUPERVISOR = "supervisor", _("Supervisor: may also take over control")
+    STAFF = "staff", _("Staff: everything, on every robot")
+
+    @property
+    def rank(self) -> int:
+        """Place in the order, from 0."""
+        return list(Role).index(self)
+
+    # str would compare the letters.
+    def __lt__(self, other: str) -> bool:
+        return self.rank < Role(other).rank
+
+    def __le__(self, other: str) -> bool:
+        return self.rank <= Role(other).rank
+
+    def __gt__(self, other: str) -> bool:
+        return self.rank > Role(other).rank
+
+    def __ge__(self, other: str) -> bool:
+        return self.rank >= Role(other).rank
+
+
+class ReverseSteering(models.TextChoices):
+    """What stick left means while reversing."""
+
+    TURN = "turn", _("Stick left always turns the robot left")
+    CAR = "car", _("Like a car: mirrored in reverse")
+
+
+def default_stick() -> list[dict[str, float | str]]:
+    """The steps of a profile that does not say otherwise."""
+    steps: list[dict[str, float | str]] = msgspec.to_builtins(list(stick.DEFAULT))
+    return steps
+
+
+class RobotProfile(models.Model):
+    """What a kind of robot has in common."""
+
+    slug = models.SlugField(_("slug"), unique=True)
+    name = models.CharField(_("name"), max_length=80)
+    holonomic = models.BooleanField(
+        _("holonomic"), default=False, help_text=_("The base can also move sideways.")
+    )
+
+    forward_mps = models.FloatField(
+        _("forward, m/s"),
+        validators=_between(0.05, 3.0),
+        help_text=_("The fastest that this kind of robot goes."),
+    )
+    reverse_mps = models.FloatField(
+        _("reverse, m/s"),
+        validators=_between(0.0, 3.0),
+        help_text=_("A positive number. TIAGo’s own limit is 0.2."),
+    )
+    lateral_mps = models.FloatField(
+        _("sideways, m/s"),
+        default=0.0,
+        validators=_between(0.0, 3.0),
+        help_text=_("0 unless the base is holonomic."),
+    )
+    turn_radps = models.FloatField(_("turning, rad/s"), validators=_between(0.05, 6.3))
+    linear_mps2 = models.FloatField(
+        _("acceleration, m/s²"),
+        validators=_between(0.05, 10.0),
+        help_text=_("What the base can speed up and brake with; the gate plans with a share of it."),
+    )
+    angular_radps2 = models.FloatField(_("angular acceleration, rad/s²"), validators=_between(0.05, 20.0))
+    blind_mps = models.FloatField(
+        _("blind speed, m/s"),
+        validators=_between(0.01, 0.5),
+        help_text=_(
+            "The fastest in directions, or at heights, that no sensor watches. Raising it trusts the "
+            "operator’s eyes instead of a sensor."
+        ),
+    )
+    default_share = models.FloatField(
+        _("default speed share"),
+        default=0.4,
+        validators=_between(0.01, 1.0),
+        help_text=format_lazy(
+            _(
+                "What part of the limits a full stick means when a page is opened, above 0 up to 1. "
+                "At most {speed} m/s may come of it: everybody begins as a beginner."
+            ),
+            speed=f"{robot_config.BEGINNER_MPS:g}",
+        ),
+    )
+    reverse_steering = models.CharField(
+        _("steering in reverse"), max_length=8, choices=ReverseSteering.choices, default=ReverseSteering.TURN
+    )
+    drive_topic = models.CharField(
+        _("drive topic"),
+        max_length=200,
+        validators=[topic_name],
+        help_text=_(
+            "Where velocities are published. On TIAGo this chooses what wins over the console. "
+            "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab’s own joystick and every "
+            "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by "
+            "the locks of priority 100: a console there ignores emergency_brake. "
+            "/mobile_base_controller/cmd_vel bypasses the mux, the joystick’s priority and every lock."
+        ),
+    )
+    drive_type = models.CharField(
+        _("drive type"),
+        max_length=80,
+        choices=[(name, name) for name in USE_TYPES["drive"]],
+        default=USE_TYPES["drive"][0],
+    )
+    footprint = models.JSONField(
+        _("footprint"),
+        help_text=_(
+            'Metres, base frame: {"radius_m": 0.27} or {"outline": [[0.3, 0.2], [-0.3, 0.2], ...]}, '
+            "convex, with the base frame’s origin inside."
+        ),
+    )
+    topics = models.JSONField(
+        _("topics"),
+        help_text=_(
+            "The rest of the ROS interface: odometry, scans, sonars, depth, head, arm, joint_states, battery, "
+            "charging, speech, languages, motions, camera, map, cancel_on_stop. Poses are [x, y, yaw] in the "
+            "base frame, metres and radians. Leave out what the robot does not have."
+        ),
+    )
+    gate = models.JSONField(
+        _("gate"),
+        default=dict,
+        blank=True,
+        help_text=_(
+            "Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
+            "front_margin_m, hard_margin_m, deceleration_share, latency_s, latency_spare_s, operator_delay_s, "
+            "creep_mps, near_miss_s, between_sonars_mps. Leave {} unless you have measured."
+        ),
+    )
+    stick = models.JSONField(
+        _("stick"),
+        default=default_stick,
+        blank=True,
+        help_text=_(
+            "What a stick position passes on its way to the gate, in order; [] is nothing. Steps: scale (x, y, "
+            "w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to "
+            "steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways."
+        ),
+    )
+    shipped = models.JSONField(default=dict, editable=False)  # as last taken from a data file
+    shipped_phrases = models.JSONField(default=list, editable=False)  # likewise: `phrases.Line`s
+    updated_at = models.DateTimeField(_("last saved"), auto_now=True)
+
+    class Meta:
+        ordering = ["name"]
+        verbose_name = _("robot profile")
+        verbose_name_plural = _("robot profiles")
+
+    def __str__(self) -> str:
+        return self.name
+
+    def clean(self) -> None:
+        """Check the structured parts, and what several fields only say together."""
+        errors: dict[str, list[str]] = {}
+        for field, check in (
+            ("footprint", robot_config.footprint),
+            ("topics", robot_config.profile_topics),
+            ("gate", robot_config.profile_parameters),
+            ("stick", robot_config.profile_stick),
+        ):
+            _collect(errors, field, check, self)
+        if None not in (self.default_share, self.forward_mps, self.reverse_mps, self.lateral_mps):
+            _collect(errors, "default_share", robot_config.check_profile_share, self)
+        if not self.holonomic and self.lateral_mps:
+            errors["lateral_mps"] = [gettext("A base that is not holonomic cannot move sideways: 0.")]
+        if errors:
+            raise ValidationError(errors)
+
+
+class Robot(models.Model):
+    """One robot: where it is, how it differs from its profile, who may use it."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    slug = models.SlugField(
+        _("slug"), unique=True, help_text=_("Short name in addresses and commands, such as tiago-1.")
+    )
+    name = models.CharField(_("name"), max_length=80)
+    profile = models.ForeignKey(
+        RobotProfile, on_delete=models.PROTECT, related_name="robots", verbose_name=_("profile")
+    )
+    enabled = models.BooleanField(
+        _("enabled"),
+        default=True,
+        help_text=_("Untick to take the robot out of service: it is stopped, its bridge ends within 3 s."),
+    )
+    practice = models.BooleanField(
+        _("simulated"),
+        default=False,
+        help_text=_("Shown as a practice robot, so that nobody takes it for a real one."),
+    )
+
+    master_uri = models.CharField(
+        _("ROS master"),
+        max_length=200,
+        help_text=_("ROS_MASTER_URI of the robot, such as http://tiago-42c:11311."),
+    )
+    advertised_address = models.CharField(
+        _("advertised address"),
+        max_length=200,
+        blank=True,
+        help_text=_(
+            "What the console calls itself to this robot, so that the robot can call back: this "
+            "computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name."
+        ),
+    )
+    host_aliases = models.JSONField(
+        _("host aliases"),
+        default=dict,
+        blank=True,
+        help_text=_(
+            "Host names that the robot’s nodes use and this network does not know, with addresses: "
+            '{"tiago-42c": "10.68.0.1"}.'
+        ),
+    )
+    bridge_address = models.CharField(
+        _("bridge address"),
+        max_length=200,
+        blank=True,
+        help_text=_("Empty: the bridge runs on this computer. Otherwise where it listens: wss://host:port."),
+    )
+
+    drive_topic = models.CharField(
+        _("drive topic"),
+        max_length=200,
+        blank=True,
+        validators=[topic_name],
+        help_text=_("Empty: the profile’s. See there what the choice means."),
+    )
+    default_share = models.FloatField(
+        _("default speed share"),
+        null=True,
+        blank=True,
+        validators=_between(0.01, 1.0),
+        help_text=_("Empty: the profile’s."),
+    )
+    max_share = models.FloatField(
+        _("largest speed share"),
+        default=1.0,
+        validators=_between(0.01, 1.0),
+        help_text=_("The largest part of the limits that anybody may choose, above 0 up to 1."),
+    )
+    overrides = models.JSONField(
+        _("overrides"),
+        default=dict,
+        blank=True,
+        help_text=_(
+            'Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. '
+            "Entries of topics replace the profile’s (null: this robot has no such thing); limits and gate may "
+            'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.'
+        ),
+    )
+
+    stick = models.JSONField(
+        _("stick"),
+        null=True,
+        blank=True,
+        help_text=_(
+            "Empty or null: the profile’s steps; else all that this robot’s stick passes, as described there."
+        ),
+    )
+
+    fence = models.BigIntegerField("highest fencing number", default=0, editable=False)
+    updated_at = models.DateTimeField(_("last saved"), auto_now=True)
+
+    class Meta:
+        ordering = ["name"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["bridge_address"],
+                condition=~models.Q(bridge_address=""),
+                name="one_robot_per_bridge_address",
+                violation_error_code="unique",  # said at the field
+                violation_error_message=_(
+                    "Another robot’s bridge listens there already: each needs a host or a port of its own."
+                ),
+            )
+        ]
+        verbose_name = _("robot")
+        verbose_name_plural = _("robots")
+
+    def __str__(self) -> str:
+        return self.name
+
+    def clean(self) -> None:
+        """Check addresses, aliases, and that nothing is looser than the profile."""
+        errors: dict[str, list[str]] = {}
+        _collect(errors, "master_uri", addresses.check_master_uri, self.master_uri)
+        _collect(errors, "advertised_address", addresses.check_advertised_address, self.advertised_address)
+        _collect(errors, "host_aliases", addresses.check_aliases, self.host_aliases)
+        _collect(errors, "bridge_address", addresses.check_bridge_address, self.bridge_address)
+        if self.profile_id is not None:
+            _collect(errors, "overrides", robot_config.check_overrides, self)
+            _collect(errors, "stick", robot_config.stick, self)
+        if self.profile_id is not None and not errors and self.max_share is not None:
+            _collect(errors, "default_share", robot_config.check_robot_share, self)
+        if errors:
+            raise ValidationError(errors)
+
+    @cached_property
+    def problems(self) -> str:
+        """What keeps the entry, as it was loaded, from being driven; "" if nothing does.
+
+        A saved entry is right, but an edit of its profile may make it wrong later.
+        """
+        try:
+            robot_config.of(self)
+        except profile_schema.Problems as problems:
+            return str(problems)
+        return ""
+
+
+def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:
+    """Run `check`; what is wrong goes to `field`."""
+    try:
+        check(value)
+    except profile_schema.Problems as problems:
+        errors.setdefault(field, []).extend(problems.lines)
+
+
+class RobotRole(models.Model):
+    """What one person may do with one robot."""
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="roles", verbose_name=_("robot"))
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.CASCADE,
+        related_name="robot_roles",
+        verbose_name=_("person"),
+    )
+    role = models.CharField(
+        _("role"), max_length=16, choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value]
+    )
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["robot", "user"], name="one_role_per_robot_and_person")
+        ]
+        verbose_name = _("role on a robot")
+        verbose_name_plural = _("roles on robots")
+
+    def __str__(self) -> str:
+        return gettext("%(person)s is %(role)s of %(robot)s") % {
+            "person": self.user,
+            "role": self.role,
+            "robot": self.robot,
+        }

@@ -1,0 +1,136 @@
+"""Ready-made messages as a plain text file: one a line, `language<TAB>text`, or the text alone in the default language.
+
+A third field names tags, separated by commas. The file is UTF-8; empty lines mean nothing. A language is a BCP 47
+code such as en-GB.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
+
+from msgspec import Struct
+
+from robots.bridge.tasks.speech import why_not_speakable
+from robots.registry.profile_schema import LANGUAGE, Problems
+
+LARGEST_FILE_BYTES = 1_000_000
+MOST_PHRASES = 1000  # of one file
+LONGEST_TAGS = 200  # characters, of one phrase
+MOST_NAMED = 10  # bad lines, in one complaint
+FALLBACK_LANGUAGE = "en-GB"
+
+
+class Line(Struct, frozen=True):
+    """One phrase."""
+
+    text: str
+    language: str
+    tags: tuple[str, ...] = ()
+
+
+def why_no_language(code: str) -> str | None:
+    """Why this names no language; None if it is written like one."""
+    if LANGUAGE.fullmatch(code):
+        return None
+    return f"“{code}” is not a language code such as en-GB."
+
+
+def why_no_phrase(text: str) -> str | None:
+    """Why this is no phrase; None if it is one."""
+    if "\n" in text or "\t" in text:
+        return "A phrase is one line, without tabs."
+    refusal = why_not_speakable(text)
+    return refusal.text if refusal else None
+
+
+def why_no_tags(tags: Iterable[str]) -> str | None:
+    """Why these cannot be tags of a phrase; None if they can."""
+    text = tags_text(tags)
+    if any(unicodedata.category(character) == "Cc" for character in text):
+        return "A tag has a control character."
+    if len(text) > LONGEST_TAGS:
+        return f"The tags have {len(text)} characters; there is room for {LONGEST_TAGS}."
+    return None
+
+
+def in_usual_case(code: str) -> str:
+    """EN-gb -> en-GB, zh-hant -> zh-Hant: as robots and browsers write languages."""
+    first, *others = code.split("-")
+    cased = [{2: str.upper, 4: str.title}.get(len(part), str.lower)(part) for part in others]
+    return "-".join([first.lower(), *cased])
+
+
+def tags_in(text: str) -> tuple[str, ...]:
+    """Tags that are separated by commas, each once."""
+    spaced = (" ".join(tag.split()) for tag in text.split(","))
+    return tuple(dict.fromkeys(tag for tag in spaced if tag))
+
+
+def tags_text(tags: Iterable[str]) -> str:
+    """As they are stored, and written to a file."""
+    return ", ".join(tags)
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line]:
+    """The phrases of a file, each once; `Problems` with the numbers of the lines that are wrong."""
+    phrases: dict[tuple[str, str], Line] = {}
+    problems: list[str] = []
+    for number, line in enumerate(_text(content).split("\n"), start=1):
+        if not line.strip():
+            continue
+        found = _phrase(line, default_language)
+        if isinstance(found, Line):
+            phrases.setdefault((found.language, found.text), found)
+        else:
+            problems.append(f"line {number}: {found}")
+    if not phrases and not problems:
+        problems.append("There is no phrase in the file.")
+    if len(phrases) > MOST_PHRASES:
+        problems.append(f"There are {len(phrases)} phrases; a file has at most {MOST_PHRASES}.")
+    if problems:
+        raise Problems(_shortened(problems))
+    return list(phrases.values())
+
+
+def read_file(path: Path, default_language: str = FALLBACK_LANGUAGE) -> list[Line]:
+    """`read`, of a file by its path."""
+    with path.open("rb") as file:
+        return read(file.read(LARGEST_FILE_BYTES + 1), default_language)
+
+
+def written(phrases: Iterable[Line]) -> str:
+    """The content of a file from which `read` makes these phrases."""
+    lines = ([phrase.language, phrase.text, tags_text(phrase.tags)] for phrase in phrases)
+    return "".join("\t".join(filter(None, fields)) + "\n" for fields in lines)
+
+
+def _text(content: bytes) -> str:
+    if len(content) > LARGEST_FILE_BYTES:
+        raise Problems([f"The file is larger than {LARGEST_FILE_BYTES // 1000} kB."])
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        number = content[: error.start].count(b"\n") + 1
+        raise Problems([f"line {number}: This is not UTF-8 text. Save the file as UTF-8."]) from error
+
+
+def _phrase(line: str, default_language: str) -> Line | str:
+    """The phrase, or what is wrong with the line."""
+    fields = [field.strip() for field in line.split("\t")]
+    if len(fields) > 3:
+        return "There are more than two tabs: a line is language, tab, text, and perhaps a tab and tags."
+    language, text = (default_language, fields[0]) if len(fields) == 1 else (fields[0], fields[1])
+    tags = tags_in("".join(fields[2:]))
+    if why := why_no_language(language) or why_no_phrase(text) or why_no_tags(tags):
+        return why
+    return Line(text, in_usual_case(language), tags)
+
+
+def _shortened(problems: list[str]) -> list[str]:
+    more = len(problems) - MOST_NAMED
+    return [*problems[:MOST_NAMED], f"and {more} more."] if more > 0 else problems

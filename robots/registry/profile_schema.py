@@ -1,0 +1,361 @@
+"""The structured parts of a profile or robot: how JSON becomes values, and what makes it wrong.
+
+People edit these parts as JSON in the admin, so every complaint names the place: "scans[0].pose[1]: Expected
+a number, got text". Nothing here touches the database.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from robots.bridge.config import ArmSource, DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
+from robots.bridge.drive.input_filters import STEADYING, STEPS, StickStep
+from robots.bridge.gate.values import Parameters
+from robots.bridge.tasks.denylist import FULL_NAME, USE_TYPES
+
+T = TypeVar("T", bound=Struct)
+V = TypeVar("V")
+
+UNDERSTOOD_TYPES = {
+    **USE_TYPES,
+    "odometry": ("nav_msgs/Odometry",),
+    "depth": ("sensor_msgs/Image", "sensor_msgs/PointCloud2"),
+    "joint_states": ("sensor_msgs/JointState",),
+    "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),
+    "charging": ("std_msgs/Bool",),
+    "camera": ("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
+    "map": ("nav_msgs/OccupancyGrid",),
+}
+
+LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
+_PLACE = re.compile(r"(?P<what>.*?)(?: - at `(?:key in )?\$(?P<path>.*)`)?", re.DOTALL)
+_WORDS = {
+    "`float`": "a number",
+    "`int`": "a whole number",
+    "`str`": "text",
+    "`bool`": "true or false",
+    "`array`": "a list",
+    "`object`": "an object",
+    "`null`": "null",
+}
+
+
+class Footprint(Struct, frozen=True):
+    """A disc around the base frame's origin, or a convex outline around it (metres); one of the two."""
+
+    radius_m: float | None = None
+    outline: list[tuple[float, float]] | None = None
+
+
+class Tightening(Struct, frozen=True):
+    """Limits of one robot below those of its profile; None keeps the profile's."""
+
+    forward_mps: float | None = None
+    reverse_mps: float | None = None
+    lateral_mps: float | None = None
+    turn_radps: float | None = None
+    linear_mps2: float | None = None
+    angular_radps2: float | None = None
+    blind_mps: float | None = None
+
+
+class Overrides(Struct, frozen=True):
+    """Where one robot differs from its profile.
+
+    `topics` replaces the profile's entries key by key (null: this robot has no such thing), `limits` and
+    `gate` may only tighten.
+    """
+
+    topics: dict[str, Any] = {}
+    limits: Tightening = Tightening()
+    gate: dict[str, float] = {}
+
+
+class StickChain(Struct, frozen=True):
+    """What stick positions pass on their way to the gate, in order."""
+
+    stick: tuple[StickStep, ...]
+
+
+# msgspec learns a type as it first meets one of it, and another thread that meets one meanwhile crashes the process.
+# So each is learned here, before there are threads.
+for _kind in (Footprint, Overrides, StickChain, Topics, Parameters):
+    msgspec.json.Decoder(_kind)
+
+
+class Problems(ValueError):
+    """What is wrong with a structured part; one line for each place."""
+
+    def __init__(self, lines: list[str]) -> None:
+        super().__init__("; ".join(lines))
+        self.lines = lines
+
+
+# --- JSON -> values ------------------------------------------------------------------------------
+
+
+def parsed(kind: type[T], given: object) -> T:
+    """`given` (decoded JSON) as a `kind`, or `Problems` with the path of what does not fit."""
+    infinite = list(_not_finite(given, ""))
+    if infinite:
+        raise Problems(infinite)
+    try:
+        value = msgspec.convert(given, kind)
+    except msgspec.ValidationError as error:
+        raise Problems([_in_words(str(error))]) from error
+    unknown = list(_unknown(given, msgspec.to_builtins(value), ""))
+    if unknown:
+        raise Problems(unknown)
+    return value
+
+
+def _in_words(message: str) -> str:
+    match = _PLACE.fullmatch(message)
+    what, path = (match["what"], match["path"]) if match else (message, None)
+    for word, plain in _WORDS.items():
+        what = what.replace(word, plain)
+    place = (path or "").removeprefix(".")
+    return f"{place}: {what}" if place else what
+
+
+def _not_finite(given: object, path: str) -> Iterator[str]:
+    """Python's JSON takes NaN and Infinity; a robot must not."""
+    if isinstance(given, float) and not math.isfinite(given):
+        yield f"{path}: must be a finite number, not {given}"
+    for key, item in _items(given):
+        yield from _not_finite(item, _join(path, key))
+
+
+def _unknown(given: object, known: object, path: str) -> Iterator[str]:
+    """Keys that were given and not understood: a misspelt field must not pass for an absent one."""
+    known_items = dict(_items(known))
+    for key, item in _items(given):
+        if key not in known_items:
+            fields = ", ".join(sorted(str(name) for name in known_items))
+            yield f"{_join(path, key)}: there is no such field (there are: {fields})"
+        else:
+            yield from _unknown(item, known_items[key], _join(path, key))
+
+
+def _items(value: object) -> Iterator[tuple[str | int, object]]:
+    if isinstance(value, dict):
+        yield from value.items()
+    elif isinstance(value, list | tuple):
+        yield from enumerate(value)
+
+
+def _join(path: str, key: str | int) -> str:
+    if isinstance(key, int):
+        return f"{path}[{key}]"
+    return f"{path}.{key}" if path else key
+
+
+# --- what makes values wrong ---------------------------------------------------------------------
+
+
+def topic_problems(topics: Topics) -> Iterator[str]:
+    """Names, types, poses, doublets."""
+    for field, understood in UNDERSTOOD_TYPES.items():
+        source = getattr(topics, field)
+        if source is None:
+            continue
+        name = source.name if isinstance(source, Topic) else source.topic
+        yield from _name_problem(name, f"{field}.{'name' if isinstance(source, Topic) else 'topic'}")
+        if source.type not in understood:
+            yield f"{field}.type: {source.type!r} is not understood here, only {' or '.join(understood)}"
+    if topics.depth:
+        yield from _depth_problems(topics.depth)
+    if topics.head:
+        yield from _head_problems(topics.head)
+    if topics.arm:
+        yield from _arm_problems(topics.arm)
+        if topics.joint_states is None:
+            yield "arm: needs joint_states, or nobody knows where it is"
+    for index, scan in enumerate(topics.scans):
+        yield from _name_problem(scan.topic, f"scans[{index}].topic")
+        yield from _pose_problems(scan, f"scans[{index}]")
+    for index, sonar in enumerate(topics.sonars):
+        yield from _sonar_problems(sonar, f"sonars[{index}]")
+    for index, action in enumerate(topics.cancel_on_stop):
+        yield from _name_problem(action, f"cancel_on_stop[{index}]")
+    for index, language in enumerate(topics.languages):
+        if not LANGUAGE.fullmatch(language):
+            yield f"languages[{index}]: {language!r} is not a language code such as en-GB"
+    yield from _doublets([scan.topic for scan in topics.scans], "scans", "topic")
+    yield from _doublets([sonar.frame_id for sonar in topics.sonars], "sonars", "frame_id")
+
+
+# Lowest and highest of what is told of a depth camera.
+_DEPTH_BOUNDS = {
+    "fov": (0.2, 2.8, "rad"),
+    "every_s": (0.02, 0.4, "s"),  # below half a second, by which a picture is stale
+    "height_m": (0.1, 3.0, "m"),
+    "own_m": (0.0, 0.3, "m"),
+    "blind_m": (0.0, 1.0, "m"),
+}
+
+
+def _depth_problems(depth: DepthSource) -> Iterator[str]:
+    for name, (lowest, highest, unit) in _DEPTH_BOUNDS.items():
+        value = getattr(depth, name)
+        if not lowest <= value <= highest:
+            yield f"depth.{name}: must be between {lowest:g} and {highest:g} {unit}, not {value:g}"
+    if depth.info is not None:
+        yield from _name_problem(depth.info, "depth.info")
+    if not depth.base_frame:
+        yield "depth.base_frame: must name the frame that lies on the floor below the robot"
+
+
+def _head_problems(head: HeadSource) -> Iterator[str]:
+    yield from _name_problem(head.topic, "head.topic")
+    for name in ("pan_joint", "tilt_joint"):
+        if not getattr(head, name):
+            yield f"head.{name}: must name a joint"
+    if abs(head.look_tilt) > math.pi / 2.0:
+        yield f"head.look_tilt: must be between -1.57 and 1.57 rad, not {head.look_tilt:g}"
+
+
+def _arm_problems(arm: ArmSource) -> Iterator[str]:
+    if not arm.home:
+        yield "arm.home: must name the arm’s joints"
+    if len(arm.links) < 2:
+        yield "arm.links: must name the arm’s links from shoulder to tip"
+    if not 0.0 < arm.tolerance <= 0.5:
+        yield f"arm.tolerance: must be above 0 and at most 0.5 rad or m, not {arm.tolerance:g}"
+    if not 0.02 <= arm.radius_m <= 0.5:
+        yield f"arm.radius_m: must be between 0.02 and 0.5 m, not {arm.radius_m:g}"
+    if not 0.1 <= arm.reach_m <= 3.0:
+        yield f"arm.reach_m: must be between 0.1 and 3 m, not {arm.reach_m:g}"
+    for motion, discs in arm.postures.items():
+        for index, (_, _, radius_m) in enumerate(discs):
+            if radius_m <= 0.0:
+                yield f"arm.postures.{motion}[{index}]: its radius must be above zero"
+
+
+def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:
+    yield from _name_problem(sonar.topic, f"{path}.topic")
+    yield from _pose_problems(sonar, path)
+    if not sonar.frame_id:
+        yield f"{path}.frame_id: must name the sensor’s frame"
+    if not 0.0 < sonar.fov <= math.pi:
+        yield f"{path}.fov: must be between 0 and 3.14 rad, not {sonar.fov:g}"
+    if not 0.0 < sonar.max_range_m <= 50.0:
+        yield f"{path}.max_range_m: must be between 0 and 50 m, not {sonar.max_range_m:g}"
+
+
+def _name_problem(name: str, path: str) -> Iterator[str]:
+    if not FULL_NAME.fullmatch(name):
+        yield f"{path}: {name!r} is not a full ROS name such as /scan_raw (leading slash, letters, digits, _)"
+
+
+def _pose_problems(source: ScanSource | SonarSource, path: str) -> Iterator[str]:
+    x, y, yaw = source.pose
+    if max(abs(x), abs(y)) > 5.0:
+        yield f"{path}.pose: ({x:g}, {y:g}) m is further than 5 m from the base; poses are in metres"
+    if abs(yaw) > 2.0 * math.pi:
+        yield f"{path}.pose: a yaw of {yaw:g} is more than a full turn; angles are in radians"
+
+
+def _doublets(names: list[str], path: str, field: str) -> Iterator[str]:
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            yield f"{path}[{index}].{field}: {name!r} is there twice"
+
+
+def footprint_problems(footprint: Footprint) -> Iterator[str]:
+    """One of disc and outline; an outline is convex and has the base frame's origin inside."""
+    if (footprint.radius_m is None) == (footprint.outline is None):
+        yield 'Give either "radius_m" (a disc) or "outline" (a convex polygon).'
+    if footprint.radius_m is not None and not 0.05 <= footprint.radius_m <= 2.0:
+        yield f"radius_m: must be between 0.05 and 2 m, not {footprint.radius_m:g}"
+    if footprint.outline is not None:
+        yield from _outline_problems(footprint.outline)
+
+
+def _outline_problems(outline: list[tuple[float, float]]) -> Iterator[str]:
+    if len(outline) < 3:
+        yield f"outline: a polygon has at least 3 corners, not {len(outline)}"
+        return
+    if max(abs(value) for corner in outline for value in corner) > 3.0:
+        yield "outline: a corner is further than 3 m from the base; corners are in metres"
+    sides = list(zip(outline, outline[1:] + outline[:1], strict=True))
+    turns = [_turn(a, b, c) for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)]
+    one_way = all(turn > 0.0 for turn in turns) or all(turn < 0.0 for turn in turns)
+    if not one_way or abs(sum(turns)) > 2.5 * math.pi:  # a star turns one way too, but twice around
+        yield "outline: the corners must go once around, in order, and form a convex polygon"
+        return
+    if not all(_turn(a, b, (0.0, 0.0)) * turns[0] > 0.0 for a, b in sides):
+        yield "outline: the base frame’s origin (0, 0) must lie inside"
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """The angle by which the path a, b, c turns left at b; 0 where two corners are the same."""
+    ahead, onward = (b[0] - a[0], b[1] - a[1]), (c[0] - b[0], c[1] - b[1])
+    cross = ahead[0] * onward[1] - ahead[1] * onward[0]
+    along = ahead[0] * onward[0] + ahead[1] * onward[1]
+    return math.atan2(cross, along)
+
+
+# Lowest and highest value of each gate parameter: wide enough for any base, too narrow to turn the gate off.
+PARAMETER_BOUNDS = {
+    "lateral_margin_m": (0.01, 0.5),
+    "front_margin_m": (0.03, 1.0),
+    "hard_margin_m": (0.005, 0.2),
+    "deceleration_share": (0.1, 0.9),
+    "latency_s": (0.1, 1.0),
+    "latency_spare_s": (0.0, 0.8),
+    "operator_delay_s": (0.1, 1.0),
+    "creep_mps": (0.02, 0.2),
+    "between_sonars_mps": (0.02, 1.0),
+    "near_miss_s": (0.02, 1.0),
+}
+# Of these a smaller value is the more careful one; of all others a larger one.
+CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps", "between_sonars_mps"}
+
+
+def parameter_problems(parameters: Parameters) -> Iterator[str]:
+    """Each parameter within its bounds."""
+    for name, (lowest, highest) in PARAMETER_BOUNDS.items():
+        value = getattr(parameters, name)
+        if not lowest <= value <= highest:
+            yield f"{name}: must be between {lowest:g} and {highest:g}, not {value:g}"
+
+
+def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]:
+    """Where `given` asks less of the gate than `profile`."""
+    for name in PARAMETER_BOUNDS:
+        mine, theirs = getattr(given, name), getattr(profile, name)
+        if mine < theirs and name not in CAREFUL_WHEN_SMALL:
+            yield f"gate.{name}: {mine:g} is below the profile’s {theirs:g}; a robot may only tighten"
+        if mine > theirs and name in CAREFUL_WHEN_SMALL:
+            yield f"gate.{name}: {mine:g} is above the profile’s {theirs:g}; a robot may only tighten"
+
+
+def unknown_steps(given: object) -> Iterator[str]:
+    """Steps whose name is none, in decoded JSON."""
+    known = ", ".join(sorted(STEPS))
+    for index, step in enumerate(given if isinstance(given, list | tuple) else ()):
+        if isinstance(step, dict) and step.get("step") not in STEPS:
+            yield f"stick[{index}].step: there is no step {step.get('step')!r} (there are: {known})"
+
+
+def stick_problems(chain: StickChain) -> Iterator[str]:
+    """Each step once; the stick is steadied in one way."""
+    names = [step.__struct_config__.tag for step in chain.stick]
+    yield from _doublets([str(name) for name in names], "stick", "step")
+    if sum(isinstance(step, STEADYING) for step in chain.stick) > 1:
+        yield "stick: one of one_euro and mean steadies the stick, not both"
+
+
+def first_of(problems: Callable[[V], Iterator[str]], value: V) -> V:
+    """`value`, or `Problems` with all that `problems` finds in it."""
+    lines = list(problems(value))
+    if lines:
+        raise Problems(lines)
+    return value

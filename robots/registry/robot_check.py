@@ -1,0 +1,311 @@
+"""Is this robot ready to be driven from here? Questions that a lab asks, each with an answer and what to do.
+
+`robots.bridge.ros.network.probe` finds facts in a process of its own, in the environment of the robot's bridge; `judge` turns
+them into answers. The web process never imports ROS.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+from django.conf import settings
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_noop
+from msgspec import Struct
+
+from robots.bridge.config import CLOCK_SKEW_S, BridgeConfig
+from robots.bridge.probe_findings import (
+    BRIDGE,
+    CallbackFound,
+    DescriptionFound,
+    DriveFound,
+    Findings,
+    HostFound,
+    Listened,
+    Plan,
+    TopicFound,
+    watchdog_name,
+)
+from robots.registry.models import Robot
+from robots.registry.profile_schema import Problems
+from robots.registry.selectors import bridge_config
+from robots.supervisor.ros_environment import NoWrapper, ros_environment
+
+Level = Literal["ok", "warn", "fail"]
+OK: Level = "ok"
+WARN: Level = "warn"
+FAIL: Level = "fail"
+PROBE_TIMEOUT_S = 20.0
+NEEDED = ("odometry", "scan")  # kinds without which the robot does not move
+QUIET = ("battery", "charging", "speech", "motions")  # may say nothing for long
+_findings = msgspec.json.Decoder(Findings)
+
+
+class Check(Struct, frozen=True):
+    """One answer. `advice` says what to do, "" where nothing is."""
+
+    name: str
+    level: Level
+    text: str
+    advice: str = ""
+
+
+def run_checks(robot: Robot) -> list[Check]:
+    """Ask everything; takes a few seconds."""
+    try:
+        config = bridge_config(robot)
+        environment = ros_environment(config, settings.FLEET_RUN_DIR)
+    except Problems as problems:
+        return [Check(_("registry"), FAIL, str(problems), _("Correct the robot’s entry or its profile."))]
+    except NoWrapper as error:
+        return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
+    except OSError as error:
+        text = _("The console cannot write them down (%s).") % error.strerror
+        return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]
+    try:
+        return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
+    except subprocess.TimeoutExpired:
+        text = _("No answer within %d s.") % PROBE_TIMEOUT_S
+        return [Check(_("probe"), FAIL, text, _("Is the network overloaded?"))]
+    except (subprocess.CalledProcessError, msgspec.DecodeError) as error:
+        return [Check(_("probe"), FAIL, _("The probe failed: %s") % error, _("See the console’s log."))]
+
+
+def _elsewhere(robot: Robot) -> Iterator[Check]:
+    if robot.bridge_address:
+        yield Check(
+            _("asked from here"),
+            WARN,
+            _("This computer asked, but the robot’s bridge runs at %s.") % robot.bridge_address,
+            _("What counts is the answer of manage.py check_robot %s on that computer.") % robot.slug,
+        )
+
+
+def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
+    done = subprocess.run(
+        [sys.executable, "-m", "robots.bridge.ros.network.probe"],
+        input=msgspec.json.encode(plan_for(config)),
+        stdout=subprocess.PIPE,
+        env=environment,
+        cwd=settings.BASE_DIR,
+        timeout=PROBE_TIMEOUT_S,
+        check=True,
+    )
+    return _findings.decode(done.stdout)
+
+
+def plan_for(config: BridgeConfig) -> Plan:
+    """Everything that the robot's description says is there."""
+    topics = config.topics
+    return Plan(config.master_uri, topics.drive, list(_listened(config)), arm=topics.arm)
+
+
+def _listened(config: BridgeConfig) -> Iterator[Listened]:
+    topics = config.topics
+    yield Listened("odometry", topics.odometry.name, topics.odometry.type, stamped=True)
+    for scan in topics.scans:
+        yield Listened(f"scan {scan.topic}", scan.topic, "sensor_msgs/LaserScan", stamped=True)
+    for topic in sorted({sonar.topic for sonar in topics.sonars}):
+        frames = [sonar.frame_id for sonar in topics.sonars if sonar.topic == topic]
+        yield Listened(f"sonars {topic}", topic, "sensor_msgs/Range", stamped=True, frames=frames)
+    if topics.depth:
+        yield Listened("depth", topics.depth.topic, topics.depth.type, stamped=True)
+    for what in ("joint_states", "camera"):
+        if source := getattr(topics, what):
+            yield Listened(what.replace("_", " "), source.name, source.type, stamped=True)
+    for what in ("battery", "charging"):
+        if source := getattr(topics, what):
+            yield Listened(what, source.name, source.type, stamped=source.type == "sensor_msgs/BatteryState")
+    if topics.map:
+        yield Listened("map", topics.map.name, topics.map.type, stamped=False)
+    for what in ("speech", "motions"):
+        action = getattr(topics, what)
+        if action and action.type.endswith("Action"):  # a plain topic for texts tells nothing
+            yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
+
+
+# --- judgement -----------------------------------------------------------------------------------
+
+
+def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
+    """Answers, the most basic first."""
+    if findings.master_error is not None:
+        yield Check(
+            _("master"),
+            FAIL,
+            findings.master_error,
+            _("Is the robot on, and in this network? Its ROS_MASTER_URI should be %s.") % config.master_uri,
+        )
+        return
+    yield Check(_("master"), OK, _("The ROS master at %s answers.") % config.master_uri)
+    yield _names_here(findings.hosts)
+    if findings.callback is not None:
+        yield _names_there(findings.callback)
+    yield _clock(findings.topics)
+    for listened, topic in zip(_listened(config), findings.topics, strict=True):
+        yield _topic(listened, topic)
+    if findings.description is not None:
+        yield _description(findings.description)
+    if findings.drive is not None:
+        yield from _drive(config, findings.drive)
+
+
+def _names_here(hosts: list[HostFound]) -> Check:
+    name = _("names, robot to console")
+    unknown = [host.name for host in hosts if host.address is None]
+    if unknown:
+        return Check(
+            name,
+            FAIL,
+            _("The robot’s nodes call themselves %s, which cannot be resolved here.") % _and(unknown),
+            _("Add it to the robot’s host aliases, such as %s.") % f'{{"{unknown[0]}": "10.68.0.1"}}',
+        )
+    unreached = [f"{host.name} ({host.address}: {host.error})" for host in hosts if host.error]
+    if unreached:
+        return Check(
+            name,
+            FAIL,
+            _("Nodes on %s cannot be reached.") % _and(unreached),
+            _("Is the address right (host aliases), a firewall between, or the node dead (rosnode cleanup)?"),
+        )
+    return Check(name, OK, _("The robot’s nodes (%s) can be reached.") % _and([host.name for host in hosts]))
+
+
+def _names_there(callback: CallbackFound) -> Check:
+    name = _("names, console to robot")
+    if callback.called:
+        return Check(name, OK, _("The robot called the console back at %s.") % callback.advertised)
+    where = f"{callback.advertised} ({callback.error})" if callback.error else callback.advertised
+    text = _("The robot could not call the console back at %s.") % where
+    if callback.route and callback.advertised != callback.route:
+        return Check(name, FAIL, text, _("Set the robot’s advertised address to %s.") % callback.route)
+    return Check(name, FAIL, text, _("Does a firewall on this computer keep the robot out?"))
+
+
+def _clock(topics: list[TopicFound]) -> Check:
+    name = _("clock")
+    skews = [topic.skew_s for topic in topics if topic.skew_s is not None]
+    if not skews:
+        return Check(name, WARN, _("No stamped message arrived, so clocks could not be compared."))
+    skew_s = min(skews, key=abs)
+    if abs(skew_s) <= CLOCK_SKEW_S:
+        agree = _("Robot and console agree within %.2f s.") % max(abs(skew_s), 0.01)
+        return Check(name, OK, agree)
+    ahead = _("The robot’s stamps are %.1f s ahead of the console’s clock.")
+    behind = _("The robot’s stamps are %.1f s behind the console’s clock.")
+    return Check(
+        name,
+        WARN,
+        (ahead if skew_s > 0 else behind) % abs(skew_s),
+        _(
+            "Let both follow the same time server (chrony). The console does not depend on it; recordings may."
+        ),
+    )
+
+
+def _topic(listened: Listened, found: TopicFound) -> Check:
+    name = _named(listened.what)
+    bad = FAIL if listened.what.split()[0] in NEEDED else WARN
+    words = {"topic": listened.topic, "type": listened.type}
+    if not found.publishers:
+        return Check(name, bad, _("Nobody publishes %(topic)s (%(type)s).") % words, _(_MISSING))
+    if found.error is not None:
+        text = _("%(topic)s cannot be read: %(error)s.") % {**words, "error": found.error}
+        return Check(name, bad, text, _(_UNREADABLE))
+    if found.type != listened.type:
+        text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
+        return Check(name, bad, text, _(_MISSING))
+    if found.our_md5 is None:
+        return Check(name, bad, _("The console does not know the type %s.") % listened.type, _(_UNKNOWN))
+    if found.md5 != found.our_md5:
+        text = _("%(topic)s (%(type)s) has md5 %(theirs)s on the robot and %(ours)s here: they cannot talk.")
+        sums = {"theirs": found.md5, "ours": found.our_md5}
+        return Check(name, bad, text % {**words, **sums}, _(_OTHER_VERSION))
+    if not found.messages and listened.what not in QUIET:
+        text = _("%(topic)s (%(type)s) is there, but no message came.") % words
+        return Check(name, bad, text, _(_SILENT))
+    unseen = sorted(set(listened.frames) - set(found.frames))
+    if unseen:
+        frames = {"unseen": _and(unseen), "frames": _and(found.frames)}
+        text = _("%(topic)s says nothing from %(unseen)s, only from %(frames)s.") % {**words, **frames}
+        return Check(name, bad, text, _("Correct the sensors’ frame ids in the profile."))
+    alive, quiet = _("%(topic)s (%(type)s): right type, alive."), _("%(topic)s (%(type)s): right type.")
+    return Check(name, OK, (alive if found.messages else quiet) % words)
+
+
+def _named(what: str) -> str:
+    """`Listened.what` in the reader's language; topics in it stay."""
+    kind, slash, topic = what.partition(" /")
+    return _(kind) + slash + topic
+
+
+# Of `_listened`, for translators' catalogues.
+_KINDS = (
+    *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
+    *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
+    *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions"), gettext_noop("map")),
+)
+_MISSING = gettext_noop(
+    "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"
+)
+_UNREADABLE = gettext_noop("See the answers on names above.")
+_UNKNOWN = gettext_noop("Choose one of the types that the profile’s help text names.")
+_OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
+_SILENT = gettext_noop("Is the sensor switched on and its driver well (rostopic hz)?")
+
+
+def _description(found: DescriptionFound) -> Check:
+    name = _("description of the arm")
+    lacking = [*found.links, *found.joints]
+    if found.error is not None:
+        text = _("/robot_description cannot be used: %s.") % found.error
+        return Check(name, WARN, text, _("Without it the console does not know where the arm is."))
+    if lacking:
+        text = _("/robot_description lacks %s.") % _and(lacking)
+        advice = _(
+            "A hand of 0.25 m is reckoned with there. Load the whole description, or correct the profile’s arm."
+        )
+        return Check(name, WARN, text, advice)
+    return Check(name, OK, _("/robot_description has all links and joints of the arm."))
+
+
+def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
+    name, drive = _("drive"), config.topics.drive
+    words = {"topic": drive.name, "type": drive.type}
+    if found.type not in (None, "*", drive.type):
+        text = _("%(topic)s is a %(found)s, not a %(type)s.") % {**words, "found": found.type}
+        yield Check(name, FAIL, text, _("Correct the profile’s type."))
+    elif not found.subscribers:
+        yield Check(
+            name,
+            FAIL,
+            _("Nobody listens to %(topic)s: the robot would not move.") % words,
+            _("Is the base controller (on TIAGo: twist_mux) running, and the drive topic right?"),
+        )
+    else:
+        text = _("%(nodes)s listens to %(topic)s (%(type)s).") % {**words, "nodes": _and(found.subscribers)}
+        yield Check(name, OK, text)
+    yield _others(
+        drive.name,
+        [node for node in found.publishers if node not in {BRIDGE, watchdog_name(config.robot_id)}],
+    )
+
+
+def _others(topic: str, nodes: list[str]) -> Check:
+    name = _("other drivers")
+    if not nodes:
+        return Check(name, OK, _("Nobody else publishes to %s.") % topic)
+    text = _("%(nodes)s publishes to %(topic)s too, past the console’s gate.")
+    words = {"nodes": _and(nodes), "topic": topic}
+    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic of the console’s own."))
+
+
+def _and(names: list[str]) -> str:
+    if not names:
+        return _("nothing")
+    *first, last = names
+    return _("%(first)s and %(last)s") % {"first": ", ".join(first), "last": last} if first else last

@@ -1,0 +1,277 @@
+"""What holds for one robot: its profile's description, with the robot's own entries laid over it. `of` says it all.
+
+Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved
+through the admin or `robots.registry.services` never is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec import Struct
+
+from robots.bridge.config import ArmSource, DepthSource, Topic, Topics
+from robots.bridge.drive.input_filters import StickStep
+from robots.bridge.gate.values import DepthView, GateProfile, Limits, Parameters
+from robots.registry.profile_schema import (
+    CAREFUL_WHEN_SMALL,
+    Footprint,
+    Overrides,
+    Problems,
+    StickChain,
+    Tightening,
+    first_of,
+    footprint_problems,
+    loosened_parameters,
+    parameter_problems,
+    parsed,
+    stick_problems,
+    topic_problems,
+    unknown_steps,
+)
+
+if TYPE_CHECKING:
+    from robots.registry.models import Robot, RobotProfile
+
+BEGINNER_MPS = 0.4  # the fastest that a full stick may mean before a person raises the speed share
+MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # a robot may be held from reversing, not from moving at all
+
+
+# --- of a profile --------------------------------------------------------------------------------
+
+
+def footprint(profile: RobotProfile) -> Footprint:
+    """The footprint; an outline goes counter-clockwise, whichever way it was written."""
+    given = first_of(footprint_problems, parsed(Footprint, profile.footprint))
+    if given.outline is not None and _clockwise(given.outline):
+        return Footprint(outline=given.outline[::-1])
+    return given
+
+
+def _clockwise(outline: list[tuple[float, float]]) -> bool:
+    following = outline[1:] + outline[:1]
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(outline, following, strict=True)) < 0.0
+
+
+def profile_topics(profile: RobotProfile) -> Topics:
+    """The ROS interface of this kind of robot."""
+    return _topics(profile, profile.drive_topic, profile.topics)
+
+
+def profile_parameters(profile: RobotProfile) -> Parameters:
+    """The gate's parameters for this kind of robot."""
+    return first_of(parameter_problems, parsed(Parameters, profile.gate))
+
+
+def profile_stick(profile: RobotProfile) -> tuple[StickStep, ...]:
+    """What is done to stick positions, for this kind of robot."""
+    return _stick(profile.stick)
+
+
+def _stick(given: object) -> tuple[StickStep, ...]:
+    first_of(unknown_steps, given)
+    return first_of(stick_problems, parsed(StickChain, {"stick": given})).stick
+
+
+def _topics(profile: RobotProfile, drive_topic: str, rest: object) -> Topics:
+    if not isinstance(rest, dict):
+        raise Problems(["Write an object with odometry, scans and so on."])
+    if "drive" in rest:
+        raise Problems(['drive: belongs into the field "drive topic"'])
+    drive = msgspec.to_builtins(Topic(drive_topic, profile.drive_type))
+    return first_of(topic_problems, parsed(Topics, {"drive": drive, **rest}))
+
+
+# --- of a robot ----------------------------------------------------------------------------------
+
+
+class Effective(Struct, frozen=True):
+    """What holds for one robot."""
+
+    topics: Topics
+    gate: GateProfile
+    stick: tuple[StickStep, ...]
+    default_share: float  # the speed share that a page begins with
+
+
+def of(robot: Robot) -> Effective:
+    """What holds for this robot; of limits and parameters the more careful of the profile's and its own."""
+    profile, own = robot.profile, overrides(robot)
+    expected = profile_topics(profile)
+    interface = _own_topics(robot, own, expected)
+    body = footprint(profile)
+    gate = GateProfile(
+        limits=_limits(profile, own),
+        radius_m=body.radius_m,
+        outline=None if body.outline is None else tuple(body.outline),
+        scan_poses={scan.topic: scan.pose for scan in interface.scans},
+        sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
+        sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
+        # What the profile expects to be watched stays a limit where one robot lost its camera.
+        has_depth=interface.depth is not None or expected.depth is not None,
+        blind_mps=_lower(profile, own, "blind_mps"),
+        parameters=_careful(_own_parameters(robot, own), profile_parameters(profile)),
+        has_arm=interface.arm is not None or expected.arm is not None,
+        depth=_depth_view(interface.depth),
+    )
+    return Effective(interface, gate, stick(robot), _default_share(robot, gate.limits))
+
+
+def overrides(robot: Robot) -> Overrides:
+    """The robot's own entries."""
+    return parsed(Overrides, robot.overrides)
+
+
+def topics(robot: Robot) -> Topics:
+    """The robot's ROS interface alone, whatever the rest of its entry says."""
+    return _own_topics(robot, overrides(robot), profile_topics(robot.profile))
+
+
+def _own_topics(robot: Robot, own: Overrides, expected: Topics) -> Topics:
+    merged = {**robot.profile.topics, **own.topics}
+    given = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
+    return first_of(lambda given: _taken_away(given, expected), given)
+
+
+def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
+    """Sensors that watch the way: a robot may name others, not have fewer."""
+    for kind in ("scans", "sonars"):
+        mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
+        if mine < theirs:
+            yield f"{kind}: {mine} here, {theirs} in the profile; what watches the way may be renamed, not removed"
+    if given.depth and profile.depth:
+        yield from _seen_less(given.depth, profile.depth)
+    if given.arm and profile.arm:
+        yield from _reaches_less(given.arm, profile.arm)
+
+
+def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
+    """An arm that would pass for smaller, or for folded sooner."""
+    if given.radius_m < profile.radius_m:
+        yield f"arm.radius_m: {given.radius_m:g} is below the profile’s {profile.radius_m:g}; only tighten"
+    if given.tolerance > profile.tolerance:
+        yield f"arm.tolerance: {given.tolerance:g} is above the profile’s {profile.tolerance:g}; only tighten"
+
+
+def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
+    """Where a robot's depth camera would leave out what its profile's counts."""
+    if given.height_m < profile.height_m:
+        yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
+    if given.own_m > profile.own_m:
+        yield f"depth.own_m: {given.own_m:g} is above the profile’s {profile.own_m:g}; only tighten"
+    if given.blind_m < profile.blind_m:
+        yield f"depth.blind_m: {given.blind_m:g} is below the profile’s {profile.blind_m:g}; only tighten"
+
+
+def _careful(own: Parameters, theirs: Parameters) -> Parameters:
+    """The more careful of the two, one by one."""
+    careful = {
+        name: (min if name in CAREFUL_WHEN_SMALL else max)(getattr(own, name), getattr(theirs, name))
+        for name in Parameters.__struct_fields__
+    }
+    return Parameters(**careful)
+
+
+def _own_parameters(robot: Robot, own: Overrides) -> Parameters:
+    return first_of(parameter_problems, parsed(Parameters, {**robot.profile.gate, **own.gate}))
+
+
+def _limits(profile: RobotProfile, own: Overrides) -> Limits:
+    return Limits(**{name: _lower(profile, own, name) for name in Limits.__struct_fields__})
+
+
+def _lower(profile: RobotProfile, own: Overrides, name: str) -> float:
+    """The lower of the two, so that lowering a profile later reaches robots with entries of their own."""
+    theirs: float = getattr(profile, name)
+    mine: float | None = getattr(own.limits, name)
+    return theirs if mine is None else min(mine, theirs)
+
+
+def _default_share(robot: Robot, limits: Limits) -> float:
+    """Above neither the largest share of this robot nor `BEGINNER_MPS`."""
+    fastest_mps = _fastest_mps(limits)
+    beginner = BEGINNER_MPS / fastest_mps if fastest_mps > BEGINNER_MPS else 1.0
+    return min(_asked_share(robot), robot.max_share, beginner)
+
+
+def _asked_share(robot: Robot) -> float:
+    return robot.profile.default_share if robot.default_share is None else robot.default_share
+
+
+def _fastest_mps(given: Limits | RobotProfile) -> float:
+    return max(given.forward_mps, given.reverse_mps, given.lateral_mps)
+
+
+def _depth_view(source: DepthSource | None) -> DepthView | None:
+    return DepthView(source.height_m, source.own_m, source.blind_m) if source else None
+
+
+def stick(robot: Robot) -> tuple[StickStep, ...]:
+    """What is done to stick positions: the robot's own steps in place of its profile's."""
+    return profile_stick(robot.profile) if robot.stick is None else _stick(robot.stick)
+
+
+# --- checks at the door --------------------------------------------------------------------------
+
+
+def check_overrides(robot: Robot) -> None:
+    """A robot's own entries are well formed and tighten; `Problems` if not. One out of service may stay as it is:
+    an edit of its profile must not keep anybody from disabling it.
+    """
+    own = overrides(robot)
+    if not robot.enabled:
+        return
+    with _under("topics"):
+        topics(robot)
+    with _under("gate"):
+        tuned = _own_parameters(robot, own)
+    lines = [*_loosened_limits(own.limits, robot.profile)]
+    lines += loosened_parameters(tuned, profile_parameters(robot.profile))
+    if lines:
+        raise Problems(lines)
+
+
+@contextmanager
+def _under(field: str) -> Iterator[None]:
+    """Problems inside are problems of `field`."""
+    try:
+        yield
+    except Problems as problems:
+        raise Problems([f"{field}.{line}" for line in problems.lines]) from problems
+
+
+def _loosened_limits(own: Tightening, profile: RobotProfile) -> Iterator[str]:
+    for name in Tightening.__struct_fields__:
+        mine: float | None = getattr(own, name)
+        theirs: float = getattr(profile, name)
+        if mine is not None and mine > theirs:
+            yield f"limits.{name}: {mine:g} is above the profile’s {theirs:g}; a robot may only tighten"
+        if mine is not None and mine <= 0.0 < theirs and name not in MAY_BE_ZERO:
+            yield f"limits.{name}: must be above 0, not {mine:g}"
+        if mine is not None and mine < 0.0 and name in MAY_BE_ZERO:
+            yield f"limits.{name}: must not be negative, {mine:g} is"
+
+
+def check_profile_share(profile: RobotProfile) -> None:
+    """Nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
+    _check_share(profile.default_share, _fastest_mps(profile))
+
+
+def check_robot_share(robot: Robot) -> None:
+    """Nobody begins faster than `BEGINNER_MPS` on this robot. One out of service may stay as it is."""
+    if robot.enabled:
+        limits = _limits(robot.profile, overrides(robot))
+        _check_share(min(_asked_share(robot), robot.max_share), _fastest_mps(limits))
+
+
+def _check_share(share: float, fastest_mps: float) -> None:
+    if share * fastest_mps > BEGINNER_MPS + 1e-9:
+        raise Problems(
+            [
+                f"{share:g} of {fastest_mps:g} m/s is {share * fastest_mps:.2g} m/s; nobody begins faster "
+                f"than {BEGINNER_MPS:g} m/s, so at most {BEGINNER_MPS / fastest_mps:.2g}."
+            ]
+        )

@@ -1,0 +1,202 @@
+"""Reading the registry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, cast
+from urllib.parse import urlsplit
+from uuid import UUID
+
+from django.conf import settings
+from django.db.models import Q, QuerySet
+from django.shortcuts import get_object_or_404
+
+from fleet.audit.models import Record
+from robots import wire
+from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, Topics, What
+from robots.bridge.drive.input_filters import in_words
+from robots.bridge.gate.values import GateProfile
+from robots.bridge.tasks.denylist import admissible
+from robots.registry import robot_config
+from robots.registry.models import Allowance, Phrase, Robot, RobotProfile, RobotRole, Role
+from robots.registry.phrases import FALLBACK_LANGUAGE
+from robots.registry.profile_schema import Problems
+from robots.wire import Limits, ReverseSteering, RobotFacts, SonarPose, Use
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+DISC_CORNERS = 32  # of the polygon that a disc is drawn as
+
+
+def role_on(user: User, robot: Robot) -> Role | None:
+    """What `user` may do with `robot`; None: not even look."""
+    return roles_of(user, [robot]).get(robot.id)
+
+
+def roles_of(user: User, robots: Iterable[Robot]) -> dict[UUID, Role]:
+    """`role_on` many robots, in one query; one on which there is none is left out."""
+    if not user.is_active:
+        return {}
+    ids = [robot.id for robot in robots]
+    if user.is_staff:
+        return dict.fromkeys(ids, Role.STAFF)
+    held = RobotRole.objects.filter(user=user, robot_id__in=ids).values_list("robot_id", "role")
+    return {robot_id: Role(role) for robot_id, role in held}
+
+
+def roles_on(robot: Robot, users: Iterable[User]) -> dict[UUID, Role]:
+    """`role_on` for many people, in one query; who has none is left out."""
+    active = {user.id: user for user in users if user.is_active}
+    held = RobotRole.objects.filter(robot=robot, user_id__in=active).values_list("user_id", "role")
+    staff = {user.id: Role.STAFF for user in active.values() if user.is_staff}
+    return {user_id: Role(role) for user_id, role in held} | staff
+
+
+def supervises(user: User, robot: Robot) -> bool:
+    """Whether `user` is a supervisor of the robot, or staff."""
+    role = role_on(user, robot)
+    return role is not None and role >= Role.SUPERVISOR
+
+
+def robots_visible_to(user: User) -> QuerySet[Robot]:
+    """The robots that `user` may look at, disabled ones too, by name."""
+    robots = Robot.objects.select_related("profile", "bridge")
+    if not user.is_active:
+        return robots.none()
+    return robots if user.is_staff else robots.filter(roles__user=user)
+
+
+def robot_seen_by(user: User, slug: str) -> Robot:
+    """The robot, if `user` may look at it; else `Http404`."""
+    return get_object_or_404(robots_visible_to(user), slug=slug)
+
+
+def phrases_of(robot: Robot) -> list[Phrase]:
+    """What the robot can be made to say at a press: its kind's phrases, then its own."""
+    kinds = Phrase.objects.filter(profile=robot.profile_id)
+    return [*kinds, *Phrase.objects.filter(robot=robot)]
+
+
+def first_language(owner: Robot | RobotProfile) -> str:
+    """That of phrases which name none: the first that it speaks."""
+    try:
+        topics = (
+            robot_config.topics(owner) if isinstance(owner, Robot) else robot_config.profile_topics(owner)
+        )
+    except Problems:
+        return FALLBACK_LANGUAGE
+    return next(iter(topics.languages), FALLBACK_LANGUAGE)
+
+
+def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
+    """The allow-list of a robot, whose own entries replace those of its kind. `Problems` if its entry is wrong."""
+    return _admitted(robot, robot_config.topics(robot))
+
+
+def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
+    """What no list admits is left out: an edit of the profile may have made it so."""
+    kinds = Q(profile=robot.profile_id)
+    entries = Allowance.objects.filter(kinds | Q(robot=robot))
+    by_name = {
+        (entry.what, entry.use, entry.name): Allowed(
+            cast(What, entry.what), entry.name, entry.type, cast(Use, entry.use), cast(wire.Role, entry.role)
+        )
+        for entry in sorted(entries, key=lambda entry: entry.robot_id is not None)
+    }
+    return admissible((by_name[key] for key in sorted(by_name)), topics)
+
+
+def last_editor(entry: Robot | RobotProfile) -> str:
+    """Who changed the entry last."""
+    changes = (
+        Record.objects.filter(kind="robot.change", robot_id=entry.id)
+        if isinstance(entry, Robot)
+        else Record.objects.filter(kind="profile.change", parameters__profile=entry.slug)
+    )
+    return changes.order_by("-id").values_list("actor__name", flat=True).first() or "somebody"
+
+
+def link_address(robot: Robot) -> LinkAddress:
+    """Where the robot's bridge listens; both ends of the link ask here."""
+    if not robot.bridge_address:
+        return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{robot.id.hex[:12]}.sock"))
+    parts = urlsplit(robot.bridge_address)
+    return LinkAddress(
+        host=parts.hostname,
+        port=parts.port,
+        certificate=settings.FLEET_LINK_CERT,
+        private_key=settings.FLEET_LINK_KEY,
+        secret=settings.FLEET_LINK_SECRET,
+        authority=settings.FLEET_LINK_CA,
+    )
+
+
+def require_link_settings(robot: Robot) -> None:
+    """`Problems` if this process is to run the robot's bridge on the network and was not told with what."""
+    if not robot.bridge_address:
+        return
+    needed = ("FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_LINK_SECRET")
+    missing = [name for name in needed if not getattr(settings, name)]
+    if missing:
+        raise Problems([f"A bridge that listens on the network needs {', '.join(missing)} to be set."])
+
+
+def bridge_config(robot: Robot) -> BridgeConfig:
+    """Everything the robot's bridge is told. `Problems` if its entry is wrong."""
+    known = robot_config.of(robot)
+    return BridgeConfig(
+        robot_id=str(robot.id),
+        slug=robot.slug,
+        name=robot.name,
+        master_uri=robot.master_uri.rstrip("/"),
+        advertised_address=robot.advertised_address or None,
+        host_aliases=robot.host_aliases,
+        topics=known.topics,
+        gate=known.gate,
+        reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
+        link=link_address(robot),
+        allowed=_admitted(robot, known.topics),
+        stick=known.stick,
+        state_dir=str(settings.FLEET_VAR / "bridges"),
+        run_dir=str(settings.FLEET_RUN_DIR),
+        last_fence=robot.fence,
+    )
+
+
+def robot_facts(robot: Robot) -> RobotFacts:
+    """What a page needs to know of the robot once. If its entry is wrong, what its columns say: the page must work, to
+    say so and to stop.
+    """
+    try:
+        known = robot_config.of(robot)
+    except Problems:
+        known = None
+    limits = known.gate.limits if known else robot.profile
+    sonars = known.topics.sonars if known else []
+    return RobotFacts(
+        slug=robot.slug,
+        name=robot.name,
+        profile=robot.profile.name,
+        practice=robot.practice,
+        holonomic=robot.profile.holonomic,
+        limits=Limits(limits.forward_mps, limits.reverse_mps, limits.lateral_mps, limits.turn_radps),
+        footprint=_drawn(known.gate) if known else [],
+        default_share=known.default_share if known else robot.profile.default_share,
+        max_share=robot.max_share,
+        reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
+        drive_topic=robot.drive_topic or robot.profile.drive_topic,
+        has_head=known is not None and known.topics.head is not None,
+        sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
+        stick=in_words(known.stick if known else ()),
+    )
+
+
+def _drawn(body: GateProfile) -> list[tuple[float, float]]:
+    """The footprint's outline; a disc is drawn as a polygon."""
+    if body.outline is not None:
+        return list(body.outline)
+    radius_m = body.radius_m or 0.0
+    angles = [2.0 * math.pi * corner / DISC_CORNERS for corner in range(DISC_CORNERS)]
+    return [(round(radius_m * math.cos(angle), 4), round(radius_m * math.sin(angle), 4)) for angle in angles]

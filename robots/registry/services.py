@@ -1,0 +1,283 @@
+"""Writing to the registry. Every change is checked, written and recorded in one transaction."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict
+from uuid import UUID
+
+from django.db import models, transaction
+from django.utils import timezone
+from msgspec import convert, to_builtins
+
+from fleet.audit import SystemAccount, record
+from fleet.audit.command_line import here
+from robots.registry import shipped
+from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
+from robots.registry.phrases import Line, tags_text
+from robots.stop import courier
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+    Actor = User | SystemAccount | None  # None: the console itself
+
+log = logging.getLogger(__name__)
+# Columns that people do not fill in, or that a record has already.
+NOT_ENTERED = {"id", "fence", "updated_at", "shipped", "shipped_phrases", "robot"}
+WORDS = "text"  # of a phrase
+ORDER_STEP = 10  # between phrases of a file, so that others find room
+
+
+@transaction.atomic
+def robot_save(*, robot: Robot, actor: Actor) -> Robot:
+    """Create `robot`, or save what was changed in it; `ValidationError` if it is not right."""
+    robot.full_clean()
+    if robot._state.adding:
+        robot.save(force_insert=True)
+        record("robot.create", actor=actor, **_named(robot), parameters=_entered(robot))
+    elif changes := _save_changes(robot, Robot.objects.select_for_update().get(pk=robot.pk)):
+        record("robot.change", actor=actor, **_named(robot), parameters={"changes": changes})
+    return robot
+
+
+def robot_deleted(robot: Robot) -> None:
+    """Record a robot that goes, by whoever runs this process."""
+    record("robot.delete", actor=here(), **_named(robot), parameters=_entered(robot))
+    transaction.on_commit(partial(courier.forget, robot.id))
+
+
+@transaction.atomic
+def profile_save(*, profile: RobotProfile, actor: Actor) -> RobotProfile:
+    """Create `profile`, or save what was changed in it; `ValidationError` if it is not right."""
+    profile.full_clean()
+    if profile._state.adding:
+        profile.save(force_insert=True)
+        record("profile.create", actor=actor, parameters=_entered(profile))
+    elif changes := _save_changes(profile, RobotProfile.objects.select_for_update().get(pk=profile.pk)):
+        record("profile.change", actor=actor, parameters={"profile": profile.slug, "changes": changes})
+    return profile
+
+
+@transaction.atomic
+def profile_delete(*, profile: RobotProfile, actor: Actor) -> None:
+    """Delete a profile that no robot has; `ProtectedError` if one does."""
+    record("profile.delete", actor=actor, parameters=_entered(profile))
+    profile.delete()
+
+
+@transaction.atomic
+def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
+    """Give up what was edited here for what the console ships; False: nothing is shipped for this profile."""
+    file = shipped.file_of(profile)
+    if file is None:
+        return False
+    _take(profile, file, actor)
+    _take_phrases(profile, file.phrase_lines(), actor)
+    return True
+
+
+@transaction.atomic
+def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
+    """Bring the profiles up to the files, without touching what was edited here."""
+    for file in shipped.profile_files(directory):
+        profile = RobotProfile.objects.filter(slug=file.slug).first()
+        if profile is None:
+            profile = RobotProfile(slug=file.slug)
+            shipped.fill(profile, file)
+            profile_save(profile=profile, actor=None)
+        elif shipped.is_edited(profile) and shipped.differs(profile, file):
+            log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
+        elif profile.shipped != file.columns():
+            _take(profile, file, actor=None)
+        _load_phrases(profile, file.phrase_lines(directory))
+
+
+def _load_phrases(profile: RobotProfile, lines: list[Line]) -> None:
+    """Bring a profile's phrases up to the file, unless they were edited here."""
+    last = convert(profile.shipped_phrases, list[Line])
+    if last == lines:
+        return
+    if [phrase.line for phrase in profile.phrases.all()] in (last, lines):
+        _take_phrases(profile, lines, actor=None)
+    else:
+        log.warning("Phrases of profile %s were edited here; the shipped ones were not taken.", profile.slug)
+
+
+def _take_phrases(profile: RobotProfile, lines: list[Line], actor: Actor) -> None:
+    """Make a stored profile's phrases those of the file."""
+    phrases_import(owner=profile, lines=lines, actor=actor, replace=True)
+    profile.shipped_phrases = to_builtins(lines)
+    profile.save(update_fields=["shipped_phrases"])
+
+
+def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: Actor) -> None:
+    """Make a stored profile what `file` says."""
+    shipped.fill(profile, file)
+    profile_save(profile=profile, actor=actor)
+    profile.save(update_fields=["shipped"])
+
+
+class _Named(TypedDict):
+    robot_id: UUID
+    robot_name: str
+
+
+def _named(robot: Robot) -> _Named:
+    return {"robot_id": robot.id, "robot_name": robot.name}
+
+
+def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, Any]]:
+    """Save what differs, and only that: a form left open must not bring back an old fencing number."""
+    before, after = _entered(stored), _entered(entry)
+    changed = [name for name in after if after[name] != before[name]]
+    if changed:
+        saved_at = ["updated_at"] if hasattr(entry, "updated_at") else []
+        entry.save(update_fields=[*changed, *saved_at])
+    return [{"field": name, "from": before[name], "to": after[name]} for name in changed]
+
+
+def _entered(entry: models.Model) -> dict[str, Any]:
+    """The columns that people fill in, as JSON values."""
+    return {
+        field.name: field.value_from_object(entry)
+        for field in entry._meta.concrete_fields
+        if field.name not in NOT_ENTERED
+    }
+
+
+@transaction.atomic
+def entry_save(*, entry: Phrase | Allowance, actor: Actor) -> None:
+    """Create an entry of a profile or robot, or save what was changed in it; `ValidationError` if it is not right."""
+    entry.full_clean()
+    if entry._state.adding:
+        entry.save(force_insert=True)
+        _record_entry("create", entry, _entered(entry), actor)
+    elif changes := _save_changes(entry, type(entry)._default_manager.select_for_update().get(pk=entry.pk)):
+        _record_entry_change(entry, changes, actor)
+
+
+@transaction.atomic
+def entry_delete(*, entry: Phrase | Allowance, actor: Actor) -> None:
+    """Delete an entry of a profile or robot."""
+    _record_entry("delete", entry, _entered(entry), actor)
+    entry.delete()
+
+
+def _record_entry(verb: str, entry: Phrase | Allowance, told: dict[str, Any], actor: Actor) -> None:
+    """Record an entry that comes or goes; a phrase's words may expire, like those that a robot said."""
+    facts = {name: value for name, value in told.items() if name != WORDS}
+    record(
+        f"{entry._meta.model_name}.{verb}", actor=actor, text=told.get(WORDS, ""), **_of(entry.owner, facts)
+    )
+
+
+def _record_entry_change(entry: Phrase | Allowance, changes: list[dict[str, Any]], actor: Actor) -> None:
+    """Record what was changed; of a phrase's words for ever only that they were."""
+    if isinstance(entry, Allowance):
+        facts = {"entry": str(entry), "changes": changes}
+        record("allowance.change", actor=actor, **_of(entry.owner, facts))
+        return
+    kept = [{"field": WORDS} if change["field"] == WORDS else change for change in changes]
+    record(
+        "phrase.change",
+        actor=actor,
+        text=entry.text,
+        private={"changes": changes},
+        **_of(entry.owner, {"language": entry.language, "changes": kept}),
+    )
+
+
+@transaction.atomic
+def phrases_import(
+    *,
+    owner: RobotProfile | Robot,
+    lines: list[Line],
+    actor: Actor,
+    replace: bool = False,
+) -> int:
+    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new."""
+    type(owner)._default_manager.select_for_update().get(slug=owner.slug)  # one import at a time
+    held = [phrase.line for phrase in owner.phrases.all()]
+    if replace and held == lines:
+        return 0
+    if replace:
+        owner.phrases.all().delete()
+    known = set() if replace else {(line.language, line.text) for line in held}
+    wanted = [line for line in lines if (line.language, line.text) not in known]
+    last = max(owner.phrases.values_list("order", flat=True), default=0)
+    Phrase.objects.bulk_create(_phrases(owner, wanted, last))
+    added = [line for line in wanted if line not in held]
+    removed = [line for line in held if line not in wanted] if replace else []
+    if wanted or removed:
+        figures = {"replaced": replace, "added": len(added), "removed": len(removed)}
+        lists = {"added": to_builtins(added), "removed": to_builtins(removed)}
+        record("phrase.import", actor=actor, private=lists, **_of(owner, figures))
+    return len(added)
+
+
+def _phrases(owner: RobotProfile | Robot, lines: list[Line], after: int) -> Iterator[Phrase]:
+    whose = "robot" if isinstance(owner, Robot) else "profile"
+    for number, line in enumerate(lines, start=1):
+        yield Phrase(
+            **{whose: owner},
+            text=line.text,
+            language=line.language,
+            tags=tags_text(line.tags),
+            order=after + number * ORDER_STEP,
+        )
+
+
+class _Of(TypedDict, total=False):
+    robot_id: UUID
+    robot_name: str
+    parameters: dict[str, Any]
+
+
+def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
+    """What a record says of an entry and of whose it is."""
+    if isinstance(owner, Robot):
+        return {**_named(owner), "parameters": parameters}
+    return {"parameters": {**parameters, "profile": owner.slug}}
+
+
+@transaction.atomic
+def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> None:
+    """Give `user` this role on `robot`, in place of any other; None takes it away."""
+    held = RobotRole.objects.select_for_update().filter(robot=robot, user=user).first()
+    before = held.role if held else None
+    after = role.value if role else None
+    if before == after:
+        return
+    if role is None:
+        RobotRole.objects.filter(robot=robot, user=user).delete()
+    else:
+        RobotRole.objects.update_or_create(robot=robot, user=user, defaults={"role": role.value})
+    record(
+        "role.change",
+        actor=actor,
+        **_named(robot),
+        parameters={"user": str(user.pk), "from": before, "to": after},
+        private={"name": user.display_name},
+    )
+
+
+@transaction.atomic
+def fence_next(robot: Robot, at_least: int = 0) -> int:
+    """A number above every one given so far, and above `at_least`: the highest that the bridge has seen."""
+    given = Robot.objects.select_for_update().values_list("fence", flat=True).get(pk=robot.pk)
+    fence = max(given, at_least) + 1
+    Robot.objects.filter(pk=robot.pk).update(fence=fence)
+    return fence
+
+
+def bridge_status_set(*, robot_id: UUID, state: BridgeStatus.State, detail: str, pid: int | None) -> None:
+    """Keep how a bridge process fares, since now. A robot that is gone by now is no matter."""
+    if Robot.objects.filter(pk=robot_id).exists():
+        BridgeStatus.objects.update_or_create(
+            robot_id=robot_id,
+            defaults={"state": state, "detail": detail[:500], "pid": pid, "since": timezone.now()},
+        )

@@ -1,0 +1,99 @@
+"""The profiles that come with the console, as data files under robots/registry/profiles/.
+
+After each migration `robots.registry.services.profiles_load_shipped` brings into the database what is new, or what nobody has
+edited. A profile that was edited here is left alone; the admin says that the shipped one differs and offers to take it.
+A profile's phrases, a text file beside it, go the same way for themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+from msgspec import Struct
+
+from robots.bridge.config import Topic
+from robots.bridge.drive.input_filters import DEFAULT, StickStep
+from robots.bridge.gate.values import Limits
+from robots.registry.models import RobotProfile
+from robots.registry.phrases import Line, read_file
+from robots.wire import ReverseSteering
+
+DIRECTORY = Path(__file__).parent / "profiles"
+
+
+class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
+    """One data file."""
+
+    slug: str
+    name: str
+    holonomic: bool
+    limits: Limits
+    blind_mps: float
+    default_share: float
+    reverse_steering: ReverseSteering
+    drive: Topic
+    footprint: dict[str, Any]
+    topics: dict[str, Any]
+    gate: dict[str, float]
+    stick: tuple[StickStep, ...] = DEFAULT
+    phrases: str | None = None  # name of a file beside this one
+
+    def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
+        """The phrases of its own that it comes with."""
+        return read_file(directory / self.phrases) if self.phrases else []
+
+    def columns(self) -> dict[str, Any]:
+        """The values of the profile's columns, the slug apart."""
+        return {
+            "name": self.name,
+            "holonomic": self.holonomic,
+            **msgspec.to_builtins(self.limits),
+            "blind_mps": self.blind_mps,
+            "default_share": self.default_share,
+            "reverse_steering": self.reverse_steering,
+            "drive_topic": self.drive.name,
+            "drive_type": self.drive.type,
+            "footprint": self.footprint,
+            "topics": self.topics,
+            "gate": self.gate,
+            "stick": msgspec.to_builtins(list(self.stick)),
+        }
+
+
+def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
+    """Every shipped profile, by file name."""
+    return [
+        msgspec.convert(yaml.safe_load(path.read_text(encoding="utf-8")), ProfileFile)
+        for path in sorted(directory.glob("*.yaml"))
+    ]
+
+
+def fill(profile: RobotProfile, file: ProfileFile) -> None:
+    """Make `profile`, not saved yet, what `file` says."""
+    for name, value in file.columns().items():
+        setattr(profile, name, value)
+    profile.shipped = file.columns()
+
+
+def file_of(profile: RobotProfile) -> ProfileFile | None:
+    """The data file of a shipped profile."""
+    return next((file for file in profile_files() if file.slug == profile.slug), None)
+
+
+def is_edited(profile: RobotProfile) -> bool:
+    """Whether somebody changed the profile since it was last taken from a file."""
+    return not profile.shipped or profile.shipped != _now(profile, profile.shipped)
+
+
+def differs(profile: RobotProfile, file: ProfileFile) -> bool:
+    """Whether profile and file say different things."""
+    columns = file.columns()
+    return _now(profile, columns) != columns
+
+
+def _now(profile: RobotProfile, columns: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(profile, name) for name in columns}

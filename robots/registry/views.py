@@ -1,0 +1,33 @@
+"""Pages of the registry."""
+
+from __future__ import annotations
+
+import threading
+from collections import defaultdict
+from uuid import UUID
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
+
+from fleet.accounts.requests import person_of
+from robots.registry.robot_check import run_checks
+from robots.registry.selectors import robot_seen_by
+
+_probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
+
+
+@never_cache
+@require_safe
+def robot_check(request: HttpRequest, slug: str) -> HttpResponse:
+    """What `manage.py check_robot` says, for everybody who may see the robot."""
+    robot = robot_seen_by(person_of(request), slug)
+    lock = _probed[robot.id]
+    if not lock.acquire(blocking=False):
+        return render(request, "robots/check.html", {"robot": robot, "answers": [], "busy": True})
+    try:
+        answers = run_checks(robot)
+    finally:
+        lock.release()
+    return render(request, "robots/check.html", {"robot": robot, "answers": answers})

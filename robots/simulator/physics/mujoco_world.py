@@ -1,0 +1,219 @@
+"""The robot's body in the world: MuJoCo decides where it goes and what it touches. Knows no ROS."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import NamedTuple
+
+# Only the camera draws, in a context of its own (see `camera`): MuJoCo need not look for a display.
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.joints.arm import SEGMENTS, Capsule
+from robots.simulator.physics.base import Twist, clamp
+from robots.simulator.physics.scene import ROBOT_GROUP, scene_xml
+from robots.simulator.sensors.body import Body
+from robots.simulator.worlds import World
+
+# What the motors can do to the whole robot; an obstacle that stands pushes back harder.
+_PUSH_N = 250.0
+_TWIST_NM = 80.0
+_SEEN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+_FARTHEST_M = 1000.0
+
+Vector = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """Planar pose in the world: metres, radians."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class Contact(NamedTuple):
+    """The robot's `part` touches `other`."""
+
+    part: str
+    other: str
+    force_n: float
+    at: tuple[float, float] = (0.0, 0.0)  # in the world, metres
+
+
+class Snapshot(NamedTuple):
+    """Where everything that can move is at one moment."""
+
+    qpos: Vector
+    mocap_pos: Vector
+    mocap_quat: Vector
+
+
+def cast_rays(
+    model: mujoco.MjModel, data: mujoco.MjData, robot_id: int, origin: Vector, directions: Vector
+) -> Vector:
+    """Distances along unit rays (N, 3) from one point, in the world's frame; -1 where nothing is hit."""
+    count = len(directions)
+    hit = np.empty((count, 1), dtype=np.int32)
+    distance = np.empty(count)
+    mujoco.mj_multiRay(
+        model,
+        data,
+        origin.reshape(3, 1),
+        directions.reshape(-1, 1),
+        _SEEN_GROUPS,
+        True,
+        robot_id,
+        hit,
+        distance.reshape(-1, 1),
+        None,
+        count,
+        _FARTHEST_M,
+    )
+    return distance
+
+
+class Onlooker:
+    """Looks at the world from a thread of its own, while the physics go on."""
+
+    def __init__(self, physics: Physics) -> None:
+        self.model = physics.model
+        self.data = mujoco.MjData(physics.model)
+        self._robot_id = physics.robot_id
+
+    def follow(self, snapshot: Snapshot) -> None:
+        """See the world as it was at `snapshot`."""
+        self.data.qpos[:] = snapshot.qpos
+        self.data.mocap_pos[:] = snapshot.mocap_pos
+        self.data.mocap_quat[:] = snapshot.mocap_quat
+        mujoco.mj_kinematics(self.model, self.data)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot was then."""
+        x, y, yaw = self.data.qpos[:3].tolist()
+        return Pose(x, y, yaw)
+
+    def cast(self, origin: Vector, directions: Vector) -> Vector:
+        """Distances along rays, as `cast_rays`."""
+        return cast_rays(self.model, self.data, self._robot_id, origin, directions)
+
+
+class Physics:
+    """One robot in one world, stepped in real time by its owner."""
+
+    def __init__(self, world: World, body: Body, start: Pose) -> None:
+        self.model = mujoco.MjModel.from_xml_string(scene_xml(world, body))
+        self.data = mujoco.MjData(self.model)
+        self.timestep_s = float(self.model.opt.timestep)
+        self.robot_id = self.model.body("robot").id
+        self._mass = body.mass_kg
+        self._inertia = float(self.model.body("robot").inertia[2])
+        self._mocaps = {person.name: int(self.model.body(person.name).mocapid[0]) for person in world.people}
+        self._arm = [self.model.body(f"robot {part.name}").id for part in SEGMENTS] if body.upper_body else []
+        is_part = self.model.geom_group == ROBOT_GROUP
+        self._parts = np.flatnonzero(is_part).tolist()
+        self._others = np.flatnonzero(~is_part & (self.model.geom_contype != 0)).tolist()
+        self.data.qpos[:3] = start
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot truly is."""
+        x, y, yaw = self.data.qpos[:3].tolist()
+        return Pose(x, y, yaw)
+
+    @property
+    def velocity(self) -> Twist:
+        """How the robot truly moves, in its own frame."""
+        x, y, w = self.data.qvel[:3].tolist()
+        yaw = float(self.data.qpos[2])
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return Twist(cos * x + sin * y, cos * y - sin * x, w)
+
+    def step(self, wanted: Twist, steps: int) -> None:
+        """Push towards velocity `wanted` (base frame) for `steps` time steps."""
+        for _ in range(steps):
+            self._push(wanted)
+            mujoco.mj_step(self.model, self.data)
+
+    def _push(self, wanted: Twist) -> None:
+        """The force that would reach `wanted` within one step, as far as the motors can."""
+        yaw = float(self.data.qpos[2])
+        now = self.velocity
+        gain = self._mass / self.timestep_s
+        ahead = (wanted.vx - now.vx) * gain
+        left = (wanted.vy - now.vy) * gain
+        strength = math.hypot(ahead, left)
+        if strength > _PUSH_N:
+            ahead, left = ahead * _PUSH_N / strength, left * _PUSH_N / strength
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        turn = (wanted.w - now.w) * self._inertia / self.timestep_s
+        self.data.qfrc_applied[:3] = (
+            cos * ahead - sin * left,
+            sin * ahead + cos * left,
+            clamp(turn, -_TWIST_NM, _TWIST_NM),
+        )
+
+    def contacts(self) -> list[Contact]:
+        """What the robot touches now, the hardest first."""
+        found = []
+        force = np.zeros(6)
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            first, second = (int(geom) for geom in contact.geom)
+            part, other = (first, second) if first in self._parts else (second, first)
+            mujoco.mj_contactForce(self.model, self.data, index, force)
+            x, y, _ = contact.pos.tolist()
+            found.append(Contact(self._name(part), self._name(other), float(force[0]), (x, y)))
+        return sorted(found, key=lambda contact: -contact.force_n)
+
+    def clearance_m(self, reach_m: float = 3.0) -> float:
+        """The gap between the robot's hull and the nearest thing; at most `reach_m`; negative inside."""
+        return min(
+            (
+                mujoco.mj_geomDistance(self.model, self.data, part, other, reach_m, None)
+                for part in self._parts
+                for other in self._others
+            ),
+            default=reach_m,
+        )
+
+    def cast(self, origin: Vector, directions: Vector) -> Vector:
+        """Distances along rays, as `cast_rays`."""
+        return cast_rays(self.model, self.data, self.robot_id, origin, directions)
+
+    def snapshot(self) -> Snapshot:
+        """Where everything is now, for an `Onlooker` of another thread."""
+        data = self.data
+        return Snapshot(data.qpos.copy(), data.mocap_pos.copy(), data.mocap_quat.copy())
+
+    def place_person(self, name: str, x: float, y: float, yaw: float) -> None:
+        """Put a person somewhere; shows from the next step on."""
+        mocap = self._mocaps[name]
+        self.data.mocap_pos[mocap] = (x, y, 0.0)
+        self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+    def place_furniture(self, name: str, x: float, y: float) -> None:
+        """Put a chair or a table somewhere else, as it is turned; shows from the next step on."""
+        self.model.body(name).pos[:2] = (x, y)
+
+    def place_arm(self, capsules: Sequence[Capsule]) -> None:
+        """Lay the arm's segments; shows from the next step on. Nothing stops them: what they meet is told."""
+        for body, (middle, rotation) in zip(self._arm, capsules, strict=True):
+            self.model.body_pos[body] = middle
+            self.model.body_quat[body] = rotation
+
+    def place_robot(self, pose: Pose) -> None:
+        """Put the robot somewhere, at rest."""
+        self.data.qpos[:3] = pose
+        self.data.qvel[:3] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+
+    def _name(self, geom: int) -> str:
+        return str(self.model.geom(geom).name)

@@ -1,0 +1,86 @@
+"""The head's depth camera by ray casting, with a structured-light camera's faults."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.joints.joint_table import CameraPose
+from robots.simulator.physics.mujoco_world import Onlooker
+from robots.simulator.sensors.laser import in_world
+
+WIDTH = 640
+HEIGHT = 480
+FOCAL_PX = WIDTH / 2.0 / math.tan(math.radians(63.0) / 2.0)
+NEAREST_M = 0.3
+FARTHEST_M = 8.0
+
+_RAYS = 160  # across a picture: one for each square of pixels, a full image would cost sixteen times as much
+_NOISE_PER_M = 0.0015  # sigma grows with the square of the distance
+_DROPOUT_SHARE = 0.01
+_HOLE_SHARE = 0.2  # of a picture's sides: how long and wide a hole is at most
+
+
+class DepthCamera:
+    """Takes pictures of distances, 63 degrees wide. `holes` are rectangles of each picture that show nothing."""
+
+    def __init__(
+        self,
+        random: np.random.Generator,
+        size: tuple[int, int] = (WIDTH, HEIGHT),
+        nearest_m: float = NEAREST_M,
+        holes: int = 0,
+    ) -> None:
+        self._random = random
+        self._nearest_m = nearest_m
+        self._holes = holes
+        width, height = size
+        focal = FOCAL_PX * width / WIDTH
+        self._coarse = coarse = max(width // _RAYS, 1)
+        # Pixels at the middle of each square, as parts of their distance: right and down of the optical axis.
+        across = (np.arange(coarse / 2, width, coarse) - width / 2.0) / focal
+        down = (np.arange(coarse / 2, height, coarse) - height / 2.0) / focal
+        left, up = np.meshgrid(-across, -down)
+        self._per_metre = np.stack((-left, -up, np.ones_like(left)), axis=-1).astype(np.float32)
+        rays = np.stack((np.ones_like(left), left, up), axis=-1)
+        length = np.linalg.norm(rays, axis=-1)
+        self._shape = left.shape
+        self._rays = (rays / length[..., None]).reshape(-1, 3)  # forward, left, up
+        self._ahead = (1.0 / length).ravel()  # part of a ray's length that lies along the optical axis
+
+    def image(self, onlooker: Onlooker, camera: CameraPose) -> NDArray[np.float32]:
+        """Distances along the optical axis in metres (height, width); nan where the camera sees none."""
+        robot = onlooker.pose
+        cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
+        to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        origin = np.array([*in_world(robot, camera.origin[0], camera.origin[1]), camera.origin[2]])
+        distance = onlooker.cast(origin, self._rays @ (to_world @ camera.axes).T)
+        depth = self._as_measured(distance * self._ahead).reshape(self._shape)
+        return self._with_holes(depth).repeat(self._coarse, axis=0).repeat(self._coarse, axis=1)
+
+    def points(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """One point (right, down, ahead; metres) for each ray of a picture, by rows: (120, 160, 3)."""
+        points: NDArray[np.float32] = depth[:: self._coarse, :: self._coarse, None] * self._per_metre
+        return points
+
+    def _as_measured(self, depth: NDArray[np.float64]) -> NDArray[np.float32]:
+        measured = depth + self._random.standard_normal(depth.shape) * _NOISE_PER_M * depth**2
+        lost = self._random.random(depth.shape) < _DROPOUT_SHARE
+        measured[lost | (measured < self._nearest_m) | (measured > FARTHEST_M)] = np.nan
+        return measured.astype(np.float32)
+
+    def _with_holes(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        for _ in range(self._holes):
+            row, column, high, wide = self._random.random(4)
+            top, left = int(row * depth.shape[0]), int(column * depth.shape[1])
+            high, wide = _HOLE_SHARE * high * depth.shape[0], _HOLE_SHARE * wide * depth.shape[1]
+            depth[top : top + int(high), left : left + int(wide)] = np.nan
+        return depth
+
+
+def as_millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """As real robots often send it (16UC1): millimetres, 0 where nothing is seen."""
+    millimetres: NDArray[np.uint16] = np.nan_to_num(depth * 1000.0, nan=0.0).astype(np.uint16)
+    return millimetres

@@ -1,0 +1,41 @@
+"""Where the odometry's frame is in the map's, as a localisation by laser (amcl) believes it to be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robots.simulator.physics.mujoco_world import Pose
+from robots.simulator.sensors.odometry import Odometry
+
+MOVED_M = 0.2  # a new belief after this, or
+TURNED_RAD = 0.3
+SIGMA_M = 0.02
+SIGMA_RAD = 0.005
+
+
+class Localisation:
+    """Believes anew where the robot is each time it has moved; in between only odometry tells. The world is the map."""
+
+    def __init__(self, odometry: Odometry, random: np.random.Generator) -> None:
+        self._odometry = odometry
+        self._random = random
+        self._believed_at: Pose | None = None  # in the odometry's frame
+        self._map_to_odom = Pose(0.0, 0.0, 0.0)
+
+    def map_to_odom(self, truth: Pose) -> Pose:
+        """The odometry's frame in the map's, now that the robot truly is at `truth`."""
+        told = Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
+        if self._believed_at is None or _moved(self._believed_at, told):
+            self._believed_at = told
+            x, y, yaw = np.array(truth) + self._random.normal(0.0, (SIGMA_M, SIGMA_M, SIGMA_RAD))
+            turn = math.remainder(yaw - told.yaw, math.tau)
+            c, s = math.cos(turn), math.sin(turn)
+            self._map_to_odom = Pose(x - c * told.x + s * told.y, y - s * told.x - c * told.y, turn)
+        return self._map_to_odom
+
+
+def _moved(before: Pose, now: Pose) -> bool:
+    turned = abs(math.remainder(now.yaw - before.yaw, math.tau))
+    return math.dist(before[:2], now[:2]) > MOVED_M or turned > TURNED_RAD

@@ -1,0 +1,43 @@
+"""A sonar in the simulated world: the nearest thing in its cone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robots.simulator.physics.mujoco_world import Physics
+from robots.simulator.sensors.body import SonarMount
+from robots.simulator.sensors.laser import in_world
+
+_ACROSS = 9  # rays side by side in the cone
+_UPRIGHT = 3  # and on top of each other
+
+
+class Sonar:
+    """Casts a bundle of rays and tells the shortest."""
+
+    def __init__(self, mount: SonarMount, random: np.random.Generator) -> None:
+        self.mount = mount
+        self._random = random
+        half = mount.fov / 2.0
+        across, upright = np.meshgrid(np.linspace(-half, half, _ACROSS), np.linspace(-half, half, _UPRIGHT))
+        self._across = across.ravel()
+        self._sine = np.sin(upright.ravel())
+        self._cosine = np.cos(upright.ravel())
+
+    def range_m(self, physics: Physics) -> float:
+        """Distance to the nearest thing in the cone; the longest range where there is nothing."""
+        x, y, z, yaw = self.mount.pose
+        robot = physics.pose
+        heading = self._across + (robot.yaw + yaw)
+        directions = np.stack(
+            (np.cos(heading) * self._cosine, np.sin(heading) * self._cosine, self._sine), axis=1
+        )
+        distance = physics.cast(np.array([*in_world(robot, x, y), z]), directions)
+        hit = distance[distance >= 0.0]
+        nearest = float(hit.min()) if hit.size else math.inf
+        if self.mount.lost_share and self._random.random() < self.mount.lost_share:
+            nearest = math.inf
+        measured = nearest + self.mount.sigma_m * float(self._random.standard_normal())
+        return min(max(measured, self.mount.shortest_m), self.mount.longest_m)

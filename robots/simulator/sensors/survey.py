@@ -1,0 +1,82 @@
+"""The map that SLAM would have made of the world with the robot's laser: what its plane meets, and where it got to."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.physics.mujoco_world import Physics
+from robots.simulator.physics.scene import ROBOT_GROUP
+
+RESOLUTION_M = 0.05
+HALF_CELL_M = 0.499 * RESOLUTION_M  # less than half: what ends where a cell does is not in the next one
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # percent, as nav_msgs/OccupancyGrid has them
+
+Cells = NDArray[np.int8]  # row 0 is the south edge
+
+
+class Survey(NamedTuple):
+    """Cells, and the world's coordinates of their lower left corner."""
+
+    cells: Cells
+    west_m: float
+    south_m: float
+
+
+def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m: float) -> Survey:
+    """What a laser at this height would have seen of `size` (west, south, east, north) from all that it can get to."""
+    west, south, east, north = size
+    columns = west + RESOLUTION_M * (np.arange(math.ceil((east - west) / RESOLUTION_M)) + 0.5)
+    rows = south + RESOLUTION_M * (np.arange(math.ceil((north - south) / RESOLUTION_M)) + 0.5)
+    x, y = np.meshgrid(columns, rows)
+    solid = np.zeros(x.shape, bool)
+    for geom in _standing(physics, height_m):
+        solid |= _covers(physics, geom, x, y)
+    at = physics.pose
+    start = np.argmin(np.abs(rows - at.y)), np.argmin(np.abs(columns - at.x))
+    free = _reached(~solid, (int(start[0]), int(start[1])))
+    cells = np.full(x.shape, UNKNOWN, np.int8)
+    cells[free] = FREE
+    cells[solid & _grown(free)] = OCCUPIED  # the sides that it saw; what is inside, it did not
+    return Survey(cells, west, south)
+
+
+def _standing(physics: Physics, height_m: float) -> list[int]:
+    """The boxes at that height that stay where they are: walls and furniture, no people."""
+    model, heights = physics.model, physics.data.geom_xpos[:, 2]
+    still = (model.geom_group != ROBOT_GROUP) & (model.body_mocapid[model.geom_bodyid] < 0)
+    met = np.abs(heights - height_m) <= model.geom_size[:, 2]
+    return np.flatnonzero(still & met & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
+
+
+def _covers(physics: Physics, geom: int, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """The cells of which an upright box covers a part, be it as thin as the leg of a chair."""
+    from_x, from_y, _ = physics.data.geom_xpos[geom]
+    axis_x, _, _, axis_y, *_ = physics.data.geom_xmat[geom]
+    half_x, half_y, _ = physics.model.geom_size[geom] + HALF_CELL_M
+    along = axis_x * (x - from_x) + axis_y * (y - from_y)
+    across = axis_x * (y - from_y) - axis_y * (x - from_x)
+    covered: NDArray[np.bool_] = (np.abs(along) < half_x) & (np.abs(across) < half_y)
+    return covered
+
+
+def _reached(open_cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
+    """The open cells that are joined to the one at `start`."""
+    reached = np.zeros_like(open_cells)
+    reached[start] = True
+    count = 0
+    while count < (count := int(reached.sum())):
+        reached = _grown(reached) & open_cells
+    return reached
+
+
+def _grown(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """They and their neighbours."""
+    padded = np.pad(cells, 1)
+    rows = padded[:-2] | padded[1:-1] | padded[2:]
+    grown: NDArray[np.bool_] = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
+    return grown

@@ -1,0 +1,135 @@
+"""Delivers pending stops, until bridge or watchdog confirms or refuses each.
+
+The supervisor has a courier for as long as it runs; a web process for as long as a stop waits that it knows of.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from functools import cache
+from pathlib import Path
+from typing import cast
+from uuid import UUID
+
+from django.conf import settings
+
+from robots.bridge.config import LinkAddress
+from robots.link.connections import LinkRefused
+from robots.stop.delivery import reach, wait_for
+from robots.stop.pending_stops import PendingStops, Told, Waiting, name_of
+from robots.wire import LinkStop, Refusal
+
+log = logging.getLogger(__name__)
+
+PACE_S = 0.5  # between two attempts
+
+
+class Courier:
+    """One thread, which waits for no robot while it has another's stop to deliver."""
+
+    def __init__(self, stops: PendingStops) -> None:
+        self._stops = stops
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._stays = False
+
+    def start(self, *, stays: bool = False) -> None:
+        """Deliver what waits; with `stays`, also what other processes leave from now on."""
+        with self._lock:
+            self._stays = self._stays or stays
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="courier", daemon=True)
+                self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            wait_for(self._deliver_all())
+        except Exception:
+            log.exception("pending stops are not delivered by this process any more")
+        finally:
+            with self._lock:
+                if self._thread is threading.current_thread():
+                    self._thread = None
+
+    async def _deliver_all(self) -> None:
+        """Until nothing waits, unless this courier stays."""
+        under_way: dict[str, asyncio.Task[None]] = {}
+        while True:
+            with self._lock:
+                newest = {stop.name: stop for stop in self._stops.all()}
+                if not (newest or under_way or self._stays):
+                    self._thread = None  # the next `start` begins another one
+                    return
+            under_way = {name: task for name, task in under_way.items() if not task.done()}
+            for name in newest.keys() - under_way.keys():
+                under_way[name] = asyncio.create_task(self._deliver(newest[name]))
+            await asyncio.sleep(PACE_S)
+
+    async def _deliver(self, stop: Waiting) -> None:
+        try:
+            answer = await reach(_address(stop), stop.message())
+        except LinkRefused:
+            return  # again soon
+        except Exception:
+            log.exception("a stop of %s could not be sent", stop.name)
+            return
+        outcome = answer.text if isinstance(answer, Refusal) else answer.stop.state
+        log.warning("the pending stop of %s by %s is delivered: %s", stop.name, stop.by, outcome)
+        self._stops.settle(stop, answer)
+
+
+def _address(stop: Waiting) -> LinkAddress:
+    """Where the robot's bridge listens; known without the database."""
+    if stop.host is None:
+        return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{stop.name}.sock"))
+    return LinkAddress(
+        host=stop.host, port=stop.port, secret=settings.FLEET_LINK_SECRET, authority=settings.FLEET_LINK_CA
+    )
+
+
+@cache
+def _stops_in(run_dir: Path) -> PendingStops:
+    return PendingStops(run_dir)
+
+
+def pending_stops() -> PendingStops:
+    """Those of this computer."""
+    return _stops_in(settings.FLEET_RUN_DIR)
+
+
+@cache
+def _courier_of(stops: PendingStops) -> Courier:
+    return Courier(stops)
+
+
+def courier() -> Courier:
+    """This process's."""
+    return _courier_of(pending_stops())
+
+
+def keep(
+    robot: UUID | None, address: LinkAddress, stop: LinkStop, told: Told | None = None
+) -> tuple[Waiting, bool]:
+    """Have `stop`, which nobody answered, delivered by every process of this computer; `told` hears what came of it.
+
+    Returns it as it waits, and False if it cannot be written: then this process alone tries, for as long as it runs.
+    """
+    if stop.press is None or (address.unix_path is None and robot is None):
+        raise ValueError("a stop that waits has a press and a robot")
+    name = Path(address.unix_path).stem if address.unix_path else name_of(cast(UUID, robot))
+    waiting = Waiting(
+        name, stop.press, robot, stop.by, stop.reason, time.time(), host=address.host, port=address.port
+    )
+    written = pending_stops().keep(waiting, told)
+    courier().start()
+    return waiting, written
+
+
+def forget(robot: UUID) -> None:
+    """There is no such robot any more, and nothing that its stops could wait for."""
+    gone = Refusal("no_such_robot", "The robot is not registered any more.", "robot")
+    for stop in pending_stops().of(name_of(robot))[-1:]:
+        pending_stops().settle(stop, gone)

@@ -1,0 +1,121 @@
+"""Reaching a robot with its emergency stop: at its bridge and at its watchdog at once, the first confirmation counts.
+
+The stop is the first message of each connection. It names its robot, so that nothing has to be heard before it is said.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Coroutine, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+from uuid import UUID
+
+import msgspec
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.link.connections import DOWN, LinkRefused, open_link, why_down
+from robots.wire import LinkStop, Refusal, Refused, Stopped
+
+STOP_S = 2.0  # a stop that is not confirmed by then is pending
+LONGEST_TEXT = 200  # of names and reasons: wire.ShortText
+
+SILENT = Refusal("bridge_silent", "The robot’s bridge did not answer in time.", "robot")
+
+T = TypeVar("T")
+Answer = Coroutine[Any, Any, Stopped | Refusal]
+
+
+def stop_message(robot: UUID | None, by: str, reason: str = "", press: UUID | None = None) -> LinkStop:
+    """A stop whose texts are cut to what is taken."""
+    return LinkStop(by[:LONGEST_TEXT], reason[:LONGEST_TEXT], robot=robot, press=press)
+
+
+async def reach(address: LinkAddress, stop: LinkStop, within_s: float = STOP_S) -> Stopped | Refusal:
+    """Press `stop` over connections of its own. Returns the answer; raises LinkRefused if nobody answered."""
+    return await first_answer([ask_watchdog(address, stop), ask_bridge(address, stop)], within_s)
+
+
+async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Refusal:
+    """The first confirmation, else a refusal. Raises LinkRefused, with what the last way says, if there is neither.
+
+    The quickest way stands first: what a way needs to begin, the later ones wait for.
+    """
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + within_s
+    tasks = [loop.create_task(way) for way in ways]
+    left = set(tasks)
+    refusal: Refusal | None = None
+    try:
+        while left and (remaining_s := end_s - loop.time()) > 0:
+            done, left = await asyncio.wait(left, timeout=remaining_s, return_when="FIRST_COMPLETED")
+            for task in done:
+                answer = None if task.exception() else task.result()
+                if isinstance(answer, Stopped):
+                    return answer
+                refusal = answer or refusal
+    finally:
+        for task in left:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    if refusal is not None:
+        return refusal
+    error = None if tasks[-1].cancelled() else tasks[-1].exception()
+    raise error if isinstance(error, LinkRefused) else LinkRefused(SILENT) from error
+
+
+async def ask_bridge(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
+    """Press `stop` at the robot's bridge. Raises LinkRefused if it cannot be reached."""
+    try:
+        async with open_link(address) as link:
+            try:
+                await link.send(wire.encode(stop), text=True)
+                while True:
+                    if (answer := answer_of(await link.recv())) is not None:
+                        return answer
+            finally:
+                link.transport.abort()  # no closing handshake: the bridge may be frozen
+    except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
+        raise LinkRefused(why_down(error)) from error
+
+
+async def ask_watchdog(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
+    """Press `stop` at the watchdog of a bridge on this computer. Raises LinkRefused if there is none."""
+    if not address.unix_path:
+        raise LinkRefused(DOWN)
+    loop = asyncio.get_running_loop()
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
+            lane.setblocking(False)
+            await loop.sock_connect(lane, str(Path(address.unix_path).with_suffix(".stop")))
+            await loop.sock_sendall(lane, wire.encode(stop))
+            answer = answer_of(await loop.sock_recv(lane, wire.LARGEST_MESSAGE_BYTES))
+    except OSError as error:
+        raise LinkRefused(why_down(error)) from error
+    if answer is None:
+        raise LinkRefused(SILENT)
+    return answer
+
+
+def answer_of(raw: str | bytes) -> Stopped | Refusal | None:
+    """What answers a stop; None of anything else, whichever dialect it is in."""
+    with contextlib.suppress(msgspec.DecodeError, UnicodeError):
+        report = wire.link_report(raw)
+        if isinstance(report, Stopped):
+            return report
+        if isinstance(report, Refused):
+            return report.refusal
+    return None
+
+
+def wait_for(work: Coroutine[Any, Any, T]) -> T:
+    """`work`, done in a thread without event loop; waits for none of the loop's own threads (a name server's)."""
+    loop = asyncio.new_event_loop()
+    try:
+        return loop.run_until_complete(work)
+    finally:
+        loop.close()

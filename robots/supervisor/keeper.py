@@ -1,0 +1,217 @@
+"""Keeping programs running: a bridge and a watchdog for each robot, started again when it ends, at a pace.
+
+A program holds the read end of a pipe as its stdin: the life line. When the pipe closes, because this process wants it
+to end or because it died, however suddenly, the program stops its robot and exits. Each program has a session of its
+own: a Ctrl-C in the terminal reaches only the supervisor, which then lets go of all in order.
+
+Time is an argument everywhere: seconds of one monotonic clock.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED
+from robots.registry.models import BridgeStatus
+
+State = BridgeStatus.State
+Report = Callable[[State, str, int | None], None]  # state, detail in words, process id
+
+log = logging.getLogger(__name__)
+
+STEADY_S = 2.0  # a program that has lived this long has started
+TERMINATE_S = 3.0  # after the life line was closed
+KILL_S = 4.5
+NAME_LOST_S = 2.0  # until its successor starts; not its own fault, so its budget is left alone
+LOCK = "fleet.lock"  # in the run directory; whoever supervises holds it
+LOCK_TRIES = 5  # `supervised` may have the file for a moment
+LOCK_TRY_S = 0.02
+
+
+class AlreadySupervised(Exception):
+    """Another supervisor holds the lock; its text is the process id."""
+
+
+@contextlib.contextmanager
+def only_instance(path: Path) -> Iterator[None]:
+    """Hold the lock file; it falls with the process."""
+    with path.open("a+") as lock:
+        if not _acquired(lock):
+            lock.seek(0)
+            raise AlreadySupervised(lock.read().strip())
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        yield
+
+
+def _acquired(lock: IO[str]) -> bool:
+    for _ in range(LOCK_TRIES):
+        with contextlib.suppress(BlockingIOError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        time.sleep(LOCK_TRY_S)
+    return False
+
+
+def supervised(path: Path) -> bool:
+    """Whether a supervisor lives that holds this lock file, however the last one ended."""
+    try:
+        with path.open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
+
+
+@dataclass
+class RestartBudget:
+    """How long to wait before a program that ended is started again."""
+
+    first_s: float = 0.5
+    longest_s: float = 8.0
+    falls: int = 6
+    window_s: float = 60.0
+    rest_s: float = 60.0
+    _fallen_at: list[float] = field(default_factory=list)
+
+    def wait_s(self, now_s: float) -> float:
+        """The wait after an end at `now_s`: doubled each time, a long rest when the budget is spent."""
+        self._fallen_at = [at for at in self._fallen_at if now_s - at < self.window_s] + [now_s]
+        if len(self._fallen_at) > self.falls:
+            return self.rest_s
+        return float(min(self.first_s * 2 ** (len(self._fallen_at) - 1), self.longest_s))
+
+
+@dataclass(frozen=True)
+class Program:
+    """What to run. Two programs with one digest are the same."""
+
+    arguments: list[str]
+    environment: Mapping[str, str]
+    digest: str
+
+
+class Keeper:
+    """Keeps one program running, replaces it when another is wanted, ends it when none is."""
+
+    def __init__(
+        self, name: str, report: Report, budget: Callable[[], RestartBudget] = RestartBudget
+    ) -> None:
+        self._name = name
+        self._report = report
+        self._new_budget = budget
+        self._budget = budget()
+        self._wanted: Program | None = None
+        self._running: Program | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._since_s = 0.0  # start of the process
+        self._steady = False
+        self._ending_s: float | None = None  # when its life line was closed
+        self._start_at_s = 0.0
+
+    @property
+    def digest(self) -> str | None:
+        """Of the program that is wanted."""
+        return self._wanted.digest if self._wanted else None
+
+    @property
+    def idle(self) -> bool:
+        """Nothing runs."""
+        return self._process is None
+
+    def want(self, program: Program | None) -> None:
+        """From the next step on, keep this running instead; None: nothing."""
+        self._wanted = program
+        self._budget = self._new_budget()
+        self._start_at_s = 0.0
+
+    def step(self, now_s: float) -> None:
+        """Notice what happened and do what is due; never waits."""
+        if self._process is not None:
+            self._watch(self._process, now_s)
+        if self._process is None and self._wanted is not None and now_s >= self._start_at_s:
+            self._start(self._wanted, now_s)
+
+    def _start(self, program: Program, now_s: float) -> None:
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - the arguments are our own
+                program.arguments,
+                env=program.environment,
+                stdin=subprocess.PIPE,
+                start_new_session=True,
+            )
+        except OSError as error:
+            wait_s = self._budget.wait_s(now_s)
+            self._fell(State.BACKING_OFF, f"cannot be started: {error.strerror}", wait_s, now_s)
+            return
+        self._running, self._since_s, self._steady, self._ending_s = program, now_s, False, None
+        log.info("%s starts as process %s", self._name, self._process.pid)
+        self._report(State.STARTING, "", self._process.pid)
+
+    def _watch(self, process: subprocess.Popen[bytes], now_s: float) -> None:
+        code = process.poll()
+        if code is not None:
+            self._ended(process, code, now_s)
+        elif self._wanted is None or self._wanted is not self._running:
+            self._end(process, now_s)
+        elif not self._steady and now_s - self._since_s >= STEADY_S:
+            self._steady = True
+            self._report(State.RUNNING, "", process.pid)
+
+    def _end(self, process: subprocess.Popen[bytes], now_s: float) -> None:
+        """Let go of the life line; a program that does not mind it gets signals."""
+        if self._ending_s is None:
+            self._ending_s = now_s
+            _let_go(process)
+        elif now_s - self._ending_s >= KILL_S:
+            log.warning("%s did not end: killed", self._name)
+            process.kill()
+        elif now_s - self._ending_s >= TERMINATE_S:
+            process.terminate()
+
+    def _ended(self, process: subprocess.Popen[bytes], code: int, now_s: float) -> None:
+        _let_go(process)
+        self._process = self._running = None
+        if self._ending_s is not None:
+            log.info("%s ended as it was asked to", self._name)
+        else:
+            state = State.REFUSED if code == EXIT_ALREADY_RUNNING else State.BACKING_OFF
+            wait_s = NAME_LOST_S if code == EXIT_NAME_LOST else self._budget.wait_s(now_s)
+            self._fell(state, _in_words(code), wait_s, now_s)
+
+    def _fell(self, state: State, why: str, wait_s: float, now_s: float) -> None:
+        self._start_at_s = now_s + wait_s
+        detail = f"{why}; next start in {wait_s:g} s"
+        log.warning("%s %s", self._name, detail)
+        self._report(state, detail, None)
+
+
+def _let_go(process: subprocess.Popen[bytes]) -> None:
+    if process.stdin is not None:
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
+
+
+def _in_words(code: int) -> str:
+    if code == EXIT_ALREADY_RUNNING:
+        return "found another bridge of this robot on this computer"
+    if code == EXIT_NAME_LOST:
+        return "lost its name on the robot's master to another node"
+    if code == EXIT_NOT_JOINED:
+        return "could not join its robot (its log says why)"
+    if code < 0:
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"ended by itself with code {code}"

@@ -1,7 +1,0 @@
-"""Addresses of the registry's pages."""
-
-from django.urls import path
-
-from robots import views
-
-urlpatterns = [path("robots/<slug:slug>/check/", views.robot_check, name="robot-check")]

@@ -1,0 +1,252 @@
+/** What stands between a person and a moving robot, worst first: one banner, in words. Pure. */
+
+import { whenText } from "../lib/times.js";
+
+const STALE_MS = 1000;
+const SILENT_MS = 3000;
+
+export function isStale(sinceViewMs) {
+  return sinceViewMs > STALE_MS;
+}
+
+/** Whether the silence is as good as a loss of the connection: nobody should ask for anything now. */
+export function isSilent(sinceViewMs) {
+  return sinceViewMs > SILENT_MS;
+}
+
+/**
+ * What came of a page's connection: one that is open and silent is none.
+ * @param {object} now
+ * @param {boolean} now.connected the page has its socket
+ * @param {object | null} [now.gone] refusal: no link from the console to the robot's bridge
+ * @param {boolean} now.heard anything was heard yet
+ * @param {boolean} now.stale and it is too old to go by
+ */
+export function connectionFact({ connected, gone = null, heard, stale }) {
+  if (!connected) return { level: "fail", text: gettext("Offline") };
+  if (gone) return { level: "fail", text: gettext("No link") };
+  if (!heard) return { level: "warn", text: gettext("Connecting") };
+  return stale
+    ? { level: "fail", text: gettext("No news") }
+    : { level: "ok", text: gettext("Connected") };
+}
+
+const SEEN_S = 2; // a robot that said nothing for longer is out of reach
+
+/** Whether the robot itself was heard just now: else what it does is not known. */
+export function isSeen({ phase, unseen_s: unseenS }) {
+  return phase === "online" || (unseenS ?? Infinity) < SEEN_S;
+}
+
+/** What to say of a robot that is out of reach. @param {?number} seenAt seconds since 1970 */
+export function unknownText(seenAt) {
+  if (!seenAt) return gettext("unknown");
+  return interpolate(gettext("unknown, last seen %s"), [whenText(seenAt * 1000)]);
+}
+
+/** When a robot was last heard, by its own state. @returns {?number} seconds since 1970 */
+export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
+  return unseenS === null || unseenS === undefined ? null : nowMs / 1000 - unseenS;
+}
+
+/** What the bridge reports of the standstill, in words. */
+export function standstillText(stop) {
+  if (stop.state === "stopping")
+    return gettext("Zero is being sent; standstill is not confirmed yet.");
+  if (stop.was_standing) return gettext("The robot was standing.");
+  if (stop.standstill_ms === null || stop.standstill_ms === undefined) return "";
+  return interpolate(gettext("Standstill confirmed after %s ms."), [
+    Math.round(stop.standstill_ms),
+  ]);
+}
+
+/** The same in two words, for the stop button itself; empty while the latch is clear. */
+export function stopText(state) {
+  const { stop } = state;
+  if (stop.state === "clear") return "";
+  if (!isSeen(state)) return gettext("Pressed");
+  if (stop.state === "stopping") return gettext("Stopping");
+  if (stop.was_standing) return gettext("Stopped, was standing");
+  if (!standstillText(stop)) return gettext("Stopped");
+  return interpolate(gettext("Standstill after %s\u00a0ms"), [Math.round(stop.standstill_ms)]);
+}
+
+function stopBanner(state) {
+  const { stop } = state;
+  const standstill = isSeen(state)
+    ? standstillText(stop)
+    : interpolate(gettext("Whether the robot stands: %s."), [unknownText(seenAt(state))]);
+  const isStopping = stop.state === "stopping";
+  const anonymous = isStopping ? gettext("Stopping, pressed") : gettext("Stopped");
+  const signed = isStopping ? gettext("Stopping, pressed by %s") : gettext("Stopped by %s");
+  return {
+    level: "stop",
+    title: stop.by ? interpolate(signed, [stop.by]) : anonymous,
+    text: [stop.reason, standstill].filter(Boolean).join(" "),
+    clear: true,
+  };
+}
+
+/**
+ * @param {object} now
+ * @param {boolean} now.outdated the page is of another version than the console, and speaks with it no more
+ * @param {boolean} now.connected the page has its socket
+ * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
+ * @param {?object} now.pending the stop that waits for the robot, while there is no link
+ * @param {?number} now.seen when the robot was last heard, in seconds since 1970
+ * @param {object | null} now.state the robot's newest `State`
+ * @param {number} now.sinceViewMs age of that state
+ * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
+ *   nothing else keeps the robot from driving
+ * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, watchdog, info
+ */
+export function banner({
+  outdated,
+  connected,
+  gone,
+  pending,
+  seen,
+  state,
+  sinceViewMs,
+  asksNeutral,
+}) {
+  if (outdated) {
+    return {
+      level: "fault",
+      title: gettext("This page is of another version"),
+      text: gettext("Reload it."),
+    };
+  }
+  if (!connected) {
+    return {
+      level: "fault",
+      title: gettext("No connection"),
+      text: gettext(
+        "Connecting again by itself. Without it the robot stands still. If this lasts, see whether this device has a network.",
+      ),
+    };
+  }
+  if (gone) {
+    return {
+      level: "fault",
+      title: gettext("No link to the robot"),
+      text: sentences(pendingText(pending), gone.text, lastSeen(seen), waits()),
+    };
+  }
+  if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
+  if (isStale(sinceViewMs)) {
+    const seconds = (sinceViewMs / 1000).toFixed(0);
+    return {
+      level: "warning",
+      title: interpolate(gettext("No news for %s s"), [seconds]),
+      text: `${gettext("The picture is old, and the robot may not hear you.")} ${waits()}`,
+    };
+  }
+  if (state.stop.state !== "clear") return stopBanner(state);
+  if (state.phase !== "online") {
+    const text = sentences(state.text, isSeen(state) ? "" : lastSeen(seenAt(state)), waits());
+    return { level: "warning", title: phaseTitle(state.phase), text };
+  }
+  if (asksNeutral && !state.motion) {
+    return {
+      level: "info",
+      title: gettext("Let the stick return to the middle"),
+      text: because(state.neutral_needed?.text),
+    };
+  }
+  if (state.overload) {
+    return {
+      level: "console",
+      title: gettext("The console’s computer is overloaded"),
+      text: `${overloadText(state)} ${gettext("Commands may come late, and then the robot stops. Tell staff.")}`,
+    };
+  }
+  if (state.watchdog_missing) {
+    return {
+      level: "watchdog",
+      title: gettext("No watchdog: keep the red button in reach"),
+      text: `${watchdogText(state)} ${gettext("Tell staff: the console’s log says why.")}`,
+    };
+  }
+  return null;
+}
+
+/** Which part of the console was late, and how much; empty if all keep up. */
+export function overloadText({ overload = null }) {
+  if (!overload) return "";
+  const text =
+    overload.part === "bridge"
+      ? gettext("The robot’s bridge was %s s late.")
+      : gettext("The console was %s s late.");
+  return interpolate(text, [overload.late_s.toFixed(1)]);
+}
+
+/** That nobody hears a stop but the bridge; empty if somebody does. */
+export function watchdogText({ watchdog_missing: missing = false }) {
+  return missing
+    ? gettext(
+        "A stop depends on the robot’s bridge alone: if that fails, the stop waits until it is back.",
+      )
+    : "";
+}
+
+function sentences(...texts) {
+  return texts.filter(Boolean).join(" ");
+}
+
+function lastSeen(at) {
+  return at ? interpolate(gettext("How the robot is: %s."), [unknownText(at)]) : "";
+}
+
+export function batteryText({ battery_percent: percent, charging }) {
+  if (percent === null) return "–";
+  const text = `${Math.round(percent)} %`;
+  return charging ? interpolate(gettext("%s, charging"), [text]) : text;
+}
+
+/** That a stop waits for the robot, and whose it is; empty if none does. @param {?object} pending by, reason, at */
+export function pendingText(pending) {
+  if (!pending) return "";
+  const text = gettext("A stop by %s, %s, waits for the robot and is delivered when it is back.");
+  return interpolate(text, [pending.by, whenText(pending.at * 1000)]);
+}
+
+/** What to do about a robot that is out of reach. */
+function waits() {
+  return gettext("This page goes on by itself. If this lasts, tell staff.");
+}
+
+export function phaseTitle(phase) {
+  const titles = {
+    waiting: gettext("Waiting for the robot"),
+    connecting: gettext("The robot is not ready"),
+    refused: gettext("The robot was refused"),
+    online: gettext("Online"),
+  };
+  return titles[phase] ?? phase;
+}
+
+function because(reason) {
+  if (!reason) return "";
+  return `${reason.charAt(0).toUpperCase()}${reason.slice(1)}.`.replace("..", ".");
+}
+
+// Nothing holds back, or the banner says it already.
+const SILENT = new Set(["idle", "free", "stopped", "neutral_needed", "robot_offline"]);
+
+/** What the gate does now, in words; empty when it does nothing. */
+export function verdictText(verdict) {
+  return SILENT.has(verdict.code) ? "" : verdict.text;
+}
+
+/** The standing limits, each with whether it is what holds back now. */
+export function limitsOf({ code, way, limits = [] }) {
+  const holds = (limit) => limit.code === code && limit.way === way;
+  return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
+}
+
+/** Whether nothing of what is asked gets through. Not while a drive is being put on record: that passes by itself. */
+export function isHeld(verdict) {
+  const zero = (twist) => twist.every((value) => value === 0);
+  return verdict.code !== "recording" && !zero(verdict.asked) && zero(verdict.allowed);
+}

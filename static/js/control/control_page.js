@@ -1,0 +1,459 @@
+/** The control page: wires the modules together. One `ControlPage` per page; `close()` ends all of it. */
+
+import { DriveSender } from "../drive/drive_sender.js";
+import { DrivingOptions } from "../drive/driving_options.js";
+import { listenToGamepad } from "../drive/gamepad.js";
+import { Joystick } from "../drive/joystick.js";
+import { listenToKeys } from "../drive/keyboard.js";
+import { keysMap } from "../drive/keys_map.js";
+import { Picture } from "../drive/picture.js";
+import { SpeedChart } from "../drive/speed_chart.js";
+import { isNeutral, Stick } from "../drive/stick.js";
+import { TurnAndLook } from "../drive/turn.js";
+import { screenLock } from "../drive/wake_lock.js";
+import { mark, parts } from "../lib/dom.js";
+import { Pulse } from "../lib/heartbeat.js";
+import { Notices } from "../lib/notices.js";
+import { question } from "../lib/question.js";
+import { Echoes, RoundTrips } from "../lib/round_trips.js";
+import { LiveSocket, socketUrl } from "../lib/socket.js";
+import { tabClock, tabToken } from "../lib/tab.js";
+import { Tabs } from "../lib/tabs.js";
+import { Desk } from "../tasks/task_panel.js";
+import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
+import { ControlPanel } from "./control_panel.js";
+import { Errands, isErrand } from "./control_requests.js";
+import { Face } from "./status_bar.js";
+import { StopButton } from "./stop_button.js";
+
+const LOOK_MS = 250;
+const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it
+
+// Closed for good: signed out, not permitted, no such robot. The server's page says so, or leads to the sign-in page.
+const CLOSED_FOR_GOOD = new Set([4401, 4403, 4404]);
+
+// Refused commands of the stick that the delay, the picture's words or the banner speak of; they come by the dozen.
+const SHOWN_ELSEWHERE = new Set([
+  "too_old",
+  "out_of_order",
+  "stopped",
+  "neutral_needed",
+  "motion_running",
+  "robot_offline",
+]);
+
+class ControlPage {
+  #root;
+  #parts;
+  #tab;
+  #clock = tabClock();
+  #socket;
+  #pulse;
+  #stick = new Stick();
+  #joystick;
+  #turn;
+  #sender;
+  #stopButton;
+  #clear;
+  #errands;
+  #stopAsked = 0; // number of the stop that the question to clear is about
+  #panel;
+  #options;
+  #picture;
+  #chart;
+  #face;
+  #notices;
+  #desk;
+  #tabs;
+  #screen = screenLock();
+  #echoes = new Echoes();
+  #echoTrips = new RoundTrips();
+  #control = null;
+  #mine = false; // control, as the server last said; also while the connection is lost
+  #left = false; // the connection was lost with control, and how that stands now is not known yet
+  #outdated = false; // the console speaks another version of the protocol than this page
+  #facts = null;
+  #state = null;
+  #gone = null;
+  #pending = null; // stop that waits for a robot that is gone
+  #seen = null; // when the robot was last heard, in seconds since 1970
+  #viewMs = -Infinity;
+  #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
+  #freeMs = 0; // when the stick was last not asked to return to the middle
+  #timer;
+  #endings = [];
+  #listening = new AbortController();
+
+  /** @param {HTMLElement} root @param {string} tab the tab's own token */
+  constructor(root, tab) {
+    this.#root = root;
+    this.#tab = tab;
+    this.#parts = parts(document);
+    this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
+    this.#pulse = new Pulse(this.#socket);
+    this.#joystick = new Joystick(this.#parts.zone, this.#stick);
+    this.#turn = new TurnAndLook(this.#parts.turn, this.#stick, (may) =>
+      this.#tell(
+        "info",
+        "turn",
+        may
+          ? gettext("Hold the button: the robot turns for as long as you do.")
+          : gettext("Take control first."),
+      ),
+    );
+    this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
+    this.#panel = new ControlPanel(this.#parts);
+    this.#options = new DrivingOptions(root, this.#parts);
+    this.#picture = new Picture(this.#parts.picture);
+    this.#chart = new SpeedChart(this.#parts.chart);
+    this.#face = new Face(root, this.#parts);
+    this.#notices = new Notices(this.#parts);
+    this.#desk = new Desk(this.#parts, {
+      addresses: root.dataset,
+      send: (message) => this.#socket.send(message),
+      notices: this.#notices,
+      clock: this.#clock,
+    });
+    this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
+    this.#errands = new Errands(
+      (message) => this.#socket.send(message),
+      (notice) => this.#notices.add(notice),
+    );
+    this.#clear = question(this.#parts["clear-dialog"], () =>
+      this.#errands.send({ t: "clear", number: this.#stopAsked }),
+    );
+    this.#stopButton = new StopButton(this.#parts.stop, {
+      send: () => this.#sendStop(),
+      answered: (sinceMs) => this.#viewMs > sinceMs && this.#state.stop.state !== "clear",
+      say: (text) => this.#face.stopSays(text),
+      fail: (text) => {
+        this.#face.stopSays(gettext("Not confirmed"));
+        this.#tell("error", "stop", text);
+      },
+    });
+    this.#listen();
+    this.#tabs.begin();
+    this.#socket.connect();
+  }
+
+  get #drives() {
+    return this.#control?.state === "yours" && this.#socket.open;
+  }
+
+  close() {
+    this.#zero("closed");
+    this.#sender.stop();
+    clearInterval(this.#timer);
+    this.#listening.abort();
+    for (const end of this.#endings) end();
+    const opened = [
+      this.#panel,
+      this.#options,
+      this.#picture,
+      this.#chart,
+      this.#face,
+      this.#tabs,
+      this.#desk,
+      this.#errands,
+      this.#notices,
+      this.#stopButton,
+      this.#clear,
+      this.#joystick,
+      this.#turn,
+      this.#screen,
+      this.#pulse,
+      this.#socket,
+    ];
+    for (const part of opened) part.close();
+  }
+
+  // --- wiring ----------------------------------------------------------------------------------
+
+  #listen() {
+    const { signal } = this.#listening;
+    const on = (target, type, act) =>
+      target.addEventListener(type, (event) => act(event.detail), { signal });
+    on(this.#socket, "open", () => this.#opened());
+    on(this.#socket, "down", ({ code }) => this.#lost(code));
+    on(this.#socket, "message", (message) => this.#heard(message));
+    on(this.#panel, "choose", (message) => this.#chose(message));
+    on(this.#options, "share", (share) => {
+      this.#sender.share = share;
+    });
+    on(this.#options, "slides", (slides) => {
+      this.#joystick.slides = slides;
+    });
+    on(this.#options, "sticky", (sticky) => {
+      this.#joystick.sticky = sticky;
+    });
+    on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
+    on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
+    on(this.#stick, "change", ({ axes }) => this.#face.hint(this.#reverseHint(axes)));
+    on(this.#parts.clear, "click", () => {
+      this.#stopAsked = this.#state?.stop.number ?? 0;
+      this.#clear.ask();
+    });
+    on(document, "visibilitychange", () => {
+      this.#hiddenMs = performance.now();
+      if (document.hidden) this.#zero("hidden");
+    });
+    on(window, "blur", () => this.#zero("blurred"));
+
+    const host = {
+      stick: this.#stick,
+      holonomic: () => this.#facts?.holonomic ?? false,
+      drives: () => this.#drives && this.#joystick.isShown,
+      mayStop: () => this.#mine,
+      stop: () => this.#stopButton.press(),
+    };
+    const menu = document.querySelector(".menu");
+    // Before the dialog opens: when it is closed, the focus returns to the menu.
+    const shut = () => {
+      menu.querySelector("summary").focus();
+      menu.open = false;
+    };
+    for (const opener of [this.#parts["log-open"], this.#parts["keys-open"]])
+      opener.addEventListener("click", shut, { signal, capture: true });
+    this.#endings.push(
+      listenToKeys(host),
+      listenToGamepad(host),
+      keysMap(this.#parts["keys-dialog"], this.#parts["keys-open"]),
+    );
+    this.#timer = setInterval(() => this.#look(), LOOK_MS);
+  }
+
+  /** What somebody chose to do about control. Whoever gives it back drives no more, whenever the answer comes. */
+  #chose(message) {
+    if (message.t === "release") {
+      this.#zero("released");
+      this.#sender.stop();
+    }
+    this.#errands.send(message);
+  }
+
+  /** Another tab: the base stands, and nothing is latched by it. */
+  #changed(tab, before) {
+    if (before !== null) this.#zero("tab-changed");
+    if (!this.#outdated) this.#desk.tab = tab;
+  }
+
+  /** The socket, with every command's number remembered until the robot's bridge echoes it. */
+  #countedSocket() {
+    const socket = this.#socket;
+    const echoes = this.#echoes;
+    return {
+      send(message) {
+        echoes.sent(message.seq, performance.now());
+        return socket.send(message);
+      },
+      get backlog() {
+        return socket.backlog;
+      },
+    };
+  }
+
+  // --- connection ------------------------------------------------------------------------------
+
+  #opened() {
+    this.#pulse.begin();
+    this.#socket.send({ t: "hello", tab: this.#tab });
+    this.#look();
+  }
+
+  #lost(code) {
+    this.#left ||= this.#control?.state === "yours";
+    this.#control = null;
+    this.#panel.control = null;
+    this.#desk.lost();
+    this.#errands.lost();
+    this.#follow();
+    this.#look();
+    if (CLOSED_FOR_GOOD.has(code)) location.reload();
+  }
+
+  #isCut() {
+    return !this.#socket.open || this.#gone !== null || isStale(performance.now() - this.#viewMs);
+  }
+
+  #heard(message) {
+    this.#pulse.heard(message);
+    if (this.#desk.heard(message)) return;
+    switch (message.t) {
+      case "view":
+        return this.#onView(message);
+      case "control":
+        return this.#onControl(message);
+      case "welcome":
+        return this.#onWelcome(message);
+      case "offers":
+        this.#desk.offers = message;
+        return;
+      case "notice":
+        return this.#notices.add(message);
+      case "refused":
+        return this.#onRefused(message);
+      case "bridge_gone":
+        this.#gone = message.refusal;
+        this.#pending = message.stop;
+        this.#seen = message.seen_at ?? this.#seen;
+        this.#desk.away();
+        return this.#look();
+    }
+  }
+
+  #onWelcome(welcome) {
+    if (welcome.protocol !== Number(this.#root.dataset.protocol)) return this.#outdate();
+    const { robot } = welcome;
+    this.#facts = robot;
+    this.#options.facts = robot;
+    this.#picture.facts = robot;
+    this.#face.facts = robot;
+    this.#desk.welcome = welcome;
+  }
+
+  /** A page left open over an upgrade asks for nothing any more but the stop, by the form's own address. */
+  #outdate() {
+    this.#outdated = true;
+    this.#desk.tab = null;
+    this.#socket.close();
+  }
+
+  #onControl(control) {
+    const { fence = null, asking = null } = this.#control ?? {};
+    this.#control = control;
+    this.#mine = control.state === "yours";
+    this.#panel.control = control;
+    const begins = this.#mine && control.fence !== fence;
+    if (begins) this.#stick.neutralise("control-began");
+    // Without having been asked for just now it was handed over, or goes on after a reload or a loss of the connection.
+    if (!this.#errands.heard(control) && begins) {
+      const handed = gettext("Control was handed to you.");
+      this.#tell("success", "control", asking ? handed : gettext("You have control."));
+    }
+    // "away" and "elsewhere" may be this tab itself, before it has its control again.
+    if (this.#left && ["free", "other"].includes(control.state))
+      this.#tell("warning", "left", gettext("Control ended while the connection was lost."));
+    this.#left &&= ["away", "elsewhere"].includes(control.state);
+    this.#follow();
+    this.#look();
+  }
+
+  /** Drives while this tab has control, and only then. */
+  #follow() {
+    const drives = this.#drives;
+    const none = this.#control === null ? undefined : null; // as long as nobody has told
+    this.#desk.fence = drives ? this.#control.fence : none;
+    if (drives) {
+      this.#sender.start(this.#control.fence);
+    } else {
+      this.#stick.neutralise("control-ended");
+      this.#sender.stop();
+    }
+    this.#turn.mayAct = drives;
+    this.#screen.keep(drives);
+    mark(this.#root, "drives", drives);
+  }
+
+  #onRefused({ of, refusal }) {
+    // A stick that rests asked for nothing.
+    if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
+      return;
+    if (isErrand(of)) return this.#errands.refused(of, refusal);
+    if (of === "stop") this.#stopButton.refused(refusal.text);
+    else this.#tell("warning", `${of} ${refusal.code}`, refusal.text);
+  }
+
+  // --- the robot -------------------------------------------------------------------------------
+
+  #onView(view) {
+    // First: a fault in what follows must not end the pictures.
+    requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
+    const before = this.#state;
+    this.#gone = null;
+    this.#state = view.state;
+    this.#seen = seenAt(view.state) ?? this.#seen;
+    this.#viewMs = performance.now();
+    const echo = this.#echoes.heard(view.state.seq, this.#viewMs);
+    if (echo !== null) this.#echoTrips.add(echo);
+    this.#picture.view = view;
+    this.#chart.add(view.state);
+    this.#desk.state = view.state;
+    this.#turn.state = view.state;
+    this.#followGate(view.state, before);
+    this.#look();
+  }
+
+  /** What ends a stick: the latch always; a full hold of the gate ends one that nobody's finger is on. */
+  #followGate({ stop, verdict }, before) {
+    if (stop.state === "clear") this.#errands.done("clear");
+    if (stop.state !== "clear" && before?.stop.state === "clear") this.#stick.neutralise("stopped");
+    if (this.#joystick.sticks && isHeld(verdict)) this.#stick.neutralise("held");
+  }
+
+  /** Over the socket; true only if an answer can be expected there. */
+  #sendStop() {
+    this.#zero("stop");
+    return this.#socket.send({ t: "stop" }) && !this.#isCut();
+  }
+
+  /** The base stands: the stick rests, and nothing repeats a velocity. */
+  #zero(reason) {
+    this.#stick.neutralise(reason);
+    this.#sender.zero();
+    this.#desk.zero();
+  }
+
+  // --- what is shown ---------------------------------------------------------------------------
+
+  #look() {
+    const now = performance.now();
+    const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
+    if (!asksNeutral || !this.#drives) this.#freeMs = now;
+    const cut = this.#isCut();
+    this.#picture.stale = cut;
+    if (document.hidden) this.#hiddenMs = now;
+    const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));
+    mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);
+    this.#face.show({
+      outdated: this.#outdated,
+      connected: this.#socket.open,
+      gone: this.#gone,
+      pending: this.#pending,
+      seen: this.#seen,
+      state: this.#state,
+      sinceViewMs: now - this.#viewMs,
+      asksNeutral: now - this.#freeMs > NEUTRAL_SAID_AFTER_MS,
+      cut,
+      mayClear: Boolean(this.#control?.may_clear),
+      delayMs: this.#pulse.delayMs,
+      echoMs: this.#echoTrips.median,
+    });
+  }
+
+  #reverseHint({ x }) {
+    if (x >= 0) return "";
+    return this.#facts?.reverse_steering === "car"
+      ? gettext("Reversing: steers like a car.")
+      : gettext("Reversing: stick left still turns left.");
+  }
+
+  #stickReleased(reason) {
+    if (reason !== "untouched") return;
+    this.#tell("info", "sticky", gettext("The stick let go: it was not touched for 30 s."));
+  }
+
+  #tell(level, code, text) {
+    this.#notices.add({ level, code, text });
+  }
+}
+
+const root = document.querySelector("[data-page=control]");
+if (root) {
+  let page = new ControlPage(root, await tabToken());
+  // A page in the back/forward cache holds no connection: it is made anew when it is shown again.
+  window.addEventListener("pagehide", () => {
+    page?.close();
+    page = null;
+  });
+  window.addEventListener("pageshow", ({ persisted }) => persisted && location.reload());
+}

@@ -1,0 +1,113 @@
+/** Who has control: words, buttons, people who ask, the dialogs. Tells the page what was chosen by "choose" events. */
+
+import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { question } from "../lib/question.js";
+import { controlWords } from "./control_words.js";
+import { clockText, isLastCall, remaining } from "./lease.js";
+
+const UNKNOWN = { state: "unknown", requests: [] };
+// A press so soon after somebody asked was meant for what stood there before: hands are slower than that.
+const MEANT_BEFORE_MS = 500;
+
+/** Events: "choose" (detail: a message for the server). */
+export class ControlPanel extends EventTarget {
+  #parts;
+  #control = UNKNOWN;
+  #heardMs = 0;
+  #timer;
+  #takeOver;
+  #offeredMs = new Map(); // by request: since when control can be handed over to whoever asks
+  #listening = new AbortController();
+
+  /** @param {Record<string, HTMLElement>} parts */
+  constructor(parts) {
+    super();
+    this.#parts = parts;
+    const { signal } = this.#listening;
+    for (const button of parts.actions.querySelectorAll("button[data-action]")) {
+      // Not by the second of two quick presses: where one took control, the next would give it back.
+      const press = ({ detail: presses }) => presses < 2 && this.#act(button.dataset.action);
+      button.addEventListener("click", press, { signal });
+    }
+    this.#takeOver = question(parts["take-over-dialog"], (answer) =>
+      this.#choose({ t: "take_over", reason: answer.get("reason").trim() }),
+    );
+    this.#timer = setInterval(() => this.#count(), 250);
+  }
+
+  /** The server's newest `control`; null while there is no connection to hear it from. */
+  set control(control) {
+    this.#control = control ?? UNKNOWN;
+    this.#heardMs = performance.now();
+    this.#count();
+    this.#showRequests(this.#control.requests);
+  }
+
+  close() {
+    clearInterval(this.#timer);
+    this.#listening.abort();
+    this.#takeOver.close();
+  }
+
+  #count() {
+    const now = performance.now();
+    const left = remaining(this.#control.remaining_s, this.#heardMs, now);
+    const resumable = remaining(this.#control.resumable_s, this.#heardMs, now);
+    const { headline, reason, actions } = controlWords(this.#control, resumable);
+    const yours = this.#control.state === "yours";
+    const { who, why, lease } = this.#parts;
+    say(who, headline);
+    sayOrHide(why, reason);
+    show(lease, left !== null);
+    if (left !== null) say(lease, interpolate(gettext("%s left"), [clockText(left)]));
+    mark(lease, "last", yours && isLastCall(left));
+    this.#offer(actions);
+  }
+
+  /** The focus goes from a button that has done its work to the one that came in its place. */
+  #offer(actions) {
+    const buttons = [...this.#parts.actions.children];
+    const focused = buttons.find((button) => button === document.activeElement);
+    for (const button of buttons) show(button, actions.includes(button.dataset.action));
+    if (focused?.hidden) buttons.find(({ hidden }) => !hidden)?.focus();
+  }
+
+  /** One's own is told above already. */
+  #showRequests(requests) {
+    const others = requests.filter(({ id }) => id !== this.#control.asking);
+    const offered = this.#control.state === "yours" ? others : [];
+    const now = performance.now();
+    this.#offeredMs = new Map(offered.map(({ id }) => [id, this.#offeredMs.get(id) ?? now]));
+    const items = others.map(({ id, name }) => {
+      const words = make("span", { text: interpolate(gettext("%s asks for control"), [name]) });
+      const children = this.#offeredMs.has(id) ? [words, this.#handOver(id, name)] : [words];
+      return make("li", { children });
+    });
+    this.#parts.requests.replaceChildren(...items);
+    show(this.#parts.requests, items.length > 0);
+  }
+
+  #handOver(id, name) {
+    const text = interpolate(gettext("Hand over to %s"), [name]);
+    const button = makeButton({ className: "button primary", text }, () =>
+      this.#choose({ t: "hand_over", request: id }),
+    );
+    const tooSoonMs = this.#offeredMs.get(id) + MEANT_BEFORE_MS - performance.now();
+    if (tooSoonMs > 0) {
+      button.disabled = true;
+      setTimeout(() => {
+        button.disabled = false;
+      }, tooSoonMs);
+    }
+    return button;
+  }
+
+  #act(action) {
+    if (action === "take_over") this.#takeOver.ask();
+    else this.#choose({ t: action });
+  }
+
+  #choose(message) {
+    this.dispatchEvent(new CustomEvent("choose", { detail: message }));
+  }
+}

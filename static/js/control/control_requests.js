@@ -1,0 +1,141 @@
+/** What a person asks for about control and the stop: each is told of once, however it ends. */
+
+import { FORGOTTEN_MS, PATIENCE_MS } from "../tasks/tasks.js";
+import { clockText } from "./lease.js";
+
+/** Kinds of messages that are errands, each in words. */
+function labels() {
+  return {
+    take: gettext("Take control"),
+    take_over: gettext("Take over"),
+    renew: gettext("Keep control"),
+    release: gettext("Release"),
+    hand_over: gettext("Hand over"),
+    ask: gettext("Ask for control"),
+    ask_cancel: gettext("Withdraw"),
+    clear: gettext("Clear stop"),
+  };
+}
+
+/** @param {string} t kind of a message for the server */
+export function isErrand(t) {
+  return t in labels();
+}
+
+const SPREAD_S = 0.2; // of what the server says of one term, rounded, in quick succession
+
+/** What is done by it; empty where the console itself has the words. */
+function doneText(t, { holder, remaining_s: remainingS }) {
+  const texts = {
+    take: gettext("You have control."),
+    take_over: gettext("You have control."),
+    renew: interpolate(gettext("You keep control: %s left."), [clockText(remainingS ?? 0)]),
+    release: gettext("Control is given back."),
+    ask: interpolate(gettext("%s knows that you ask for control."), [holder]),
+    ask_cancel: gettext("You ask for control no more."),
+    clear: gettext("The stop is cleared."),
+  };
+  return texts[t] ?? "";
+}
+
+/** Whether `control` as it is now answers what was asked for. */
+function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewedS) {
+  switch (t) {
+    case "take":
+    case "take_over":
+      return state === "yours";
+    case "renew":
+      return state === "yours" && remainingS > renewedS;
+    case "release":
+    case "hand_over":
+      return state !== "yours";
+    case "ask":
+      return asking !== null;
+    case "ask_cancel":
+      return asking === null;
+    default:
+      return false;
+  }
+}
+
+export class Errands {
+  #send;
+  #tell;
+  #waiting = new Map(); // by what was asked for: timers, and whether it was said to be late
+  #remainedS = 0; // of the term, when control was last heard of
+  #heardMs = 0; // that moment
+
+  /**
+   * @param {(message: object) => boolean} send whether there was a connection
+   * @param {(notice: {level: string, code: string, text: string}) => void} tell
+   */
+  constructor(send, tell) {
+    this.#send = send;
+    this.#tell = tell;
+  }
+
+  /** @param {object} message for the server, which answers by `control`, by the robot's state or by a refusal */
+  send(message) {
+    const { t } = message;
+    this.#forget(t);
+    if (!this.#send(message)) {
+      this.#failed(t, "not_connected", gettext("There is no connection to the console."));
+      return;
+    }
+    const late = setTimeout(() => this.#late(t), PATIENCE_MS);
+    const forgotten = setTimeout(() => this.#forget(t), FORGOTTEN_MS);
+    this.#waiting.set(t, { timers: [late, forgotten], isLate: false });
+  }
+
+  /** @param {object} control as the server says it stands @returns {boolean} whether something was done by it */
+  heard(control) {
+    const now = performance.now();
+    const sinceS = (now - this.#heardMs) / 1000;
+    // Of a term that goes on, less is left by this time. One that was renewed may have been told a while later.
+    const renewedS = this.#remainedS - Math.max(SPREAD_S, sinceS / 2);
+    const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, renewedS));
+    this.#remainedS = control.remaining_s ?? 0;
+    this.#heardMs = now;
+    for (const t of done) this.done(t, control);
+    return done.length > 0;
+  }
+
+  /** It is done, if it was asked for. */
+  done(t, control = {}) {
+    if (!this.#forget(t)) return;
+    const text = doneText(t, control);
+    if (text) this.#tell({ level: "success", code: `${t} done`, text });
+  }
+
+  refused(t, { code, text }) {
+    this.#forget(t);
+    this.#failed(t, code, text);
+  }
+
+  /** The connection is gone, and with it the answers. */
+  lost() {
+    const text = gettext("The connection was lost before an answer came.");
+    for (const [t, { isLate }] of [...this.#waiting]) {
+      this.#forget(t);
+      if (!isLate) this.#failed(t, "no_answer", text);
+    }
+  }
+
+  close() {
+    for (const t of [...this.#waiting.keys()]) this.#forget(t);
+  }
+
+  #late(t) {
+    this.#waiting.get(t).isLate = true;
+    this.#failed(t, "no_answer", gettext("no answer within 0.75 s. It may still come."));
+  }
+
+  #failed(t, code, text) {
+    this.#tell({ level: "warning", code: `${t} ${code}`, text: `${labels()[t]}: ${text}` });
+  }
+
+  #forget(t) {
+    for (const timer of this.#waiting.get(t)?.timers ?? []) clearTimeout(timer);
+    return this.#waiting.delete(t);
+  }
+}

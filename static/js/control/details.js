@@ -1,0 +1,86 @@
+/** The side panel: sensors, standing limits, who watches, what the robot refused. */
+
+import { make, say, sayOrHide, show } from "../lib/dom.js";
+import { overloadText, watchdogText } from "./control_banner.js";
+
+function sensorText({ ok, age_s: ageS, text }) {
+  if (text) return text;
+  if (ageS === null) return gettext("never seen");
+  return ok ? gettext("ok") : interpolate(gettext("%s s old"), [ageS.toFixed(1)]);
+}
+
+export function latencyText({ latency_s: latencyS, latency_measured: measured }) {
+  const text = `${Math.round(latencyS * 1000)} ms`;
+  return measured ? text : interpolate(gettext("%s (assumed)"), [text]);
+}
+
+export function watchersText({ watchers, watchers_more: more }) {
+  const names = more ? [...watchers, interpolate(gettext("%s more"), [more])] : watchers;
+  return names.join(", ") || gettext("Nobody");
+}
+
+/** How far the robot's clock is from the console's, if far enough to be reported: positive is ahead. */
+export function skewText({ clock_skew_s: skewS }) {
+  if (!skewS) return "";
+  const text =
+    skewS > 0
+      ? gettext("The robot’s clock is %s s ahead of this console’s.")
+      : gettext("The robot’s clock is %s s behind this console’s.");
+  return interpolate(text, [Math.abs(skewS).toFixed(1)]);
+}
+
+function sameTexts(list, texts) {
+  return (
+    list.children.length === texts.length &&
+    texts.every((text, i) => list.children[i].textContent === text)
+  );
+}
+
+function fill(list, texts) {
+  if (!sameTexts(list, texts)) list.replaceChildren(...texts.map((text) => make("li", { text })));
+}
+
+export class Details {
+  #parts;
+
+  constructor(parts) {
+    this.#parts = parts;
+  }
+
+  set state(state) {
+    const { watchers, sensors, clock, latency, foreign, refusals } = this.#parts;
+    const { "all-limits": limits, overload, watchdog } = this.#parts;
+    const { limits: standing = [] } = state.verdict;
+    const texts = standing.map(({ text }) => text);
+    fill(limits, texts.length ? texts : [gettext("None")]);
+    say(latency, latencyText(state));
+    say(watchers, watchersText(state));
+    this.#showSensors(sensors, state.sensors);
+    sayOrHide(clock, skewText(state));
+    sayOrHide(overload, overloadText(state));
+    sayOrHide(watchdog, watchdogText(state));
+    show(foreign, state.foreign.length > 0);
+    say(
+      foreign,
+      interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
+    );
+    const counts = Object.entries(state.refused).map(
+      ([code, count]) => `${code.replaceAll("_", " ")}: ${count}`, // as all pages read codes
+    );
+    fill(refusals, counts.length ? counts : [gettext("None")]);
+  }
+
+  #showSensors(list, sensors) {
+    sensors.forEach((sensor, i) => {
+      const row =
+        list.children[i] ??
+        list.appendChild(make("li", { children: [make("span"), make("span")] }));
+      say(row.children[0], sensor.name);
+      say(row.children[1], sensorText(sensor));
+      row.dataset.level = sensor.ok ? "ok" : "fail";
+    });
+    while (list.children.length > sensors.length) list.lastElementChild.remove();
+  }
+}
+
+export { fill };

@@ -1,0 +1,126 @@
+/** What the control page shows of connection and robot: facts in the header, the banner, words, the stop's state. */
+
+import { Announcer } from "../lib/announce.js";
+import { mark, say, show } from "../lib/dom.js";
+import {
+  banner,
+  batteryText,
+  connectionFact,
+  isStale,
+  limitsOf,
+  stopText,
+  verdictText,
+} from "./control_banner.js";
+import { Details, fill } from "./details.js";
+import { SAID_MS } from "./stop_button.js";
+
+const LOW_BATTERY_PERCENT = 20;
+
+export class Face {
+  #root;
+  #parts;
+  #details;
+  #announcer;
+  #bannerTitle = "";
+  #stopSaid = { text: "", untilMs: 0 };
+
+  /** @param {HTMLElement} root carries the robot's stop for the style sheet */
+  constructor(root, parts) {
+    this.#root = root;
+    this.#parts = parts;
+    this.#details = new Details(parts);
+    this.#announcer = new Announcer(parts.live);
+  }
+
+  /**
+   * @param {object} now what `banner` of standing.js takes, and:
+   * @param {boolean} now.cut what is known of the robot may no longer be true
+   * @param {boolean} now.mayClear this person may clear the stop
+   * @param {number | null} now.delayMs page to console and back
+   * @param {number | null} now.echoMs page to the robot's bridge and back
+   */
+  show(now) {
+    this.#showBanner(banner(now), now.mayClear);
+    this.#showConnection(now);
+    if (now.state) this.#showRobot(now.state, now.cut);
+  }
+
+  set facts(robot) {
+    say(this.#parts["drive-topic"], robot.drive_topic);
+    say(this.#parts.profile, robot.profile);
+    say(this.#parts["stick-steps"], robot.stick);
+  }
+
+  /** What becomes of a pressed stop, until the robot itself reports. */
+  stopSays(text) {
+    this.#stopSaid = { text, untilMs: performance.now() + SAID_MS };
+    say(this.#parts["stop-state"], text);
+  }
+
+  hint(text) {
+    say(this.#parts.hint, text);
+  }
+
+  close() {
+    this.#announcer.close();
+  }
+
+  #showBanner(shown, mayClear) {
+    const { banner: box, "banner-title": title, "banner-text": text, clear } = this.#parts;
+    show(box, shown !== null);
+    if (!shown) this.#announcer.forget(this.#bannerTitle);
+    this.#bannerTitle = shown?.title ?? "";
+    if (!shown) return;
+    mark(box, "level", shown.level);
+    say(title, shown.title);
+    say(text, shown.text);
+    show(clear, Boolean(shown.clear && mayClear));
+    this.#announcer.say(`${shown.title}. ${shown.text}`, shown.title);
+  }
+
+  #showConnection(now) {
+    const { connection, delay, echo } = this.#parts;
+    const { level, text } = connectionFact({
+      ...now,
+      heard: now.state !== null,
+      stale: isStale(now.sinceViewMs),
+    });
+    mark(connection, "level", level);
+    say(connection, text);
+    say(delay, milliseconds(now.connected ? now.delayMs : null));
+    say(echo, milliseconds(now.echoMs));
+  }
+
+  #showRobot(state, cut) {
+    mark(this.#root, "stop", state.stop.state);
+    if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot itself has the word
+    const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
+    say(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
+    this.#showBattery(state);
+    this.#showGate(state.verdict, cut);
+    this.#details.state = state;
+  }
+
+  #showBattery(state) {
+    const { battery_percent: percent } = state;
+    say(this.#parts.battery, batteryText(state));
+    mark(this.#parts.battery, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
+  }
+
+  #showGate(verdict, cut) {
+    const { words, limits } = this.#parts;
+    const standing = cut ? [] : limitsOf(verdict);
+    fill(
+      limits,
+      standing.map(({ text }) => text),
+    );
+    for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
+    const text = cut ? "" : verdictText(verdict);
+    say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
+    if (text) this.#announcer.say(text, `${verdict.code} ${verdict.side}`);
+  }
+}
+
+function milliseconds(value) {
+  return value === null ? "– ms" : `${Math.max(1, Math.round(value))} ms`;
+}

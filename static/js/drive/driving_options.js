@@ -1,0 +1,110 @@
+/** How a person wants to drive: speed, what sideways means, a stick that stays, which side is which. */
+
+import { makeButton, mark, say, show } from "../lib/dom.js";
+import { recall, remember } from "../lib/prefs.js";
+
+/** A speed as people walk; up to so many m/s. */
+function paces() {
+  return [
+    [0.25, gettext("very slow")],
+    [0.55, gettext("slow")],
+    [0.9, gettext("a stroll")],
+    [1.6, gettext("walking pace")],
+    [Infinity, gettext("faster than walking")],
+  ];
+}
+
+/** How fast that is, in words. Pure. @param {number} speed m/s */
+export function paceText(speed) {
+  return paces().find(([upTo]) => speed <= upTo)[1];
+}
+
+/** The speed shares offered: steps of a fifth, as far as the robot's own limit allows. */
+export function sharesUpTo(maxShare) {
+  const steps = [0.2, 0.4, 0.6, 0.8, 1].filter((share) => share < maxShare - 1e-6);
+  return [...steps, maxShare];
+}
+
+/** The share to begin with: the largest offered that is not above the robot's default. */
+export function firstShare(shares, defaultShare) {
+  return shares.findLast((share) => share <= defaultShare + 1e-6) ?? shares[0];
+}
+
+function pressed(button, on) {
+  button.setAttribute("aria-pressed", String(on));
+}
+
+function isPressed(button) {
+  return button.getAttribute("aria-pressed") === "true";
+}
+
+/** Events: "share" (detail: number), "sticky", "slides" (detail: boolean). */
+export class DrivingOptions extends EventTarget {
+  #root;
+  #parts;
+  #limits = null;
+  #share = null;
+  #listening = new AbortController();
+
+  /** @param {HTMLElement} root carries data-sides for the style sheet */
+  constructor(root, parts) {
+    super();
+    this.#root = root;
+    this.#parts = parts;
+    const { signal } = this.#listening;
+    parts.swap.addEventListener("click", () => this.#swap(), { signal });
+    for (const name of ["sticky", "slides"]) {
+      parts[name].addEventListener("click", () => this.#toggle(name), { signal });
+    }
+    mark(root, "sides", recall("sides", "plain"));
+  }
+
+  /** @param {object} facts the robot's facts; the share starts at its default again only if the robot's limits changed */
+  set facts({ limits, default_share, max_share, holonomic }) {
+    this.#limits = limits;
+    show(this.#parts.slides, holonomic);
+    const shares = sharesUpTo(max_share);
+    const buttons = shares.map((share) => {
+      const percent = Math.round(share * 100);
+      const button = makeButton({ text: `${percent}`, data: { share } }, () => this.#pick(share));
+      button.setAttribute(
+        "aria-label",
+        interpolate(gettext("%s percent of full speed"), [percent]),
+      );
+      return button;
+    });
+    this.#parts.shares.replaceChildren(...buttons);
+    this.#pick(shares.includes(this.#share) ? this.#share : firstShare(shares, default_share));
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  #pick(share) {
+    this.#share = share;
+    for (const button of this.#parts.shares.children) {
+      pressed(button, Number(button.dataset.share) === this.#share);
+    }
+    const speed = this.#share * this.#limits.forward_mps;
+    say(this.#parts.speed, `${speed.toFixed(2)} m/s`);
+    say(this.#parts.pace, paceText(speed));
+    this.#tell("share", this.#share);
+  }
+
+  #toggle(name) {
+    const on = !isPressed(this.#parts[name]);
+    pressed(this.#parts[name], on);
+    this.#tell(name, on);
+  }
+
+  #swap() {
+    const sides = this.#root.dataset.sides === "plain" ? "swapped" : "plain";
+    mark(this.#root, "sides", sides);
+    remember("sides", sides);
+  }
+
+  #tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

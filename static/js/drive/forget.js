@@ -1,0 +1,37 @@
+/** The button by which a holder lets the robot forget what it saw before. */
+
+import { dim } from "../lib/dom.js";
+import { question } from "../lib/question.js";
+
+export class Forget {
+  #button;
+  #question;
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLButtonElement} button
+   * @param {HTMLDialogElement} dialog in which a person confirms it
+   * @param {(order: object) => void} send
+   */
+  constructor(button, dialog, send) {
+    this.#button = button;
+    this.#question = question(dialog, () => send({ t: "forget" }));
+    dim(button, true);
+    button.addEventListener("click", () => this.#ask(), { signal: this.#listening.signal });
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    dim(this.#button, !may);
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#question.close();
+  }
+
+  #ask() {
+    this.#button.closest("[popover]")?.hidePopover?.(); // it would lie above the dialog
+    this.#question.ask();
+  }
+}

@@ -1,0 +1,125 @@
+/** The joystick on the page: nipplejs draws it and follows the finger, this feeds the stick. */
+
+import { create, factory } from "../../vendor/nipplejs/index.mjs";
+import { fromJoystick } from "./shaping.js";
+import { NEUTRAL } from "./stick.js";
+
+export const STICKY_MS = 30_000;
+
+const RING = 0.72; // of the zone: the knob stays within it at full stick
+
+/**
+ * Events: "released" when a sticky stick let go by itself (detail: {reason}).
+ * Sticky: the stick stays where the finger left it, until it is touched, something else stops it, or 30 s pass.
+ */
+export class Joystick extends EventTarget {
+  #zone;
+  #stick;
+  #collection = null;
+  #observer;
+  #size = 0;
+  #touched = false;
+  #held = false;
+  #timer = null;
+  #sticky = false;
+  #slides = false;
+  #onZero = ({ detail }) => this.#letGo(detail.reason);
+
+  /** @param {HTMLElement} zone @param {import("./stick.js").Stick} stick */
+  constructor(zone, stick) {
+    super();
+    this.#zone = zone;
+    this.#stick = stick;
+    this.#stick.addEventListener("zero", this.#onZero);
+    this.#observer = new ResizeObserver(() => this.#fit());
+    this.#observer.observe(zone);
+  }
+
+  set sticky(on) {
+    this.#sticky = on;
+    if (!on) this.#letGo("unstuck");
+  }
+
+  /** Sideways means sliding and not turning. */
+  set slides(on) {
+    this.#slides = on;
+    this.#stick.neutralise("input-changed");
+  }
+
+  /** Whether it is in sight: not on every tab. */
+  get isShown() {
+    return this.#zone.clientWidth > 0;
+  }
+
+  /** Whether it stays out of the middle with no finger on it. */
+  get sticks() {
+    return this.#held;
+  }
+
+  close() {
+    this.#observer.disconnect();
+    this.#stick.removeEventListener("zero", this.#onZero);
+    this.#letGo("closed");
+    this.#collection?.destroy();
+    factory.destroy();
+  }
+
+  /** nipplejs knows pixels only: a new size is a new stick. */
+  #fit() {
+    const size = Math.round(Math.min(this.#zone.clientWidth, this.#zone.clientHeight));
+    if (size === this.#size || size === 0) return;
+    this.#size = size;
+    this.#touched = false;
+    this.#letGo("resized");
+    this.#collection?.destroy();
+    this.#collection = create({
+      zone: this.#zone,
+      mode: "static",
+      position: { left: "50%", top: "50%" },
+      size: size * RING,
+      color: { front: "var(--stick-knob)", back: "transparent" },
+      restOpacity: 1,
+      fadeTime: 100,
+    });
+    this.#collection.on("start", () => this.#touch());
+    this.#collection.on("move", ({ data }) => this.#move(data.vector));
+    this.#collection.on("end", () => this.#release());
+  }
+
+  #touch() {
+    this.#touched = true;
+    this.#held = false;
+    clearTimeout(this.#timer);
+  }
+
+  #move({ x: right, y: up }) {
+    if (!this.#touched) return;
+    this.#stick.feed("joystick", fromJoystick({ right, up }, this.#slides));
+  }
+
+  #release() {
+    this.#touched = false;
+    if (this.#sticky && this.#stick.input === "joystick") {
+      this.#held = true;
+      this.#knob.options.restJoystick = false;
+      this.#timer = setTimeout(() => this.#letGo("untouched"), STICKY_MS);
+    } else {
+      this.#stick.feed("joystick", NEUTRAL);
+    }
+  }
+
+  /** Ends a held stick; a finger that is still down stays ignored until it lifts. */
+  #letGo(reason) {
+    clearTimeout(this.#timer);
+    if (!this.#touched) this.#stick.feed("joystick", NEUTRAL);
+    if (!this.#held) return;
+    this.#held = false;
+    this.#knob.options.restJoystick = true;
+    this.#knob.setPosition(undefined, { x: 0, y: 0 });
+    this.dispatchEvent(new CustomEvent("released", { detail: { reason } }));
+  }
+
+  get #knob() {
+    return this.#collection.all.values().next().value;
+  }
+}

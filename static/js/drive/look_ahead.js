@@ -1,0 +1,31 @@
+/** The button by which a holder sends the robot's head to where the robot drives. */
+
+import { dim, show } from "../lib/dom.js";
+
+export class LookAhead {
+  #button;
+  #listening = new AbortController();
+
+  /** @param {HTMLButtonElement} button @param {(order: object) => void} send */
+  constructor(button, send) {
+    this.#button = button;
+    dim(button, true);
+    button.addEventListener("click", () => send({ t: "look_ahead" }), {
+      signal: this.#listening.signal,
+    });
+  }
+
+  /** @param {object} facts the robot's facts: one without a head offers nothing */
+  set facts({ has_head }) {
+    show(this.#button, has_head);
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    dim(this.#button, !may);
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+}

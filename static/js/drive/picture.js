@@ -1,0 +1,288 @@
+/**
+ * The robot from above: what its sensors see, its footprint, where it is going and what the gate keeps it from.
+ * Forward is up. Drawn when there is something new, once per frame.
+ */
+
+import { coloursOf, onNewColours } from "../lib/colours.js";
+import { arc, carried, reach, spanFor } from "./path.js";
+
+const PATH_S = 2;
+const PATH_STEPS = 24;
+const ROBOT_AT = 0.6; // of the height: more is seen ahead than behind
+const COARSEST = 36; // pixels of the page per metre: in a small picture rather less room than a tiny robot
+const UNSEEN_M = 1.5; // how far out unseen sectors are shaded: where the robot is soon
+const SLOWEST_SHOWN = 0.01; // m/s or rad/s
+
+const COLOURS = [
+  "surface",
+  "grid",
+  "grid-text",
+  "laser",
+  "depth",
+  "remembered",
+  "sonar",
+  "unseen",
+  "robot",
+  "robot-edge",
+  "path",
+  "path-body",
+  "hold",
+];
+
+/** Whether a twist is worth a path. */
+export function moves([vx, vy, w]) {
+  return (
+    Math.abs(vx) > SLOWEST_SHOWN || Math.abs(vy) > SLOWEST_SHOWN || Math.abs(w) > SLOWEST_SHOWN
+  );
+}
+
+export class Picture {
+  #canvas;
+  #pen;
+  #facts = null;
+  #view = null;
+  #stale = false;
+  #span = 3;
+  #frame = null;
+  #colour = {};
+  #observer;
+  #listening = new AbortController();
+
+  /** @param {HTMLCanvasElement} canvas its colours are custom properties named --view-... */
+  constructor(canvas) {
+    this.#canvas = canvas;
+    this.#pen = canvas.getContext("2d");
+    this.#observer = new ResizeObserver(() => this.#fit());
+    this.#observer.observe(canvas);
+    onNewColours(() => this.#readColours(), this.#listening.signal);
+    this.#readColours();
+  }
+
+  set facts(facts) {
+    this.#facts = facts;
+    this.#redraw();
+  }
+
+  set view(view) {
+    this.#view = view;
+    if (view?.scan) this.#span = spanFor(view.scan.laser_cm, this.#span);
+    this.#redraw();
+  }
+
+  /** Greyed: what is shown is no longer true. */
+  set stale(stale) {
+    if (stale === this.#stale) return;
+    this.#stale = stale;
+    this.#redraw();
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#observer.disconnect();
+    cancelAnimationFrame(this.#frame);
+  }
+
+  #readColours() {
+    const names = COLOURS.map((name) => `--view-${name}`);
+    const colours = coloursOf(this.#canvas.parentElement, names);
+    this.#colour = Object.fromEntries(COLOURS.map((name, i) => [name, colours[i]]));
+    this.#redraw();
+  }
+
+  #fit() {
+    const scale = Math.min(devicePixelRatio || 1, 2);
+    this.#canvas.width = Math.round(this.#canvas.clientWidth * scale);
+    this.#canvas.height = Math.round(this.#canvas.clientHeight * scale);
+    this.#redraw();
+  }
+
+  #redraw() {
+    this.#frame ??= requestAnimationFrame(() => {
+      this.#frame = null;
+      this.#draw();
+    });
+  }
+
+  #draw() {
+    const { width, height } = this.#canvas;
+    if (!width || !height) return;
+    const pen = this.#pen;
+    const density = Math.min(devicePixelRatio || 1, 2);
+    const pixels = Math.max(
+      Math.min(width / 2, height * ROBOT_AT) / this.#span,
+      COARSEST * density,
+    ); // per metre
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.globalAlpha = 1;
+    pen.clearRect(0, 0, width, height);
+    // From here on: metres, x forward is up, y left is left.
+    pen.setTransform(0, -pixels, -pixels, 0, width / 2, height * ROBOT_AT);
+    const pixel = density / pixels;
+    this.#drawGrid(pixel);
+    if (!this.#facts || !this.#view) return;
+    pen.globalAlpha = this.#stale ? 0.3 : 1;
+    this.#drawUnseen(this.#view.scan?.unseen ?? []);
+    this.#drawSonars(this.#view.scan?.sonar_cm ?? [], pixel);
+    this.#drawPath(this.#view.state.verdict.allowed, pixel);
+    const { laser_cm = [], depth_cm = [], remembered_cm = [] } = this.#view.scan ?? {};
+    const grain = Math.max(2.5 * pixel, 0.06); // metres: what lies on this grid is drawn without gaps
+    this.#drawPoints(remembered_cm, "remembered", grain);
+    this.#drawPoints(depth_cm, "depth", grain);
+    this.#drawPoints(laser_cm, "laser", 3 * pixel);
+    this.#drawRobot(pixel);
+    this.#drawHold(this.#view.state.verdict.point, pixel);
+  }
+
+  #drawGrid(pixel) {
+    const pen = this.#pen;
+    pen.strokeStyle = this.#colour.grid;
+    pen.lineWidth = pixel;
+    for (let metres = 1; metres <= 10; metres += 1) {
+      pen.beginPath();
+      pen.arc(0, 0, metres, 0, 2 * Math.PI);
+      pen.stroke();
+      this.#write(`${metres} m`, 0, -metres, pixel);
+    }
+  }
+
+  /** Text stands upright, whatever way the metres lie. */
+  #write(text, x, y, pixel) {
+    const pen = this.#pen;
+    pen.save();
+    pen.translate(x, y);
+    pen.transform(0, -pixel, -pixel, 0, 0, 0);
+    pen.font = "11px system-ui, sans-serif";
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    const half = pen.measureText(text).width / 2 + 3;
+    pen.fillStyle = this.#colour.surface;
+    pen.fillRect(-half, -7, 2 * half, 14);
+    pen.fillStyle = this.#colour["grid-text"];
+    pen.fillText(text, 0, 0);
+    pen.restore();
+  }
+
+  #drawUnseen(sectors) {
+    const pen = this.#pen;
+    pen.fillStyle = this.#colour.unseen;
+    for (const [from, to] of sectors) {
+      pen.beginPath();
+      pen.moveTo(0, 0);
+      pen.arc(0, 0, UNSEEN_M, from, to);
+      pen.closePath();
+      pen.fill();
+    }
+  }
+
+  #drawSonars(rangesCm, pixel) {
+    const pen = this.#pen;
+    this.#facts.sonars.forEach(({ x, y, yaw, fov }, i) => {
+      const range = rangesCm[i];
+      if (range === null || range === undefined) return;
+      pen.beginPath();
+      pen.moveTo(x, y);
+      pen.arc(x, y, range / 100, yaw - fov / 2, yaw + fov / 2);
+      pen.closePath();
+      pen.fillStyle = this.#colour.sonar;
+      pen.fill();
+      pen.beginPath();
+      pen.arc(x, y, range / 100, yaw - fov / 2, yaw + fov / 2);
+      pen.strokeStyle = this.#colour.laser;
+      pen.lineWidth = 2 * pixel;
+      pen.stroke();
+    });
+  }
+
+  #drawPoints(flatCm, colour, size) {
+    const pen = this.#pen;
+    pen.fillStyle = this.#colour[colour];
+    for (let i = 0; i < flatCm.length; i += 2) {
+      pen.fillRect(flatCm[i] / 100 - size / 2, flatCm[i + 1] / 100 - size / 2, size, size);
+    }
+  }
+
+  #drawPath(allowed, pixel) {
+    if (!moves(allowed)) return;
+    const pen = this.#pen;
+    const [vx, vy, w] = allowed;
+    const poses = arc({ vx, vy, w }, PATH_S, PATH_STEPS);
+    pen.lineCap = "round";
+    pen.lineJoin = "round";
+    const trace = () => {
+      pen.beginPath();
+      pen.moveTo(0, 0);
+      for (const { x, y } of poses) pen.lineTo(x, y);
+    };
+    trace();
+    pen.strokeStyle = this.#colour["path-body"];
+    pen.lineWidth = 2 * reach(this.#facts.footprint);
+    pen.stroke();
+    trace();
+    pen.strokeStyle = this.#colour.path;
+    pen.lineWidth = 3 * pixel;
+    pen.stroke();
+    pen.setLineDash([5 * pixel, 5 * pixel]);
+    pen.lineWidth = 1.5 * pixel;
+    this.#outline(carried(this.#facts.footprint, poses.at(-1)));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
+  #drawRobot(pixel) {
+    const pen = this.#pen;
+    this.#drawArm(this.#view.state.arm ?? []);
+    this.#outline(this.#facts.footprint);
+    pen.fillStyle = this.#colour.robot;
+    pen.fill();
+    pen.strokeStyle = this.#colour["robot-edge"];
+    pen.lineWidth = 2 * pixel;
+    pen.stroke();
+    const nose = Math.max(...this.#facts.footprint.map(([x]) => x));
+    pen.beginPath();
+    pen.moveTo(nose * 0.72, 0);
+    pen.lineTo(nose * 0.2, nose * 0.32);
+    pen.lineTo(nose * 0.2, -nose * 0.32);
+    pen.closePath();
+    pen.fillStyle = this.#colour["robot-edge"];
+    pen.fill();
+  }
+
+  #drawArm(discs) {
+    const pen = this.#pen;
+    pen.fillStyle = this.#colour["robot-edge"];
+    for (const [x, y, radius] of discs) {
+      pen.beginPath();
+      pen.arc(x, y, radius, 0, 2 * Math.PI);
+      pen.fill();
+    }
+  }
+
+  #drawHold(point, pixel) {
+    if (!point) return;
+    const pen = this.#pen;
+    const [x, y] = point;
+    const away = Math.hypot(x, y) || 1;
+    const hull = reach(this.#facts.footprint);
+    pen.strokeStyle = this.#colour.hold;
+    pen.lineWidth = 2 * pixel;
+    pen.beginPath();
+    pen.moveTo((x / away) * hull, (y / away) * hull);
+    pen.lineTo(x, y);
+    pen.stroke();
+    pen.lineWidth = 3 * pixel;
+    pen.beginPath();
+    pen.arc(x, y, 9 * pixel, 0, 2 * Math.PI);
+    pen.stroke();
+    pen.beginPath();
+    pen.arc(x, y, 3 * pixel, 0, 2 * Math.PI);
+    pen.fillStyle = this.#colour.hold;
+    pen.fill();
+  }
+
+  #outline(points) {
+    const pen = this.#pen;
+    pen.beginPath();
+    for (const [x, y] of points) pen.lineTo(x, y); // the first only moves: the path is empty
+    pen.closePath();
+  }
+}

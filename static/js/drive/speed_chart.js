@@ -1,0 +1,44 @@
+/** Speed over the last seconds: what was asked, what the gate allowed, what the odometry says. */
+
+import { RollingPlot } from "../lib/rolling_plot.js";
+
+const TIME = { windowS: 20, stepS: 5 };
+const LINES = [
+  { name: "asked", label: () => gettext("asked"), colour: "--view-hold", dash: [4, 4] },
+  { name: "allowed", label: () => gettext("allowed"), colour: "--view-path" },
+  { name: "measured", label: () => gettext("measured"), colour: "--view-laser" },
+];
+
+/** The speeds forward of a robot's state, m/s, by the name of their line. */
+export function speedsOf({ verdict, odometry }) {
+  return new Map([
+    ["asked", verdict.asked[0]],
+    ["allowed", verdict.allowed[0]],
+    ["measured", odometry?.vx],
+  ]);
+}
+
+export class SpeedChart {
+  #plot;
+
+  /** @param {HTMLElement} element */
+  constructor(element) {
+    this.#plot = new RollingPlot(element, TIME, () => ({
+      lines: LINES.map(({ label, ...line }) => ({ ...line, label: label() })),
+      legendRows: 1,
+      scales: {
+        y: { range: (_, low, high) => [Math.min(low ?? 0, -0.1), Math.max(high ?? 0, 0.5)] },
+      },
+      y: { values: (_, ticks) => ticks.map((v) => v.toFixed(1)), size: 36 },
+    }));
+    this.#plot.names = LINES.map(({ name }) => name);
+  }
+
+  add(state) {
+    this.#plot.add(speedsOf(state));
+  }
+
+  close() {
+    this.#plot.close();
+  }
+}

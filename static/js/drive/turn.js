@@ -1,0 +1,83 @@
+/**
+ * The button by which a holder turns the robot around, to look at what is behind it before driving there.
+ * It is a stick held sideways for as long as a finger is on it: with that it ends, and the dead-man and the gate hold as ever.
+ */
+
+import { dim, show } from "../lib/dom.js";
+import { NEUTRAL } from "./stick.js";
+
+const INPUT = "turn";
+const LEFT = Object.freeze({ x: 0, y: 0, w: 1 });
+const TAP_MS = 300;
+
+/** Whether nobody sees all of what is behind the robot. */
+export function reverseIsBlind({ limits = [] }) {
+  return limits.some(({ code, way }) => code === "blind_direction" && way === "reverse");
+}
+
+export class TurnAndLook {
+  #button;
+  #stick;
+  #hint;
+  #may = false;
+  #sinceMs = null; // when it was pressed; null: it is not
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLButtonElement} button
+   * @param {import("./stick.js").Stick} stick
+   * @param {(may: boolean) => void} hint tells who only tapped it that it is to be held, or that it needs control
+   */
+  constructor(button, stick, hint) {
+    this.#button = button;
+    this.#stick = stick;
+    this.#hint = hint;
+    dim(button, true);
+    const { signal } = this.#listening;
+    const on = (type, act) => button.addEventListener(type, act, { signal });
+    on("pointerdown", (event) => {
+      if (event.button) return;
+      button.setPointerCapture?.(event.pointerId);
+      this.#press(event);
+    });
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture", "keyup", "blur"])
+      on(type, (event) => this.#release(event));
+    on("keydown", (event) => {
+      if (event.code !== "Enter") return; // the space bar stops
+      event.preventDefault();
+      if (!event.repeat) this.#press(event);
+    });
+    on("contextmenu", (event) => event.preventDefault()); // of a finger that stays
+  }
+
+  /** @param {object} state of the robot */
+  set state({ verdict }) {
+    // Never from under a finger.
+    if (this.#sinceMs === null) show(this.#button, reverseIsBlind(verdict));
+  }
+
+  /** @param {boolean} may this tab drives */
+  set mayAct(may) {
+    this.#may = may;
+    dim(this.#button, !may);
+    if (!may) this.#stick.feed(INPUT, NEUTRAL);
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#stick.feed(INPUT, NEUTRAL);
+  }
+
+  #press({ timeStamp }) {
+    this.#sinceMs = timeStamp;
+    if (this.#may) this.#stick.feed(INPUT, LEFT);
+  }
+
+  #release({ timeStamp }) {
+    if (this.#sinceMs === null) return;
+    const heldMs = timeStamp - this.#sinceMs;
+    this.#sinceMs = null;
+    this.#stick.feed(INPUT, NEUTRAL);
+    if (heldMs < TAP_MS || !this.#may) this.#hint(this.#may);
+  }
+}

@@ -1,0 +1,280 @@
+/** The fleet page: a card per robot, live. */
+
+import {
+  batteryText,
+  connectionFact,
+  isSeen,
+  pendingText,
+  phaseTitle,
+  seenAt,
+  standstillText,
+  unknownText,
+  verdictText,
+} from "../control/control_banner.js";
+import { StopButton } from "../control/stop_button.js";
+import { StopWords } from "../control/stop_words.js";
+import { mark, parts, say, sayOrHide, show } from "../lib/dom.js";
+import { Pulse } from "../lib/heartbeat.js";
+import { matches, searches } from "../lib/list.js";
+import { recallInTab, rememberInTab } from "../lib/prefs.js";
+import { LiveSocket, socketUrl } from "../lib/socket.js";
+import { ClearAll } from "./clear_all.js";
+
+const STALE_MS = 3000;
+const SIGNED_OUT = 4401;
+const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last brought the page anew
+
+/** What a card says of one robot: its state, or the refusal that says why it is not known. Pure. */
+export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
+  if (!state) {
+    const unknown = unknownText(seenByConsole);
+    return {
+      level: "fail",
+      status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
+      why: refusal?.text ?? "",
+      driver: "–",
+      battery: "–",
+      gate: unknown,
+      stop: pending ? gettext("Pending") : unknown,
+      stopped: false,
+      stopWhy: pendingText(pending),
+    };
+  }
+  const online = state.phase === "online";
+  const { stop } = state;
+  const latched = stop.state !== "clear";
+  const unknown = isSeen(state) ? "" : unknownText(seenAt(state));
+  const standstill = unknown
+    ? interpolate(gettext("Whether it stands: %s"), [unknown])
+    : standstillText(stop);
+  return {
+    level: online && !state.watchdog_missing ? "ok" : "warn",
+    status: phaseTitle(state.phase),
+    why: [online ? "" : state.text, state.watchdog_missing ? watchdogMissing() : ""]
+      .filter(Boolean)
+      .join(" "),
+    driver: state.holder ?? gettext("Nobody"),
+    battery: unknown ? "–" : batteryText(state),
+    gate: unknown || verdictText(state.verdict) || gettext("Free"),
+    stop: stopWord(stop.state, unknown),
+    stopped: latched,
+    stopWhy: latched
+      ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
+      : "",
+  };
+}
+
+function watchdogMissing() {
+  return gettext("Its watchdog is missing: a stop depends on its bridge alone. Tell staff.");
+}
+
+function stopWord(state, unknown) {
+  if (state === "clear") return unknown || gettext("Clear");
+  if (unknown) return gettext("Pressed");
+  return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
+}
+
+export class FleetPage {
+  #socket;
+  #pulse;
+  #cards = new Map();
+  #connection;
+  #words;
+  #heardMs = -Infinity; // when this connection last said how the robots are
+  #robots = {};
+  #timer;
+  #stops = [];
+  #clear = null;
+
+  constructor(root) {
+    this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
+    this.#pulse = new Pulse(this.#socket);
+    const page = parts(document);
+    this.#connection = page.connection;
+    this.#words = new StopWords(page["stop-all-state"]);
+    for (const card of root.querySelectorAll("[data-robot]")) this.#take(card);
+    if (page["clear-dialog"])
+      this.#clear = new ClearAll(
+        page,
+        (message) => this.#send(message),
+        (slug) => this.#cards.get(slug)?.card.querySelector("h2").textContent ?? slug,
+      );
+    if (page.search) this.#search(page.search, page["search-none"]);
+    this.#stops.push(
+      new StopButton(page["stop-all"], {
+        send: () => this.#send({ t: "stop_all" }),
+        // Of robots without link the server says itself which it did not reach.
+        answered: (sinceMs) =>
+          this.#heardMs > sinceMs &&
+          Object.values(this.#robots).every(({ state }) => state?.stop.state !== "clear"),
+        arrived: () => this.#words.say(gettext("Stopped.")),
+        say: (text) => this.#words.say(text),
+        fail: (text, robots) => this.#failed(text, robots),
+      }),
+    );
+    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.addEventListener("open", () => this.#opened());
+    this.#socket.addEventListener("down", ({ detail }) => this.#lost(detail.code));
+    this.#timer = setInterval(() => this.#look(), 500);
+    this.#socket.connect();
+  }
+
+  close() {
+    clearInterval(this.#timer);
+    for (const stop of this.#stops) stop.close();
+    this.#words.close();
+    this.#clear?.close();
+    this.#pulse.close();
+    this.#socket.close();
+  }
+
+  get #live() {
+    return this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
+  }
+
+  /** Over the socket; true only if an answer can be expected there. */
+  #send(message) {
+    return this.#socket.send(message) && this.#live;
+  }
+
+  #take(card) {
+    const slug = card.dataset.robot;
+    const own = parts(card);
+    this.#cards.set(slug, { card, own });
+    this.#stops.push(
+      new StopButton(own.stop, {
+        send: () => this.#send({ t: "stop", slug }),
+        answered: (sinceMs) =>
+          this.#heardMs > sinceMs && (this.#robots[slug]?.state?.stop.state ?? "clear") !== "clear",
+        say: (text) => {
+          this.#stopSays(own, text);
+          this.#words.forget(slug);
+        },
+        fail: (text, robots) => {
+          this.#stopSays(own, gettext("Not confirmed"));
+          this.#failed(text, robots, slug);
+        },
+      }),
+    );
+  }
+
+  /** @param {HTMLInputElement} field @param {HTMLElement} none says that nothing fits */
+  #search(field, none) {
+    const cards = [...this.#cards.values()].map(({ card }) => card);
+    const hits = () => cards.filter((card) => !card.hidden);
+    const filter = () => {
+      for (const card of cards)
+        show(card, matches(card.querySelector("h2").textContent, field.value));
+      show(none, hits().length === 0);
+    };
+    searches(field, filter, hits);
+    filter(); // a browser may remember what was typed
+    show(field, true);
+  }
+
+  /** What becomes of a card's stop, until the robot itself reports. */
+  #stopSays(own, text) {
+    say(own["stop-state"], text);
+    mark(own["stop-state"], "fresh", true);
+    show(own["stop-why"], false);
+  }
+
+  /** What came of a stop that did not arrive everywhere: by robot as far as that is told, else in the server's words. */
+  #failed(text, robots = {}, of = "") {
+    const slugs = Object.keys(robots).filter((slug) => robots[slug].code && this.#cards.has(slug));
+    if (slugs.length === 0) return this.#words.fail(text, of);
+    this.#words.forget(of);
+    for (const slug of slugs) this.#notConfirmed(slug, robots[slug].code);
+  }
+
+  #notConfirmed(slug, code) {
+    const { card, own } = this.#cards.get(slug);
+    this.#stopSays(own, gettext("Not confirmed"));
+    this.#words.unreached(card.querySelector("h2").textContent, slug, code === "pending");
+  }
+
+  /** Whichever button was pressed: the server says which robot it was. */
+  #refused({ code, text, figures }) {
+    if (this.#cards.has(figures?.slug)) this.#notConfirmed(figures.slug, code);
+    else this.#words.fail(text);
+  }
+
+  #opened() {
+    this.#pulse.begin();
+    this.#heardMs = -Infinity;
+    this.#look();
+  }
+
+  #heard(message) {
+    this.#pulse.heard(message);
+    if (message.t === "refused" && message.of === "clear") this.#clear?.refused(message.refusal);
+    else if (message.t === "refused") this.#refused(message.refusal);
+    if (message.t !== "fleet") return;
+    this.#heardMs = performance.now();
+    this.#followRegistry(Object.keys(message.robots));
+    this.#robots = message.robots;
+    if (this.#clear) this.#clear.robots = message.robots;
+    for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
+    this.#look();
+    requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
+  }
+
+  /** Robots that come and go bring the page anew: once, should the next page still have other ones. */
+  #followRegistry(slugs) {
+    const told = slugs.sort().join();
+    if (told === [...this.#cards.keys()].sort().join()) {
+      rememberInTab(RELOADED_FOR, null);
+    } else if (recallInTab(RELOADED_FOR) !== told) {
+      rememberInTab(RELOADED_FOR, told);
+      location.reload();
+    }
+  }
+
+  #show(slug, robot) {
+    const held = this.#cards.get(slug);
+    if (!held) return;
+    const { card, own } = held;
+    const shown = cardOf(robot);
+    if (shown.stopped) this.#words.delivered(slug);
+    mark(card, "level", shown.level);
+    mark(card, "stopped", shown.stopped);
+    mark(own.status, "level", shown.level);
+    say(own.status, shown.status);
+    sayOrHide(own.why, shown.why);
+    say(own.battery, shown.battery);
+    say(own.driver, shown.driver);
+    say(own.gate, shown.gate);
+    // It has not reported since the press.
+    if (!robot.state && !robot.pending && own["stop-state"].dataset.fresh) return;
+    say(own["stop-state"], shown.stop);
+    mark(own["stop-state"], "fresh", false);
+    sayOrHide(own["stop-why"], shown.stopWhy);
+  }
+
+  #lost(code) {
+    if (code === SIGNED_OUT) location.reload(); // signed out: the server leads to the sign-in page
+    this.#look();
+  }
+
+  #look() {
+    const live = this.#live;
+    const { level, text } = connectionFact({
+      connected: this.#socket.open,
+      heard: this.#heardMs > -Infinity,
+      stale: !live,
+    });
+    mark(this.#connection, "level", level);
+    say(this.#connection, text);
+    for (const { card } of this.#cards.values()) mark(card, "stale", !live);
+  }
+}
+
+const root = document.querySelector("[data-page=fleet]");
+if (root) {
+  let page = new FleetPage(root);
+  window.addEventListener("pagehide", () => {
+    page?.close();
+    page = null;
+  });
+  window.addEventListener("pageshow", ({ persisted }) => persisted && location.reload());
+}

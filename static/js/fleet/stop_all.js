@@ -1,0 +1,14 @@
+/** "Stop all" on pages that have no live connection: it goes by the form's own address. */
+
+import { StopButton } from "../control/stop_button.js";
+import { StopWords } from "../control/stop_words.js";
+
+for (const form of document.querySelectorAll("form[data-stop-all]")) {
+  const words = new StopWords(form.querySelector("[data-part=stop-all-state]"));
+  new StopButton(form, {
+    send: () => false,
+    answered: () => true,
+    say: (text) => words.say(text),
+    fail: (text) => words.fail(text),
+  });
+}

@@ -1,0 +1,35 @@
+/** The report of a robot: when it was driven, as bars. The same figures stand on the page in words. */
+
+import { parts } from "../lib/dom.js";
+import { pageLanguage } from "../lib/languages.js";
+import { drawBars } from "./bars.js";
+
+const A_MONDAY = Date.UTC(2024, 0, 1);
+const DAY_MS = 86_400_000;
+
+const page = parts(document.querySelector("[data-page=robot-report]"));
+const { days, hours, weekdays } = JSON.parse(document.getElementById("use").textContent);
+
+function named(format) {
+  const dates = new Intl.DateTimeFormat(pageLanguage(), { timeZone: "UTC", ...format });
+  return (ms) => dates.format(ms);
+}
+
+const dayName = named({ day: "numeric", month: "short" });
+const weekdayName = named({ weekday: "short" });
+
+drawBars(
+  page.days,
+  days.map(([midnightS]) => dayName(midnightS * 1000)),
+  days.map(([, driven]) => driven),
+);
+drawBars(
+  page.hours,
+  hours.map((_, hour) => String(hour)),
+  hours,
+);
+drawBars(
+  page.weekdays,
+  weekdays.map((_, i) => weekdayName(A_MONDAY + i * DAY_MS)),
+  weekdays,
+);

@@ -1,0 +1,96 @@
+/** The page of a control session: one chooses a moment, and picture and timeline show it. Without this, both are there. */
+
+import { parts, say, show } from "../lib/dom.js";
+import { lastAt, placeAt } from "./replay.js";
+
+const page = parts(document.querySelector("[data-page=session]"));
+const { lastsS, beganAt, drives } = JSON.parse(document.getElementById("replay").textContent);
+const entries = [...page.timeline.querySelectorAll("[data-at]")];
+const timesS = entries.map((entry) => Number(entry.dataset.at));
+let current = null;
+
+/** Time of day, UTC as everywhere on the page. */
+function clock(atS) {
+  return new Date(Date.parse(beganAt) + atS * 1000).toISOString().slice(11, 19);
+}
+
+function words(entry) {
+  const told = entry.querySelectorAll(".what, .subject");
+  return [...told].map((element) => element.textContent).join(": ");
+}
+
+function showMoment(atS) {
+  const place = placeAt(drives, atS);
+  if (place && page.marker) {
+    const { x, y, degrees, moving } = place;
+    page.marker.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees})`);
+    page.marker.setAttribute("visibility", "visible");
+    page.marker.toggleAttribute("data-still", !moving);
+  }
+  const entry = entries[lastAt(timesS, atS)] ?? null;
+  const moving = place?.moving ? gettext("driving") : gettext("standing");
+  say(page["moment-words"], `${clock(atS)} · ${moving}`);
+  say(page.says, entry ? words(entry) : "");
+  page.moment.setAttribute(
+    "aria-valuetext",
+    [clock(atS), moving, page.says.textContent].join(", "),
+  );
+  if (entry === current) return;
+  current?.removeAttribute("aria-current");
+  entry?.setAttribute("aria-current", "true");
+  current = entry;
+  bringIntoSight(entry);
+}
+
+/** Only within the timeline: the page itself stays where it is. */
+function bringIntoSight(entry) {
+  if (!entry) return;
+  const list = page.timeline.getBoundingClientRect();
+  const { top, bottom } = entry.getBoundingClientRect();
+  if (top < list.top) page.timeline.scrollTop -= list.top - top;
+  else if (bottom > list.bottom) page.timeline.scrollTop += bottom - list.bottom;
+}
+
+function go(atS) {
+  page.moment.value = String(atS);
+  showMoment(Number(page.moment.value));
+}
+
+/** To the next entry at another time, or to the one before. */
+function step(forward) {
+  const atS = Number(page.moment.value);
+  const found = forward
+    ? timesS.find((time) => time > atS)
+    : timesS.findLast((time) => time < (timesS[lastAt(timesS, atS)] ?? 0));
+  if (found !== undefined) go(found);
+}
+
+page.moment.max = String(Math.max(lastsS, timesS.at(-1) ?? 0));
+page.moment.addEventListener("input", () => showMoment(Number(page.moment.value)));
+// The steps are as fine as the timeline, keys go farther.
+page.moment.addEventListener("keydown", (event) => {
+  const way = {
+    ArrowRight: 1,
+    ArrowUp: 1,
+    ArrowLeft: -1,
+    ArrowDown: -1,
+    PageUp: 10,
+    PageDown: -10,
+  };
+  const seconds = way[event.key];
+  if (!seconds || event.altKey || event.ctrlKey || event.metaKey) return;
+  event.preventDefault();
+  go(Number(page.moment.value) + seconds);
+});
+page.before.addEventListener("click", () => step(false));
+page.after.addEventListener("click", () => step(true));
+page.timeline.addEventListener("click", ({ target }) => {
+  const entry = target.closest("[data-at]");
+  if (entry && !target.closest("a")) go(Number(entry.dataset.at));
+});
+
+if (entries.length > 0) {
+  page.timeline.dataset.scrubbed = "";
+  show(page.scrub, true);
+  go(timesS[0]);
+}

@@ -1,0 +1,176 @@
+/** What this robot was made to say, as far as one may read it, newest first; each can be repeated as it was. */
+
+import { make, makeButton, mark, sayOrHide, show } from "../lib/dom.js";
+import { inLanguage, languageName } from "../lib/languages.js";
+import { SearchList } from "../lib/list.js";
+import { readJson } from "../lib/read.js";
+import { whenText } from "../lib/times.js";
+
+const PAGE = 50;
+
+/** How a speech ended, in a word or two. */
+export function outcomeText(outcome) {
+  const texts = {
+    done: gettext("done"),
+    sent: gettext("sent"),
+    cancelled: gettext("cancelled"),
+    rejected: gettext("not accepted"),
+    failed: gettext("failed"),
+    stopped: gettext("stopped"),
+    unheard: gettext("not heard of again"),
+    unknown: gettext("end not known"),
+  };
+  return texts[outcome] ?? outcome ?? gettext("not over yet");
+}
+
+export class History {
+  #parts;
+  #url;
+  #send;
+  #list;
+  #entries = [];
+  #topic = null;
+  #saying = null; // number of what is being said
+  #ended = null; // of what ended last: its record may come later than the robot's word
+  #newest = "";
+  #isShown = false;
+  #reading = Promise.resolve();
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {string} url where it is read
+   * @param {(order: object) => void} send
+   */
+  constructor(parts, url, send) {
+    this.#parts = parts;
+    this.#url = url;
+    this.#send = send;
+    this.#list = new SearchList(parts["history-list"], {
+      label: gettext("Search history"),
+      text: ({ text, language, topic, who }) =>
+        [text, languageName(language), topic, who].join(" "),
+      key: ({ number }) => number,
+      row: (entry) => this.#row(entry),
+    });
+    parts["history-more"].addEventListener("click", () => this.#more(), {
+      signal: this.#listening.signal,
+    });
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#list.dimmed = !may;
+  }
+
+  /** @param {?string} topic where speech goes now: its entries are marked */
+  set topic(topic) {
+    if (topic === this.#topic) return;
+    this.#topic = topic;
+    this.#show();
+  }
+
+  /** @param {boolean} isShown whether somebody looks at it */
+  set isShown(isShown) {
+    this.#isShown = isShown;
+    if (isShown) this.load();
+  }
+
+  /** @param {object} state of the robot: what it says now, and how what it said last ended */
+  set state({ speech = null, speech_ended: ended = null }) {
+    const newest = `${speech?.number} ${ended?.number}`;
+    if (newest === this.#newest) return;
+    this.#newest = newest;
+    this.#saying = speech?.number ?? null;
+    this.#ended = ended;
+    if (this.#isShown) this.load();
+  }
+
+  /** Reads the newest. Older ones that were asked for stay. */
+  load() {
+    return this.#read(
+      () => "",
+      ({ entries, more }) => {
+        const last = entries.at(-1)?.number ?? 0;
+        const older = this.#entries.filter(({ number }) => number < last);
+        const isNext = older.length < this.#entries.length; // nothing is missing in between
+        if (!isNext || older.length === 0) show(this.#parts["history-more"], more);
+        this.#entries = isNext ? [...entries, ...older] : entries;
+      },
+    );
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#list.close();
+  }
+
+  #more() {
+    return this.#read(
+      () => `&before=${this.#entries.at(-1).number}`,
+      ({ entries, more }) => {
+        this.#entries = [...this.#entries, ...entries];
+        show(this.#parts["history-more"], more);
+      },
+    );
+  }
+
+  /** One after another, so that nothing newer is written over. */
+  #read(query, take) {
+    this.#reading = this.#reading.then(() => this.#readNow(query, take));
+    return this.#reading;
+  }
+
+  async #readNow(query, take) {
+    const failed = gettext("The history could not be read.");
+    try {
+      take(await readJson(`${this.#url}?limit=${PAGE}${query()}`, failed));
+      this.#show();
+      this.#say(this.#entries.length ? "" : gettext("Nothing to show yet."));
+    } catch (error) {
+      this.#say(error.message);
+    }
+  }
+
+  #show() {
+    this.#list.items = this.#entries;
+  }
+
+  /** How it ended, as the record or else the robot tells; null while it is being said. */
+  #endOf({ number, outcome, why }) {
+    if (outcome !== null) return { outcome, why };
+    if (number === this.#ended?.number)
+      return { outcome: this.#ended.outcome, why: this.#ended.text };
+    return { outcome: number === this.#saying ? null : "unknown", why };
+  }
+
+  #row(entry) {
+    const { text, language, topic, who, at } = entry;
+    const { outcome, why } = this.#endOf(entry);
+    const isHere = topic === this.#topic;
+    const time = make("time", { text: whenText(at) });
+    time.dateTime = at;
+    const facts = [languageName(language), topic, who, outcomeText(outcome)].filter(Boolean);
+    const mine = make("span", { className: "badge", text: gettext("this topic") });
+    const note = make("span", {
+      className: "hit-note",
+      children: [time, ` · ${facts.join(" · ")} `, isHere && mine].filter(Boolean),
+    });
+    if (why) note.title = why;
+    const said = text
+      ? inLanguage(make("span", { className: "hit-name", text }), language)
+      : make("span", { className: "hit-name quiet", text: gettext("text expired") });
+    const words = make("span", { className: "hit-words", children: [said, note] });
+    const again = makeButton({ className: "button", text: gettext("Repeat") }, () =>
+      this.#send({ t: "say", text, language, topic: topic || null }),
+    );
+    const children = [words, text && again].filter(Boolean);
+    const row = make("div", { className: "hit", children });
+    mark(row, "here", isHere);
+    return row;
+  }
+
+  #say(text) {
+    sayOrHide(this.#parts["history-none"], text);
+  }
+}

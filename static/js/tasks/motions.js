@@ -1,0 +1,173 @@
+/** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
+
+import { dim, make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { SearchList } from "../lib/list.js";
+import { levelOf } from "./task_ends.js";
+
+// A press so soon after a motion ended was meant to cancel it: hands are slower than that.
+const MEANT_CANCEL_MS = 500;
+
+/** How a motion ended, as a notice. */
+export function endNotice({ outcome, text }, title) {
+  const outcomes = {
+    succeeded: gettext("%s: done."),
+    cancelled: gettext("%s: cancelled."),
+    rejected: gettext("%s: the robot did not accept it."),
+    failed: gettext("%s: failed."),
+    stopped: gettext("%s: ended by the stop."),
+    intruder: gettext("%s: cancelled, because something came near."),
+    not_watched: gettext("%s: cancelled, because no sensor watched the space."),
+    control_ended: gettext("%s: cancelled, because control ended."),
+    link_lost: gettext("%s: cancelled, because the page was out of reach."),
+    not_recorded: gettext("%s: cancelled."),
+    unheard: gettext("%s: nothing more was heard of it."),
+  };
+  const words = interpolate(outcomes[outcome] ?? `%s: ${outcome}`, [title]);
+  return {
+    level: levelOf(outcome),
+    code: `motion ${outcome} ${title}`,
+    text: text && outcome !== "succeeded" ? `${words} ${text}` : words,
+  };
+}
+
+/** "3.2 s"; nothing if nobody knows. */
+export function durationText(seconds) {
+  if (!seconds) return "";
+  return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);
+}
+
+/** A key that is held down is one press: it begins nothing and cancels nothing again and again. */
+function heldOnce(event) {
+  if (event.key !== "Enter" || !event.repeat) return;
+  event.preventDefault();
+  event.stopPropagation();
+}
+
+export class Motions {
+  #parts;
+  #send;
+  #list;
+  #buttons = new Map();
+  #titles = new Map(); // by name; also of those that are not offered while the robot is away
+  #running = null;
+  #ended = null; // the motion that was over last
+  #endedMs = 0;
+  #mayAct = null;
+  #idle = ""; // why the robot performs none
+  #mayCancel = false;
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {(order: object) => void} send
+   */
+  constructor(parts, send) {
+    this.#parts = parts;
+    this.#send = send;
+    this.#list = new SearchList(parts["motion-list"], {
+      label: gettext("Search motions"),
+      text: ({ name, title, usage, description }) => [title, name, usage, description].join(" "),
+      group: ({ usage = "" }) => usage,
+      row: (motion) => this.#row(motion),
+    });
+    const { signal } = this.#listening;
+    parts["motions-refresh"].addEventListener("click", () => send({ t: "refresh" }), { signal });
+    parts["motion-list"].addEventListener("keydown", heldOnce, { capture: true, signal });
+  }
+
+  /** @param {object} offers of the robot */
+  set offers({ motions = [], motions_text: text = "" }) {
+    for (const { name, title } of motions) this.#titles.set(name, title || name);
+    this.#buttons.clear();
+    this.#list.items = motions;
+    const why = text || gettext("This robot offers no motions.");
+    say(this.#parts["motions-none"], why);
+    show(this.#parts["motions-none"], motions.length === 0);
+    this.#show();
+  }
+
+  /** @param {object} state of the robot */
+  set state({ motion = null }) {
+    const name = motion?.name ?? null;
+    if (name === this.#running) return;
+    this.#ended = this.#running;
+    this.#endedMs = performance.now();
+    this.#running = name;
+    this.#show();
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#show();
+  }
+
+  /** @param {string} why the robot performs none now, empty if it does */
+  set idle(why) {
+    this.#idle = why;
+    this.#show();
+  }
+
+  /** @param {boolean} may this person may end what runs */
+  set mayCancel(may) {
+    this.#mayCancel = may;
+    this.#show();
+  }
+
+  /** A motion's name for people. */
+  titleOf(name) {
+    return this.#titles.get(name) ?? name;
+  }
+
+  /** Forgets the search: not every tab shows its field. */
+  showAll() {
+    this.#list.clear();
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#list.close();
+  }
+
+  #row(motion) {
+    const { name, title, description = "", duration_s: seconds } = motion;
+    const act = make("span", { className: "act" });
+    const words = make("span", {
+      className: "hit-words",
+      children: [
+        make("span", { className: "hit-name", text: title || name }),
+        make("span", { className: "hit-note", text: description }),
+      ],
+    });
+    const figure = make("span", { className: "hit-figure", text: durationText(seconds) });
+    const children = [act, words, figure]; // `act` is read first and stands last
+    // The second press of a double click does not cancel what the first began.
+    const button = makeButton(
+      { className: "hit", children },
+      ({ detail }) => detail < 2 && this.#press(motion),
+    );
+    this.#buttons.set(name, { button, act });
+    return button;
+  }
+
+  #press({ name, title }) {
+    const wasRunning = this.#ended === name && performance.now() - this.#endedMs < MEANT_CANCEL_MS;
+    if (this.#running === name || wasRunning) this.#send({ t: "play_cancel" });
+    else this.#send({ t: "play", motion: name, title: title || name });
+  }
+
+  /** Another motion may be pressed while one runs: the robot says why not, and who runs which. */
+  #show() {
+    const [play, cancel] = [gettext("Play"), gettext("Cancel")];
+    const takeControl = this.#mayAct === false ? gettext("Take control to play one.") : "";
+    sayOrHide(this.#parts["motions-hint"], this.#idle || takeControl);
+    for (const [name, { button, act }] of this.#buttons) {
+      const runs = name === this.#running;
+      mark(button, "runs", runs);
+      const [now, later] = runs ? [cancel, play] : [play, cancel];
+      say(act, now);
+      act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
+      dim(button, runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "");
+    }
+  }
+}

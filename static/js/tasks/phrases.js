@@ -1,0 +1,88 @@
+/** Ready-made messages, each in its own script: a press and the robot says it. */
+
+import { make, makeButton, mark, sayOrHide } from "../lib/dom.js";
+import { inLanguage, languageName } from "../lib/languages.js";
+import { SearchList } from "../lib/list.js";
+import { readJson } from "../lib/read.js";
+
+export class Phrases {
+  #parts;
+  #url;
+  #list;
+  #mayAct = null;
+  #mute = "";
+  #none = "";
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {string} url where they are read
+   * @param {(order: object) => void} send
+   */
+  constructor(parts, url, send) {
+    this.#parts = parts;
+    this.#url = url;
+    this.#list = new SearchList(parts["phrase-list"], {
+      label: gettext("Search phrases"),
+      text: ({ text, language, tags = [] }) => [text, languageName(language), ...tags].join(" "),
+      group: ({ language }) => languageName(language),
+      row: (phrase) => row(phrase, send),
+    });
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#tell();
+  }
+
+  /** @param {string} why the robot cannot speak now, empty if it can */
+  set mute(why) {
+    this.#mute = why;
+    this.#tell();
+  }
+
+  /** Reads them from the console. */
+  async load() {
+    const failed = gettext("The phrases could not be read. Load the page again.");
+    try {
+      this.#show(await readJson(this.#url, failed));
+    } catch (error) {
+      this.#say(error.message);
+    }
+  }
+
+  /** Forgets the search: not every tab shows its field. */
+  showAll() {
+    this.#list.clear();
+  }
+
+  close() {
+    this.#list.close();
+  }
+
+  #show(phrases) {
+    this.#list.items = phrases;
+    this.#say(phrases.length ? "" : gettext("There are no phrases for this robot yet."));
+  }
+
+  /** @param {string} text why there are none */
+  #say(text) {
+    this.#none = text;
+    this.#tell();
+  }
+
+  #tell() {
+    this.#list.dimmed = !this.#mayAct || this.#mute !== "";
+    const { "phrases-none": words } = this.#parts;
+    sayOrHide(words, this.#none || this.#mute);
+    mark(words, "mute", this.#none === ""); // where one can write a text, that form says so
+  }
+}
+
+function row({ text, language }, send) {
+  const words = make("span", { className: "hit-name", text });
+  const button = makeButton({ className: "hit", children: [words] }, () =>
+    send({ t: "say", text, language }),
+  );
+  return inLanguage(button, language);
+}

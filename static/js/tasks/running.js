@@ -1,0 +1,131 @@
+/** What the robot performs and says, on every tab, each with its Cancel; what of a tab's input goes elsewhere. */
+
+import { make, makeButton, say, show } from "../lib/dom.js";
+import { inLanguage } from "../lib/languages.js";
+import { useLabel, usesOf } from "./uses.js";
+
+/** A text in three: before the word that is spoken, the word, and the rest. `word` counts characters, not UTF-16 units. */
+export function aroundWord(text, word) {
+  if (!word) return ["", "", text];
+  const letters = Array.from(text);
+  const [from, to] = word;
+  return [letters.slice(0, from), letters.slice(from, to), letters.slice(to)].map((part) =>
+    part.join(""),
+  );
+}
+
+function statusText(status) {
+  const texts = {
+    sent: gettext("Sent"),
+    accepted: gettext("Accepted"),
+    speaking: gettext("Speaking"),
+  };
+  return texts[status] ?? status;
+}
+
+export class Running {
+  #parts;
+  #send;
+  #titleOf;
+  #busy = false;
+  #chosen = {}; // where input goes, by use, if not to the default
+  #tab = null;
+  #mayAct = false;
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {(order: object) => void} send
+   * @param {(motion: string) => string} titleOf a motion, for people
+   */
+  constructor(parts, send, titleOf) {
+    this.#parts = parts;
+    this.#send = send;
+    this.#titleOf = titleOf;
+    const { signal } = this.#listening;
+    for (const [button, t] of [
+      ["motion-cancel", "play_cancel"],
+      ["speech-cancel", "say_cancel"],
+    ])
+      parts[button].addEventListener("click", () => send({ t }), { signal });
+  }
+
+  /** @param {object} state of the robot */
+  set state({ motion = null, speech = null, chosen = {} }) {
+    show(this.#parts["motion-runs"], motion !== null);
+    show(this.#parts["speech-runs"], speech !== null);
+    this.#busy = motion !== null || speech !== null;
+    this.#chosen = chosen;
+    this.#showElsewhere();
+    if (motion) {
+      say(this.#parts["motion-name"], this.#titleOf(motion.name));
+      say(this.#parts["motion-who"], interpolate(gettext("for %s"), [motion.who]));
+    }
+    if (speech) this.#showSpeech(speech);
+  }
+
+  /** @param {boolean} may this person may end what runs */
+  set mayCancel(may) {
+    show(this.#parts["motion-cancel"], may);
+    show(this.#parts["speech-cancel"], may);
+  }
+
+  /** @param {string} tab that is shown: its own choices go along with it */
+  set tab(tab) {
+    this.#tab = tab;
+    this.#showElsewhere();
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#showElsewhere();
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  #showElsewhere() {
+    const uses = usesOf(this.#tab).filter((use) => use in this.#chosen);
+    const shown = JSON.stringify([uses.map((use) => [use, this.#chosen[use]]), this.#mayAct]);
+    if (this.#parts.elsewhere.dataset.shown !== shown) {
+      this.#parts.elsewhere.dataset.shown = shown;
+      this.#parts.elsewhere.replaceChildren(...uses.map((use) => this.#elsewhere(use)));
+    }
+    show(this.#parts.running, this.#busy || uses.length > 0);
+  }
+
+  #elsewhere(use) {
+    const goes = interpolate(
+      gettext("%(use)s goes to %(topic)s"),
+      { use: useLabel(use), topic: this.#chosen[use] },
+      true,
+    );
+    const row = make("div", {
+      className: "runs",
+      children: [make("p", { className: "runs-words", text: goes })],
+    });
+    if (!this.#mayAct) return row;
+    const back = makeButton({ className: "button", text: gettext("Default") }, () =>
+      this.#send({ t: "choose", use, topic: null }),
+    );
+    back.setAttribute("aria-label", `${useLabel(use)}: ${gettext("Back to the default")}`);
+    row.append(back);
+    return row;
+  }
+
+  #showSpeech({ text, language, status, word, who }) {
+    const line = this.#parts["speech-text"];
+    say(this.#parts["speech-status"], statusText(status));
+    say(this.#parts["speech-who"], interpolate(gettext("for %s"), [who]));
+    const [before, spoken, after] = aroundWord(text, word);
+    inLanguage(line, language);
+    say(this.#parts["speech-before"], before);
+    say(this.#parts["speech-word"], spoken);
+    say(this.#parts["speech-after"], after);
+    const { offsetLeft, offsetWidth, offsetTop, offsetHeight } = this.#parts["speech-word"];
+    line.scrollLeft = spoken ? offsetLeft + offsetWidth / 2 - line.clientWidth / 2 : 0;
+    line.scrollTop = spoken ? offsetTop + offsetHeight / 2 - line.clientHeight / 2 : 0;
+  }
+}

@@ -1,0 +1,216 @@
+/** What a robot says: a text of one's own in a language of one's choice. */
+
+import { dim, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { inLanguage, isolated, languageChoices, languageName } from "../lib/languages.js";
+import { SearchList } from "../lib/list.js";
+import { recall, remember } from "../lib/prefs.js";
+import { levelOf } from "./task_ends.js";
+import { shortened } from "./tasks.js";
+
+const LONGEST = 500; // characters
+const LANGUAGE = "language";
+const UNSPEAKABLE = /(?![\n\t])[\p{Cc}\p{Cs}]/u;
+const HEARD = /[^\p{C}\p{Z}\s]/u;
+
+/** How many characters a text has, as the robot's side counts them. */
+function lengthOf(text) {
+  return Array.from(text).length;
+}
+
+/** A sentence that ends with a quotation has one full stop: the quotation's own, if that has one. */
+function endedOnce(sentence) {
+  return sentence.replace(/([\p{Sentence_Terminal}…]\p{P}*\p{Cf}*”)\.$/u, "$1");
+}
+
+/** How a speech ended, as a notice. */
+export function speechEndNotice({ outcome, text: why }, text) {
+  const outcomes = {
+    done: gettext("Said: “%s”."),
+    sent: gettext("Sent: “%s”. This robot does not tell when it has spoken."),
+    cancelled: gettext("Cancelled: “%s”."),
+    rejected: gettext("The robot did not accept “%s”."),
+    failed: gettext("The robot failed to say “%s”."),
+    stopped: gettext("Ended by the stop: “%s”."),
+    unheard: gettext("Nothing more was heard of “%s”."),
+  };
+  const words = outcomes[outcome] ?? `${outcome}: “%s”.`;
+  const said = endedOnce(interpolate(words, [isolated(shortened(text))]));
+  return {
+    level: levelOf(outcome),
+    code: `speech ${outcome} ${text}`,
+    text: why && outcome !== "done" && outcome !== "sent" ? `${said} ${why}` : said,
+  };
+}
+
+/** The form: text, language, and how much room is left. */
+export class Say {
+  #parts;
+  #send;
+  #list;
+  #language = recall(LANGUAGE, null);
+  #own = [];
+  #mayAct = null; // whether this tab has control; null: not known yet
+  #mute = ""; // why the robot cannot speak
+  #isSending = false;
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {(order: object) => Promise<?object>} send resolves with why it was refused
+   */
+  constructor(parts, send) {
+    this.#parts = parts;
+    this.#send = send;
+    this.#list = new SearchList(parts["language-list"], {
+      label: gettext("Search languages"),
+      text: ({ name, code }) => `${name} ${code} ${languageName(code, code)}`,
+      group: ({ own }) => (own ? gettext("This robot’s") : gettext("Others")),
+      note: ({ code }) => code,
+      act: ({ code }) => this.#choose(code),
+    });
+    const { signal } = this.#listening;
+    const on = (part, type, act) => parts[part].addEventListener(type, act, { signal });
+    on("say-text", "input", () => this.#typed());
+    on("say-text", "keydown", (event) => this.#key(event));
+    on("say-form", "submit", (event) => this.#submit(event));
+    on("language", "click", () => this.#open(parts["language-box"].hidden));
+    on("language-box", "keydown", ({ key }) => key === "Escape" && this.#closeLanguages());
+    this.#showLanguage();
+    this.#count();
+  }
+
+  /** @param {string[]} codes in which the robot speaks, its first choice first */
+  set languages(codes) {
+    if (codes.join() === this.#own.join()) return;
+    this.#own = codes;
+    this.#list.items = [];
+    this.#showLanguage();
+  }
+
+  /** @param {?boolean} may this tab has control; null: not known yet */
+  set mayAct(may) {
+    this.#mayAct = may;
+    this.#hint();
+  }
+
+  /** @param {string} why the robot cannot speak now, empty if it can */
+  set mute(why) {
+    this.#mute = why;
+    this.#hint();
+  }
+
+  get language() {
+    return this.#language ?? this.#own[0] ?? "en-GB";
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#list.close();
+  }
+
+  // --- language --------------------------------------------------------------------------------
+
+  #open(open) {
+    if (open && this.#list.items.length === 0) this.#list.items = languageChoices(this.#own);
+    show(this.#parts["language-box"], open);
+    this.#parts.language.setAttribute("aria-expanded", String(open));
+    if (!open) return;
+    this.#list.focus();
+    this.#parts["language-box"].scrollIntoView({ block: "nearest" }); // on a phone the hits are below its edge
+  }
+
+  #closeLanguages() {
+    this.#open(false);
+    this.#parts.language.focus();
+  }
+
+  #choose(code) {
+    this.#language = code;
+    remember(LANGUAGE, code);
+    this.#showLanguage();
+    this.#open(false);
+    this.#parts["say-text"].focus();
+  }
+
+  #showLanguage() {
+    say(this.#parts["language-name"], languageName(this.language));
+    inLanguage(this.#parts["say-text"], this.language);
+  }
+
+  // --- text ------------------------------------------------------------------------------------
+
+  /** What keeps the robot from speaking, whatever the text is. */
+  #hint() {
+    const takeControl = this.#mayAct === false ? gettext("Take control first.") : "";
+    sayOrHide(this.#parts["say-hint"], this.#mute || takeControl);
+    this.#count();
+  }
+
+  #typed() {
+    this.#say("");
+    this.#count();
+  }
+
+  #count() {
+    const length = lengthOf(this.#parts["say-text"].value.trim());
+    const { "say-count": count, "say-send": send } = this.#parts;
+    say(count, `${length} / ${LONGEST}`);
+    mark(count, "over", length > LONGEST);
+    dim(send, !this.#mayAct || this.#mute !== "" || length > LONGEST);
+  }
+
+  /** Enter sends; Shift and Enter break the line; what is being composed (an accent, a syllable) is not yet a text. */
+  #key(event) {
+    if (event.key !== "Enter" || event.shiftKey || event.isComposing) return;
+    event.preventDefault();
+    this.#parts["say-form"].requestSubmit();
+  }
+
+  /** Pressed twice, or held down, Enter says it once. Why the robot refuses it is told like every outcome. */
+  async #submit(event) {
+    event.preventDefault();
+    if (this.#isSending) return;
+    const field = this.#parts["say-text"];
+    const text = field.value.trim();
+    const fault = this.#fault(text);
+    this.#say(fault);
+    if (fault) return;
+    this.#isSending = true;
+    const refusal = await this.#send({ t: "say", text, language: this.language });
+    this.#isSending = false;
+    if (!refusal && field.value.trim() === text) this.#clear();
+  }
+
+  #fault(text) {
+    const unspeakable = UNSPEAKABLE.exec(text);
+    if (unspeakable) return this.#pointOut(text, unspeakable);
+    if (!HEARD.test(text)) return gettext("Write what the robot should say.");
+    if (this.#mute) return this.#mute;
+    if (!this.#mayAct) return gettext("Take control first: then the robot can speak.");
+    if (lengthOf(text) > LONGEST)
+      return interpolate(gettext("At most %s characters: shorten it."), [LONGEST]);
+    return "";
+  }
+
+  /** What cannot be seen is selected: a key deletes it. */
+  #pointOut(text, { 0: character, index }) {
+    const field = this.#parts["say-text"];
+    const start = field.value.indexOf(text) + index;
+    field.focus();
+    field.setSelectionRange(start, start + character.length);
+    const code = character.codePointAt(0).toString(16).toUpperCase().padStart(4, "0");
+    const place = lengthOf(text.slice(0, index)) + 1;
+    const words = gettext("Character %(place)s (U+%(code)s) cannot be spoken: delete it.");
+    return interpolate(words, { place, code }, true);
+  }
+
+  #clear() {
+    this.#parts["say-text"].value = "";
+    this.#count();
+  }
+
+  #say(text) {
+    sayOrHide(this.#parts["say-fault"], text);
+    this.#parts["say-text"].setAttribute("aria-invalid", String(text !== ""));
+  }
+}

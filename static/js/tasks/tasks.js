@@ -1,0 +1,178 @@
+/** Orders to the robot besides driving: each has a number, gets one answer, and is told of once. */
+
+import { isolated } from "../lib/languages.js";
+import { useLabel } from "./uses.js";
+
+export const PATIENCE_MS = 750;
+export const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answer to what a person remembers
+
+// What those may ask who do not have control: the console knows who may cancel.
+const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
+
+/** What an order is, in words. */
+function orderText(order) {
+  switch (order.t) {
+    case "look_ahead":
+      return gettext("Look ahead");
+    case "forget":
+      return gettext("Forget what was seen");
+    case "play":
+      return interpolate(gettext("Play %s"), [order.title ?? order.motion]);
+    case "play_cancel":
+      return gettext("Cancel the motion");
+    case "say":
+      return interpolate(gettext("Say “%s”"), [isolated(shortened(order.text))]);
+    case "say_cancel":
+      return gettext("Cancel speech");
+    case "choose":
+      return interpolate(gettext("Change where %s goes"), [useLabel(order.use)]);
+    case "publish":
+      return interpolate(gettext("Publish on %s"), [order.topic]);
+    case "publish_stop":
+      return interpolate(gettext("Publish no more on %s"), [order.topic]);
+    case "refresh":
+      return gettext("Read the list again");
+    default:
+      return order.t;
+  }
+}
+
+/** What is done by an order that was accepted; empty where the robot goes on to tell how it ends. */
+function doneText(order) {
+  switch (order.t) {
+    case "look_ahead":
+      return gettext("The head turns to where the robot drives.");
+    case "forget":
+      return gettext("What was seen before is forgotten.");
+    case "choose":
+      return interpolate(
+        order.topic
+          ? gettext("%(use)s goes to %(topic)s now.")
+          : gettext("%(use)s goes to its default again."),
+        { use: useLabel(order.use), topic: order.topic },
+        true,
+      );
+    case "publish":
+      return interpolate(gettext("Published on %s."), [order.topic]);
+    case "publish_stop":
+      return publishedNoMore(order.topic);
+    case "refresh":
+      return gettext("The robot is asked for its list again.");
+    default:
+      return "";
+  }
+}
+
+/** What there is to tell when a topic's messages were ended. */
+export function publishedNoMore(topic) {
+  return interpolate(gettext("Nothing more is published on %s."), [topic]);
+}
+
+/** The beginning of a text, on one line. */
+export function shortened(text, length = 40) {
+  const line = text.replace(/\s+/g, " ").trim();
+  const letters = Array.from(line);
+  return letters.length <= length ? line : `${letters.slice(0, length - 1).join("")}…`;
+}
+
+/**
+ * Sends under the fencing number of this tab's control. Knows which motion and which speech this page began, so that
+ * their end is told to the person who asked.
+ */
+export class Orders {
+  #send;
+  #tell;
+  #seq;
+  #fence = null;
+  #waiting = new Map();
+
+  /**
+   * @param {(message: object) => boolean} send whether there was a connection
+   * @param {(notice: {level: string, code: string, text: string}) => void} tell
+   * @param {number} first the numbers begin after it: they grow over reloads of the tab
+   */
+  constructor(send, tell, first) {
+    this.#send = send;
+    this.#tell = tell;
+    this.#seq = first;
+  }
+
+  /** @param {?number} fence of this tab's control; null: it has none */
+  set fence(fence) {
+    this.#fence = fence;
+  }
+
+  /**
+   * @param {object} order without its number and fence. `title` is for people and stays here; `quiet` tells of a
+   *   refusal only, for what a page repeats.
+   * @returns {Promise<?object>} why it was refused; null if it was accepted
+   */
+  send(order) {
+    if (this.#fence === null && !WITHOUT_CONTROL.has(order.t)) {
+      const text = gettext("Take control first.");
+      return Promise.resolve(this.#refused(order, { code: "no_lease", text }));
+    }
+    const { title, quiet, ...message } = order;
+    this.#seq += 1;
+    message.seq = this.#seq;
+    if (this.#fence !== null && order.t !== "refresh") message.fence = this.#fence;
+    if (!this.#send(message)) {
+      const text = gettext("There is no connection to the console: nothing was sent.");
+      return Promise.resolve(this.#refused(order, { code: "not_connected", text }));
+    }
+    return new Promise((resolve) => {
+      const late = setTimeout(() => this.#late(message.seq), PATIENCE_MS);
+      const forgotten = setTimeout(() => this.#waiting.delete(message.seq), FORGOTTEN_MS);
+      this.#waiting.set(message.seq, { order, resolve, timers: [late, forgotten] });
+    });
+  }
+
+  /** @returns {boolean} whether the message was the answer to an order */
+  heard({ t, of, seq, refusal }) {
+    const waiting = this.#waiting.get(seq);
+    if ((t !== "accepted" && t !== "refused") || waiting?.order.t !== of) return false;
+    this.#forget(seq);
+    waiting.resolve(
+      t === "accepted" ? this.#done(waiting.order) : this.#refused(waiting.order, refusal),
+    );
+    return true;
+  }
+
+  /** The connection is gone, and with it the answers. */
+  lost() {
+    const text = gettext("The connection was lost before an answer came.");
+    for (const [seq, { order, resolve, isLate }] of this.#waiting) {
+      this.#forget(seq);
+      if (!isLate) resolve(this.#refused(order, { code: "no_answer", text }));
+    }
+  }
+
+  close() {
+    for (const seq of this.#waiting.keys()) this.#forget(seq);
+  }
+
+  #forget(seq) {
+    for (const timer of this.#waiting.get(seq).timers) clearTimeout(timer);
+    this.#waiting.delete(seq);
+  }
+
+  #done(order) {
+    const text = doneText(order);
+    if (text && !order.quiet) this.#tell({ level: "success", code: text, text });
+    return null;
+  }
+
+  #refused(order, refusal) {
+    const what = orderText(order); // two motions refused are two notices, though for one reason
+    const code = `${what} ${refusal.code}`;
+    this.#tell({ level: "warning", code, text: `${what}: ${refusal.text}` });
+    return refusal;
+  }
+
+  #late(seq) {
+    const waiting = this.#waiting.get(seq);
+    waiting.isLate = true; // and said to be: it is told once more only if its answer comes
+    const text = gettext("no answer within 0.75 s. Look what the robot does before you try again.");
+    waiting.resolve(this.#refused(waiting.order, { code: "no_answer", text }));
+  }
+}

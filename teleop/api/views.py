@@ -1,0 +1,207 @@
+"""REST for pages and lab tooling: the robots, how they are, what they say and said.
+
+What is refused is explained like everywhere else.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from typing import Any, cast
+
+import msgspec
+from django.utils import timezone
+from rest_framework.exceptions import APIException, AuthenticationFailed, NotAuthenticated, NotFound
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView, exception_handler
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from robots.link.client import LinkRefused, state_once
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import (
+    link_address,
+    phrases_of,
+    robot_facts,
+    robot_seen_by,
+    robots_visible_to,
+    role_on,
+    roles_of,
+)
+from robots.stop import courier
+from robots.stop.pending_stops import name_of
+from robots.wire import PendingStop, Refusal, Rule, State
+from teleop.control import rules
+from teleop.control.policy import out_of_service
+from teleop.control.selectors import holding_of
+from teleop.recording import refusals
+from teleop.recording.refusals import Denied
+from teleop.reports.history import speech_history
+
+LONGEST_PAGE = 200  # entries of history at once
+HIGHEST_NUMBER = 2**63 - 1
+SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.", "account")
+
+
+class BadQuery(APIException):
+    """What stands behind the ? of an address makes no sense."""
+
+    status_code = 400
+    default_code = "invalid"
+
+
+def explained(error: Exception, context: dict[str, Any]) -> Response | None:
+    """Every error as a refusal: a code for programs, a sentence for people, the rule behind it."""
+    response = exception_handler(error, context)
+    if response is None:
+        return None
+    if isinstance(error, NotAuthenticated | AuthenticationFailed):
+        return Response(msgspec.to_builtins(SIGNED_OUT), status=401)
+    known = isinstance(error, APIException)
+    code = cast(APIException, error).default_code if known else "not_found"
+    text = (
+        str(cast(APIException, error).detail) if known else "There is no such robot, or you may not see it."
+    )
+    rule: Rule = "account" if response.status_code == 403 else "wire"
+    refusal = Refusal(code, text, rule)
+    response.data = msgspec.to_builtins(refusal)
+    _note(refusal, context["request"])
+    return response
+
+
+def _note(refusal: Refusal, request: Request) -> None:
+    """Put on record what was refused to somebody who is signed in and asked for it themselves.
+
+    What is refused early is refused before it is known who asks: to find out may be refused as well (a forged request).
+    """
+    try:
+        person = request.user
+    except APIException:
+        return
+    if isinstance(person, User):
+        match = request.resolver_match
+        asked = f"{request.method} {match.route if match else ''}".strip()
+        refusals.note(Denied(person, "rest", asked, refusal))
+
+
+class FleetApi(APIView):
+    """What the addresses below have in common."""
+
+    def get_exception_handler(self) -> Callable[[Exception, dict[str, Any]], Response | None]:
+        """Explain refusals."""
+        return explained
+
+    def person(self) -> User:
+        """Who asks."""
+        return person_of(self.request)
+
+    def visible(self, slug: str) -> Robot:
+        """The robot, if the person may see it; else 404."""
+        return robot_seen_by(self.person(), slug)
+
+    def number(self, name: str, default: int, most: int) -> int:
+        """A whole number, from 1 to `most`, behind the ? of the address."""
+        given = self.request.query_params.get(name, str(default))
+        if not (re.fullmatch("[0-9]{1,19}", given) and 1 <= int(given) <= most):
+            raise BadQuery(f"{name} must be a whole number from 1 to {most}.")
+        return int(given)
+
+
+class RobotList(FleetApi):
+    """GET: the robots that this person may see."""
+
+    def get(self, request: Request) -> Response:
+        """Names and roles; how a robot is, its own address tells."""
+        robots = list(robots_visible_to(self.person()))
+        roles = roles_of(self.person(), robots)
+        return Response([entry(robot, roles.get(robot.id)) for robot in robots])
+
+
+class RobotDetail(FleetApi):
+    """GET: one robot, and how it is as far as its bridge knows."""
+
+    def get(self, request: Request, slug: str) -> Response:
+        """Facts, holder, state; `refusal` says why the state is not known."""
+        robot = self.visible(slug)
+        holding = holding_of(robot.id)
+        held = holding is not None and rules.lapse(holding, timezone.now()) is None
+        state, refusal = _state(robot)
+        seen_at = _seen_at(state)
+        return Response(
+            {
+                **entry(robot, role_on(self.person(), robot)),
+                "facts": msgspec.to_builtins(robot_facts(robot)),
+                "holder": holding.name if holding and held else None,
+                "state": msgspec.to_builtins(state),
+                "seen_at": seen_at.isoformat(timespec="seconds") if seen_at else None,
+                "refusal": msgspec.to_builtins(refusal),
+                "pending_stop": msgspec.to_builtins(_pending(robot)),
+            }
+        )
+
+
+class RobotPhrases(FleetApi):
+    """GET: the ready-made messages of one robot, in their order."""
+
+    def get(self, request: Request, slug: str) -> Response:
+        """Each as it is said, with its language and tags."""
+        lines = [(phrase.pk, phrase.line) for phrase in phrases_of(self.visible(slug))]
+        return Response([{"id": number, **msgspec.to_builtins(line)} for number, line in lines])
+
+
+class RobotSpeech(FleetApi):
+    """GET: what one robot was made to say, newest first, from the audit log.
+
+    `limit` entries (50) with numbers below `before`; those of others are for supervisors and staff.
+    """
+
+    def get(self, request: Request, slug: str) -> Response:
+        """`more`: there are older ones."""
+        robot = self.visible(slug)
+        before = self.number("before", HIGHEST_NUMBER, HIGHEST_NUMBER)
+        limit = self.number("limit", 50, LONGEST_PAGE)
+        history = speech_history(robot, self.person(), before=before, limit=limit)
+        return Response(msgspec.to_builtins(history))
+
+
+class NoSuchAddress(FleetApi):
+    """Whatever else is asked for here."""
+
+    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
+        """404, in words."""
+        super().initial(request, *args, **kwargs)
+        raise NotFound("There is no such address.")
+
+
+def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
+    """A robot in a list, with one's role on it."""
+    return {
+        "slug": robot.slug,
+        "name": robot.name,
+        "profile": robot.profile.slug,
+        "practice": robot.practice,
+        "enabled": robot.enabled,
+        "role": role.value if role else None,
+    }
+
+
+def _seen_at(state: State | None) -> datetime | None:
+    """When the robot itself was last heard, as far as its bridge knows: REST has no link that would know more."""
+    if state is None or state.unseen_s is None:
+        return None
+    return timezone.now() - timedelta(seconds=state.unseen_s)
+
+
+def _pending(robot: Robot) -> PendingStop | None:
+    """The newest stop that nobody has confirmed yet."""
+    waiting = courier.pending_stops().of(name_of(robot.id))
+    return waiting[-1].told() if waiting else None
+
+
+def _state(robot: Robot) -> tuple[State | None, Refusal | None]:
+    try:
+        return state_once(robot.id, link_address(robot)), None
+    except LinkRefused as refused:
+        return None, out_of_service(robot) or refused.refusal

@@ -1,0 +1,143 @@
+"""What the database says about control, as the values that the rules take."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from datetime import datetime
+from uuid import UUID
+
+from django.db.models.functions import Lower
+
+from fleet.accounts.models import User
+from fleet.accounts.selectors import signed_in
+from fleet.audit.models import Record
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import allowed_on, link_address, robot_facts, roles_on
+from robots.wire import Refusal
+from teleop.control.policy import out_of_service, permitted_as
+from teleop.control.rules import Ask, Holding, Tab
+from teleop.control.status import Ending, Registered, Rights, Standing
+from teleop.models import ControlRequest, ControlSession, Lease
+
+SignIn = tuple[UUID, str]  # user, session key
+
+SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "account")
+
+
+def holding_of(robot_id: UUID) -> Holding | None:
+    """Who has the robot, by the table; it may have lapsed by the clock (`rules.phase`)."""
+    leases = Lease.objects.filter(robot_id=robot_id, session__isnull=False)
+    lease = leases.select_related("session__user").first()
+    return None if lease is None else _holding(lease)
+
+
+def held_robots() -> list[tuple[UUID, Holding]]:
+    """Every robot that somebody has, and who."""
+    leases = Lease.objects.filter(session__isnull=False).select_related("session__user")
+    return [(lease.robot_id, _holding(lease)) for lease in leases]
+
+
+def asks_of(robot_id: UUID) -> list[Ask]:
+    """Who asks for the robot, oldest first; some may have lapsed (`rules.open_asks`)."""
+    requests = ControlRequest.objects.filter(robot_id=robot_id, answered_at=None).select_related("user")
+    return [
+        Ask(
+            id=request.pk,
+            user=request.user.id,
+            name=request.user.display_name,
+            tab=Tab(request.tab, request.sign_in, request.connection),
+            asked_at=request.asked_at,
+        )
+        for request in requests.order_by("asked_at")
+    ]
+
+
+def standing_of(
+    robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
+) -> Standing:
+    """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
+    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
+    holding = holding_of(robot_id)
+    return Standing(
+        read_at=now,
+        holding=holding,
+        asks=asks_of(robot_id),
+        endings=_endings(set(sessions) - {holding.session} if holding else sessions),
+        rights=rights_of(people, robot, now),
+    )
+
+
+def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
+    """In words for who held it, why each of these control sessions ended, as far as there are words.
+
+    They stand in the audit log alone: with reasons and names in them they expire, and go when a person is erased.
+    """
+    # By the index of sessions: SQLite would take that of kinds, and look at every session's end.
+    of_sessions = Record.objects.filter(session_id__in=sessions).alias(what=Lower("kind"))
+    ends = of_sessions.filter(what="control.end", content__isnull=False)
+    told = ends.values_list("session_id", "content__data")
+    return {session: data["words"] for session, data in told if session and "words" in data}
+
+
+def rights_of(people: Collection[SignIn], robot: Robot | None, now: datetime) -> dict[SignIn, Rights]:
+    """What each sign-in may do with the robot; nothing if the robot is None: it was deleted.
+
+    Two queries, however many people look; a third if somebody's sign-in ended.
+    """
+    alive = signed_in(people)
+    users = {user.id: user for user in alive.values()}
+    if ended := {user_id for user_id, _ in people} - users.keys():
+        users |= User.objects.in_bulk(ended)
+    roles = roles_on(robot, users.values()) if robot else {}
+    return {
+        person: _rights(users.get(person[0]), person in alive, roles.get(person[0]), robot, now)
+        for person in set(people)
+    }
+
+
+def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | None, now: datetime) -> Rights:
+    if user is None or not user.is_active:
+        return _nothing(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
+    if not alive:
+        return _nothing(SIGNED_OUT)
+    if robot is None or role is None:
+        return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
+    permit = permitted_as(role, user=user, robot=robot, now=now)
+    return Rights(True, role, permit)
+
+
+def registered(robot_id: UUID) -> Registered | None:
+    """What pages and the link need to know of the robot; None if it was deleted."""
+    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
+    if robot is None:
+        return None
+    allowed = () if robot.problems else allowed_on(robot)
+    return Registered(out_of_service(robot), robot_facts(robot), link_address(robot), allowed)
+
+
+def _nothing(refusal: Refusal) -> Rights:
+    return Rights(alive=False, role=None, permit=refusal)
+
+
+def _endings(sessions: Collection[UUID]) -> dict[UUID, Ending]:
+    if not sessions:
+        return {}
+    over = ControlSession.objects.filter(pk__in=sessions, ended_at__isnull=False)
+    notes = end_notes(sessions)
+    return {session.id: Ending(session.end_reason, notes.get(session.id, "")) for session in over}
+
+
+def _holding(lease: Lease) -> Holding:
+    session = lease.session
+    if session is None or lease.term_ends_at is None or lease.seen_at is None:
+        raise ValueError(f"the lease of robot {lease.robot_id} is held, but incomplete")
+    return Holding(
+        session=session.id,
+        user=session.user.id,
+        name=session.user.display_name,
+        tab=Tab(lease.tab, lease.sign_in, lease.connection),
+        role=Role(lease.role),
+        fence=session.fence,
+        term_ends_at=lease.term_ends_at,
+        seen_at=lease.seen_at,
+    )

@@ -1,0 +1,29 @@
+"""Control ends with the sign-in that took it."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from django.contrib.auth.signals import user_logged_out
+from django.dispatch import receiver
+from django.http import HttpRequest
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from teleop.control import services
+from teleop.control.rules import fingerprint
+from teleop.control.selectors import SIGNED_OUT
+
+log = logging.getLogger(__name__)
+
+
+@receiver(user_logged_out)
+def _signed_out(*, request: HttpRequest, user: User | None, **_: Any) -> None:
+    key = request.session.session_key
+    if user is None or key is None:
+        return
+    try:
+        services.leases_end_with(fingerprint(key), user_id=user.pk, refusal=SIGNED_OUT, now=timezone.now())
+    except services.ControlRefused as refused:
+        log.warning("control of %s did not end with the sign-in, and lapses by itself: %s", user.pk, refused)

@@ -1,0 +1,272 @@
+"""The live fleet page: a card for each robot that its person may see."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import partial
+from uuid import UUID
+
+from django.db import DatabaseError
+from msgspec import Struct, structs
+
+from fleet.accounts.models import User
+from fleet.accounts.selectors import signed_in
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.link.client import BridgeLink, links
+from robots.registry.models import Role
+from robots.registry.selectors import link_address, robots_visible_to, roles_of
+from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
+from teleop.background.database import in_database
+from teleop.control.policy import out_of_service
+from teleop.control.selectors import SIGNED_OUT, SignIn
+from teleop.control.services import let_down
+from teleop.live.socket import CloseCode, MessageSocket, beside
+from teleop.live.tasks import BUSY
+from teleop.recording.refusals import Denied
+from teleop.stop.emergency_stop import StopButton, clear
+
+log = logging.getLogger(__name__)
+
+RIGHTS_S = 2.0
+CALM_S = 1.0  # between two pictures when nothing of note changed
+BUSY_S = 0.1  # and when it did
+
+_SILENT = Refusal(
+    "bridge_silent", "The robot’s bridge says nothing: it is held up, or its computer is.", "robot"
+)
+_UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
+_NONE = Refusal("no_such_robot", "There is no robot in service that you may stop.", "account")
+
+
+class Visible(Struct, frozen=True):
+    """A robot that the person may see."""
+
+    id: UUID
+    slug: str
+    enabled: bool
+    refusal: Refusal | None  # why nobody drives it
+    link: LinkAddress
+    may_clear: bool
+
+
+class FleetConsumer(MessageSocket):
+    """One fleet page. It is sent the newest picture when it has drawn the last, never a queue."""
+
+    through = "fleet page"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._robots: dict[str, Visible] = {}
+        self._links: dict[str, BridgeLink] = {}
+        self._drawn = True
+        self._news = asyncio.Event()
+        self._noted: list[object] = []
+        self._buttons: dict[str, StopButton] = {}
+        self._clearing: set[str] = set()  # robots whose clear is under way
+        self._loops: list[asyncio.Task[None]] = []
+
+    # --- opening and closing -----------------------------------------------------------------------
+
+    async def opened(self) -> None:
+        """Show what there is, and keep looking."""
+        self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
+        self.user = await in_database(_person, self.person)
+        await self._look()
+        self._loops = [beside(self._keep_looking()), beside(self._keep_showing())]
+
+    async def closed(self) -> None:
+        """Follow no robot any more."""
+        for loop in self._loops:
+            loop.cancel()
+        for link in self._links.values():
+            link.unsubscribe(self)
+
+    # --- what the page says ------------------------------------------------------------------------
+
+    async def heard(self, raw: str) -> None:
+        """One message. A stop waits for nothing."""
+        match fleet_message(raw):
+            case wire.StopAll():
+                if slugs := [robot.slug for robot in self._robots.values() if robot.enabled]:
+                    self._press_stop(slugs)
+                elif await self.within_budget("stop"):
+                    await self.refuse("stop", _NONE)
+            case wire.StopRobot(slug=slug) if slug in self._robots:
+                self._press_stop([slug])
+            case wire.StopRobot():
+                if await self.within_budget("stop"):
+                    await self.refuse("stop", _UNKNOWN)
+            case wire.ClearRobot(slug=slug, number=number):
+                if await self.within_budget("clear"):
+                    await self._clear_soon(slug, number)
+            case wire.Ack():
+                if await self.within_budget("ack"):
+                    self._drawn = True
+                    self._note()
+            case wire.Ping(sent_ms=sent_ms):
+                if await self.within_budget("ping"):
+                    await self.tell(wire.Pong(sent_ms))
+
+    def _press_stop(self, slugs: Iterable[str]) -> None:
+        flood = not self.spend()  # paid for, and never refused
+        for slug in slugs:
+            button = self._buttons.get(slug)
+            if button is None:
+                not_stopped = partial(self._not_stopped, slug)
+                button = self._buttons[slug] = StopButton(self.user, self.through, not_stopped)
+            button.press(self._links[slug], flood=flood)
+
+    async def _not_stopped(self, slug: str, refusal: Refusal) -> None:
+        """Say of which robot, always: whoever pressed Stop all must know where to go."""
+        told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
+        await self.answer(Refused("stop", told))
+
+    async def _clear_soon(self, slug: str, number: int) -> None:
+        """Each robot for itself, beside the others: checked, recorded, sent with the stop's number."""
+        if slug not in self._robots:
+            await self._not_cleared(slug, _UNKNOWN)
+        elif slug in self._clearing:
+            await self._not_cleared(slug, BUSY)
+        else:
+            self._clearing.add(slug)
+            beside(self._clear(slug, self._links[slug], number))
+
+    async def _clear(self, slug: str, link: BridgeLink, number: int) -> None:
+        try:
+            await clear(link, number, user=self.user, tab=None)
+        except NotDone as refused:
+            await self._not_cleared(slug, refused.refusal)
+        except DatabaseError as error:
+            await self._not_cleared(slug, let_down(error))
+        finally:
+            self._clearing.discard(slug)
+
+    async def _not_cleared(self, slug: str, refusal: Refusal) -> None:
+        told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
+        await self.answer(Refused("clear", told))
+
+    def denied(self, of: str, refusal: Refusal) -> Denied:
+        """By this person; which robot it was about, the record of a stop tells."""
+        return Denied(self.user, self.through, of, refusal)
+
+    # --- what the page is shown --------------------------------------------------------------------
+
+    async def _keep_showing(self) -> None:
+        while True:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._news.wait(), CALM_S)
+            self._news.clear()
+            if self._drawn:
+                self._drawn = False
+                self._noted = self._of_note()
+                try:
+                    await self.tell(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
+                except Exception:
+                    self._drawn = True
+                    log.exception("a fleet page was not shown the robots")
+            await asyncio.sleep(BUSY_S)
+
+    def _card(self, slug: str) -> FleetCard:
+        link, robot = self._links[slug], self._robots[slug]
+        known = link.up and not link.silent
+        refusal = None if known else robot.refusal or link.refusal or _SILENT
+        state = link.state if known else None
+        return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending)
+
+    def _note(self) -> None:
+        if self._drawn and self._of_note() != self._noted:
+            self._news.set()
+
+    def _of_note(self) -> list[object]:
+        """What people want to see at once when it changes."""
+        return [
+            (
+                link.up,
+                link.silent,
+                link.pending,
+                state and (state.phase, state.holder, state.stop, state.verdict.code),
+            )
+            for link in self._links.values()
+            for state in (link.state,)
+        ]
+
+    # --- what it is made of ------------------------------------------------------------------------
+
+    async def _keep_looking(self) -> None:
+        while True:
+            await asyncio.sleep(RIGHTS_S)
+            try:
+                await self._look()
+            except DatabaseError as error:
+                log.warning("the robots of a fleet page were not looked up: %s", error)
+            except Exception:
+                log.exception("looking up the robots of a fleet page failed")
+
+    async def _look(self) -> None:
+        """Follow the robots that this person may see now."""
+        visible = await in_database(_visible_to, self.person)
+        if visible is None:
+            await self.close(CloseCode.SIGNED_OUT, SIGNED_OUT.text)
+            return
+        self._robots = {robot.slug: robot for robot in visible}
+        wanted = {robot.slug: links.get(robot.id, robot.link) for robot in visible}
+        for slug, link in self._links.items():
+            if wanted.get(slug) is not link:
+                link.unsubscribe(self)
+        fresh = [link for slug, link in wanted.items() if self._links.get(slug) is not link]
+        self._links = wanted
+        for link in fresh:
+            link.subscribe(self)
+
+    # --- what the links say (robots.link.client.Listener) ---------------------------------------------------
+
+    def on_view(self, raw: str) -> None:
+        """Not asked for: cards show the state."""
+
+    def on_status(self, state: State) -> None:
+        """Show it soon if it is of note."""
+        self._note()
+
+    def on_link(self, up: bool, refusal: Refusal | None) -> None:
+        """Show it soon."""
+        self._note()
+
+    def on_offers(self, offers: Offers) -> None:
+        """Not on a card."""
+
+    def on_seen(self, topic: str, shown: str) -> None:
+        """Not on a card."""
+
+    def on_ended(self, ended: Ended) -> None:
+        """The state tells."""
+
+    def on_refused(self, refused: Refused) -> None:
+        """Not for this page."""
+
+
+def _person(person: SignIn) -> User:
+    return User.objects.get(pk=person[0])
+
+
+def _visible_to(person: SignIn) -> Iterable[Visible] | None:
+    """The robots that this sign-in may see; None if it ended."""
+    user = signed_in([person]).get(person)
+    if user is None:
+        return None
+    robots = list(robots_visible_to(user))
+    roles = roles_of(user, robots)
+    return [
+        Visible(
+            robot.id,
+            robot.slug,
+            robot.enabled,
+            out_of_service(robot),
+            link_address(robot),
+            may_clear=roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR,
+        )
+        for robot in robots
+    ]

@@ -1,0 +1,25 @@
+"""Addresses of the WebSockets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.urls import path, re_path
+
+from teleop.live.fleet_consumer import FleetConsumer
+from teleop.live.robot_consumer import RobotConsumer
+from teleop.live.socket import no_such_address
+from teleop.live.topics_consumer import TopicsConsumer
+
+# Any: `path` is typed for HTTP views.
+fleet_page: Any = FleetConsumer.as_asgi()
+robot_page: Any = RobotConsumer.as_asgi()
+robot_topics: Any = TopicsConsumer.as_asgi()
+elsewhere: Any = no_such_address
+
+websocket_urlpatterns = [
+    path("ws/fleet/", fleet_page),
+    path("ws/robots/<slug:slug>/", robot_page),
+    path("ws/robots/<slug:slug>/topics/", robot_topics),
+    re_path("", elsewhere),
+]

@@ -1,0 +1,110 @@
+"""The robot's topics, live: for the topics tab, and for applications."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from robots import wire
+from robots.bridge.server.flood_limits import Budget
+from robots.wire import NotDone, Question, Refusal, Refused, kind_of, topics_message
+from teleop.live import robot_hub
+from teleop.live.robot_socket import RobotSocket
+from teleop.live.service_calls import Call, carry_out
+from teleop.live.socket import beside
+from teleop.live.tasks import BUSY
+from teleop.live.topic_feed import Looker, Withheld
+from teleop.recording.camera_audit import Watching
+
+UNDER_WAY = 8  # questions of one connection
+QUESTIONS_PER_S = 5.0  # an answer may be large, and nobody knows whether the last was read
+QUESTIONS_BURST = 30.0
+WATCHED_OFTEN = Refusal(
+    "busy", "You have begun to watch cameras very often: this one is shown in a moment.", "audit"
+)
+
+
+class TopicsConsumer(RobotSocket):
+    """One connection that looks at one robot's topics: its questions, its live views."""
+
+    through = "topics"
+    closely = True  # what it sees are the robot's messages themselves
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looker: Looker | None = None
+        self.watching: Watching | None = None
+        self._under_way = 0
+        self._questions = Budget(QUESTIONS_PER_S, QUESTIONS_BURST)
+
+    async def opened(self) -> None:
+        """Let this person in, if they may look at the robot."""
+        entry = await self.find_robot()
+        if entry is not None:
+            self.room = robot_hub.enter(self.robot_id, entry, self)
+            self.watching = Watching(self.user, self.robot_id, entry.facts.name)
+            self.looker = Looker(self.room.topics, self._show)
+            await self.room.link_settles()
+            self.tell_if_gone()
+
+    async def closed(self) -> None:
+        """Look no more; a call that is under way goes on record all the same."""
+        self._look_away()
+        if self.entered:
+            await self.room.remove(self)
+
+    async def cut_off(self, refusal: Refusal) -> None:
+        """This person may not look any more."""
+        self._look_away()
+        await super().cut_off(refusal)
+
+    def _look_away(self) -> None:
+        if self.looker:
+            self.looker.leave()
+        if self.watching:
+            self.watching.end_all()
+
+    async def _show(self, event: dict[str, Any]) -> None:
+        if self.watching and not self.watching.shown(event["text"]):
+            await self.refuse("look", WATCHED_OFTEN)
+            raise Withheld
+        await self.asgi_send(event)
+
+    # --- what is asked -----------------------------------------------------------------------------
+
+    async def heard(self, raw: str) -> None:
+        """One message."""
+        message = topics_message(raw)
+        if self.looker is None or not await self.within_budget(kind_of(message)):
+            return
+        match message:
+            case wire.Look(topic=topic, rate_hz=rate_hz):
+                refusal = self.looker.look(topic, rate_hz)
+                if refusal is not None:
+                    await self.refuse("look", refusal)
+            case wire.Unlook(topic=topic):
+                self.looker.look_away(topic)
+                if self.watching:
+                    self.watching.end(topic)
+            case wire.Ack():
+                self.looker.drawn()
+            case wire.Ping(sent_ms=sent_ms):
+                await self.tell(wire.Pong(sent_ms))
+            case question if self._under_way < UNDER_WAY and self._questions.spend(time.monotonic()):
+                self._under_way += 1
+                beside(self._answer(question))
+            case question:
+                await self.refuse(kind_of(question), BUSY, question.seq)
+
+    async def _answer(self, question: Question) -> None:
+        try:
+            await self.tell_raw(await self._found_out(question))
+        except NotDone as refused:
+            await self.answer(Refused(kind_of(question), refused.refusal, question.seq))
+        finally:
+            self._under_way -= 1
+
+    async def _found_out(self, question: Question) -> str:
+        if isinstance(question, Call):
+            return await carry_out(question, room=self.room, user=self.user, rights=self.rights)
+        return await self.room.link.ask(question)

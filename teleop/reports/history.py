@@ -1,0 +1,63 @@
+"""What a robot was made to say: the audit log, read back."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from django.db.models import QuerySet
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.registry.models import Robot
+from robots.registry.selectors import supervises
+
+
+class Said(Struct, frozen=True):
+    """One text that a robot was asked to say."""
+
+    number: int  # of its record
+    text: str
+    language: str
+    topic: str
+    who: str
+    at: datetime
+    outcome: str | None  # as `robots.wire.SpeechEnd`; None: not known yet
+    why: str
+
+
+class History(Struct, frozen=True):
+    """Some of it, newest first."""
+
+    entries: list[Said]
+    more: bool
+
+
+def speech_history(robot: Robot, user: User, *, before: int, limit: int) -> History:
+    """At most `limit` texts with numbers below `before`: everybody's for who supervises the robot, else one's own."""
+    found = list(_starts(robot, user).filter(pk__lt=before).order_by("-pk")[: limit + 1])
+    shown = found[:limit]
+    ends = {
+        end.of_id: end
+        for end in Record.objects.filter(kind="speech.end", of__in=shown).select_related("content")
+    }
+    return History([_said(start, ends.get(start.pk)) for start in shown], more=len(found) > limit)
+
+
+def _starts(robot: Robot, user: User) -> QuerySet[Record]:
+    starts = Record.objects.filter(kind="speech.start", robot_id=robot.id).select_related("actor", "content")
+    return starts if supervises(user, robot) else starts.filter(actor_id=str(user.pk))
+
+
+def _said(start: Record, end: Record | None) -> Said:
+    told = start.details
+    return Said(
+        number=start.pk,
+        text=told.get("text", ""),  # "": it has expired
+        language=told["language"],
+        topic=told["topic"],
+        who=start.actor_name,
+        at=start.at,
+        outcome=end.outcome if end else None,
+        why=end.details.get("words", "") if end else "",
+    )

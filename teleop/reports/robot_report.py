@@ -1,0 +1,192 @@
+"""How a robot was used over some days: hours, distance, when, and what went wrong. Read from the audit log.
+
+However much is in the log: each figure is one query of one kind of records of this robot, by the index for these.
+"""
+
+from __future__ import annotations
+
+from datetime import date, datetime, time, timedelta
+from datetime import timezone as zones
+from typing import Any
+
+from django.db.models import Count, F, FloatField, Max, OuterRef, QuerySet, Subquery, Sum
+from django.db.models.fields.json import KeyTextTransform
+from django.db.models.functions import Cast, Coalesce, ExtractHour
+from msgspec import Struct
+
+from fleet.audit import wording
+from fleet.audit.listing import Selection, Wanted
+from fleet.audit.models import Content, Record
+from robots.registry.models import Robot
+from teleop.reports.durations import clock
+
+PERIODS_DAYS = (7, 30, 90, 365)
+FAULTS = 10  # the newest
+REASONS = 10  # the most frequent
+
+
+class Reason(Struct, frozen=True):
+    """Why the gate held back."""
+
+    code: str
+    times: int
+    words: str  # of the last time; blank if they have expired
+    at: datetime  # the last time
+
+    @property
+    def words_of_code(self) -> str:
+        """The code, to be read."""
+        return wording.outcome(self.code)
+
+
+class Fault(Struct, frozen=True):
+    """Something that went wrong."""
+
+    at: datetime
+    what: str
+
+
+class Day(Struct, frozen=True):
+    """One day's driving."""
+
+    day: date
+    hours: float
+    metres: float
+
+    @property
+    def driven(self) -> str:
+        """How long, as a clock shows it."""
+        return clock(self.hours * 3600.0)
+
+
+class Use(Struct, frozen=True):
+    """Hours driven, as the plots show them: on each day of the period, in each hour of the day, on each weekday.
+
+    Days are UTC; Monday comes first.
+    """
+
+    days: list[Day]
+    hours: list[float]
+    weekdays: list[float]
+
+
+class RobotReport(Struct, frozen=True):
+    """All that the page shows."""
+
+    since: date
+    drives: int
+    driven_h: float
+    distance_m: float
+    interventions: int
+    stops: int
+    use: Use
+    reasons: list[Reason]
+    faults: list[Fault]
+
+    @property
+    def driven(self) -> str:
+        """How long, as a clock shows it."""
+        return clock(self.driven_h * 3600.0)
+
+    @property
+    def interventions_per_hour(self) -> float | None:
+        """Of driving; None if nobody drove."""
+        return self.interventions / self.driven_h if self.driven_h else None
+
+
+def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
+    """The last `days`, today included."""
+    today = now.astimezone(zones.utc).date()
+    since = today - timedelta(days=days - 1)
+    driven = _driven(robot, since, today)
+    reasons = _held_back(robot, since, today)
+    use = _use(driven, since, days)
+    return RobotReport(
+        since=since,
+        drives=sum(row["drives"] for row in driven),
+        driven_h=sum(use.hours),
+        distance_m=sum(day.metres for day in use.days),
+        interventions=sum(row["times"] for row in reasons),
+        stops=_stops(robot, since, today),
+        use=use,
+        reasons=_reasons(reasons[:REASONS]),
+        faults=_faults(robot, since, today),
+    )
+
+
+def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
+    """Not of days to come either: a clock may have been ahead."""
+    return Record.objects.filter(robot_id=robot.pk, day__range=(since, until))
+
+
+def _stops(robot: Robot, since: date, until: date) -> int:
+    """How often it was pressed: a record may be of several times."""
+    pressed = _of_days(robot, since, until).filter(kind="stop.press", of=None)
+    times = Coalesce(_number("times", "parameters"), 1.0)
+    return int(pressed.aggregate(pressed=Sum(times))["pressed"] or 0)
+
+
+def _driven(robot: Robot, since: date, until: date) -> list[Any]:
+    """Of each hour in which a drive ended: how many did, seconds, metres."""
+    ended = _of_days(robot, since, until).filter(kind="drive.end")
+    return list(
+        ended.order_by()
+        .values("day", hour=ExtractHour("at"))
+        .annotate(drives=Count("pk"), seconds=Sum(_figure("duration_s")), metres=Sum(_figure("distance_m")))
+    )
+
+
+def _figure(name: str) -> Coalesce:
+    """A figure of a drive. Until November 2026 it stood beside the path, which takes long to read and may expire."""
+    beside_the_path = Content.objects.filter(pk=OuterRef("pk")).values(figure=_number(name, "data"))
+    return Coalesce(_number(name, "parameters"), Subquery(beside_the_path))
+
+
+def _number(name: str, column: str) -> Cast:
+    return Cast(KeyTextTransform(name, column), FloatField())
+
+
+def _use(driven: list[Any], since: date, days: int) -> Use:
+    period = [since + timedelta(days=number) for number in range(days)]
+    on_day, metres = dict.fromkeys(period, 0.0), dict.fromkeys(period, 0.0)
+    hours, weekdays = [0.0] * 24, [0.0] * 7
+    for row in driven:
+        day, lasted_h = row["day"], (row["seconds"] or 0.0) / 3600.0
+        on_day[day] += lasted_h
+        metres[day] += row["metres"] or 0.0
+        hours[row["hour"]] += lasted_h
+        weekdays[day.weekday()] += lasted_h
+    return Use([Day(day, on_day[day], metres[day]) for day in period], hours, weekdays)
+
+
+def _held_back(robot: Robot, since: date, until: date) -> list[Any]:
+    """Each reason of the gate, the most frequent first: code, times, number of the newest record."""
+    begun = _of_days(robot, since, until).filter(kind="gate.begin")
+    return list(
+        begun.order_by()
+        .values(code=F("outcome"))
+        .annotate(times=Count("pk"), newest=Max("pk"))
+        .order_by("-times")
+    )
+
+
+def _reasons(rows: list[Any]) -> list[Reason]:
+    newest = Record.objects.select_related("content").in_bulk([row["newest"] for row in rows])
+    return [
+        Reason(row["code"], row["times"], record.details.get("words", ""), record.at)
+        for row in rows
+        if (record := newest.get(row["newest"]))
+    ]
+
+
+def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
+    page = Selection(Wanted(robot=robot.pk, since=since, until=until), ["fault"]).page(size=FAULTS)
+    records = [row.record for row in page.rows]
+    return [
+        Fault(record.at, wording.subject(record) or wording.outcome(record.outcome)) for record in records
+    ]
+
+
+def begins(day: date) -> int:
+    """The midnight at which a day begins, in seconds since 1970."""
+    return int(datetime.combine(day, time(), zones.utc).timestamp())

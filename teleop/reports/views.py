@@ -1,0 +1,218 @@
+"""The pages that look back: a control session, a robot's use, and what the log has of oneself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime, timezone
+from itertools import pairwise
+from typing import Any
+from uuid import UUID
+
+from django.conf import settings
+from django.core.exceptions import BadRequest
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import render
+from django.utils.dateparse import parse_datetime
+from django.utils.dates import WEEKDAYS
+from django.utils.timezone import is_aware, now
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.cache import cache_control, never_cache
+from django.views.decorators.http import require_POST, require_safe
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from fleet.audit import wording
+from fleet.audit.addresses import number, session_url_of
+from fleet.audit.listing import Row
+from robots.registry.selectors import robot_seen_by, supervises
+from teleop.control.selectors import end_notes
+from teleop.reports import own_data, path_plot, robot_report, session_report
+from teleop.reports.session_maps import maps_of
+
+_BY = {
+    own_data.By.CONSOLE: gettext_lazy("by the console itself"),
+    own_data.By.OTHER: gettext_lazy("by somebody else"),
+    own_data.By.UNKNOWN: gettext_lazy("by somebody who did not get in"),
+}
+MAP_CACHED_S = 60 * 60  # by the browser of who may see it; what a number shows never changes
+
+
+class Line(Struct, frozen=True):
+    """A record of a person, as the page shows it; `subject` is what was said, of others' records the facts."""
+
+    at: datetime
+    robot: str
+    what: str
+    subject: str
+    outcome: str
+    expired: bool
+    session_url: str
+    by: str = ""
+
+
+@never_cache
+@require_safe
+def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
+    """What happened while somebody had control, for whom it concerns, supervisors of the robot, and staff."""
+    person = person_of(request)
+    session = session_report.session_seen_by(person, session_id)
+    if session is None:
+        raise Http404("there is no such control session, or it is not yours to see")
+    report = session_report.report_of(session)
+    context = {
+        "report": report,
+        "session": session,
+        "note": end_notes([session.pk]).get(session.pk, ""),
+        "supervises": supervises(person, session.robot),
+        "kept_days": settings.FLEET_AUDIT_KEEP_DAYS["driving"],
+        "size": {"width": path_plot.WIDTH, "height": path_plot.HEIGHT, "grid": 3 * path_plot.WIDTH},
+        "paces": _paces(),
+        "replay": {
+            "lastsS": report.lasted_s,
+            "beganAt": session.started_at.isoformat(),
+            "drives": report.plot.replay if report.plot else [],
+        },
+    }
+    return render(request, "teleop/session.html", context)
+
+
+@cache_control(private=True, max_age=MAP_CACHED_S, immutable=True)
+@require_safe
+def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> HttpResponse:
+    """The picture of one of the robot's maps of that time, for whoever may see the session's page."""
+    session = session_report.session_seen_by(person_of(request), session_id)
+    found = maps_of(session).filter(pk=number).first() if session else None
+    if found is None:
+        raise Http404("there is no such control session or map, or it is not yours to see")
+    return HttpResponse(bytes(found.picture), content_type="image/png")
+
+
+@never_cache
+@require_safe
+def robot(request: HttpRequest, slug: str) -> HttpResponse:
+    """How a robot was used, for its supervisors and staff."""
+    person = person_of(request)
+    asked = robot_seen_by(person, slug)
+    if not supervises(person, asked):
+        raise Http404("this report is for supervisors of the robot")
+    days = _period(request)
+    report = robot_report.report_of(asked, days, now())
+    context = {
+        "robot": asked,
+        "report": report,
+        "days": days,
+        "periods": robot_report.PERIODS_DAYS,
+        "kept_days": settings.FLEET_AUDIT_KEEP_RECORDS_DAYS,
+        "days_driven": [day for day in reversed(report.use.days) if day.hours],
+        "busiest": _busiest(report.use),
+        "use": {
+            "days": [[robot_report.begins(day.day), round(day.hours, 3)] for day in report.use.days],
+            "hours": [round(hours, 3) for hours in report.use.hours],
+            "weekdays": [round(hours, 3) for hours in report.use.weekdays],
+        },
+    }
+    return render(request, "teleop/robot_report.html", context)
+
+
+@never_cache
+@require_safe
+def your_data(request: HttpRequest) -> HttpResponse:
+    """One's own control sessions and records, and nobody else's."""
+    person = person_of(request)
+    page = own_data.own_records(person, before=number(request, "before"), after=number(request, "after"))
+    sessions = own_data.own_sessions(person, _moment(request, "began_before"))
+    about = own_data.recorded_by_others(person, number(request, "about_before"))
+    context = {
+        "sessions": sessions,
+        "lines": [_line(row) for row in page.rows],
+        "page": page,
+        "oldest_session": sessions.shown[-1].started_at.isoformat() if sessions.shown else "",
+        "newest_number": page.rows[0].number if page.rows else None,
+        "oldest_number": page.rows[-1].number if page.rows else None,
+        "about": [_line_about(row, person) for row in about.shown],
+        "oldest_about": about.shown[-1].number if about.older else None,
+    }
+    return render(request, "teleop/your_data.html", context)
+
+
+@require_POST
+def your_data_export(request: HttpRequest) -> HttpResponseBase:
+    """One's own records as JSON Lines; on record."""
+    return own_data.export_of(person_of(request))
+
+
+def _line(row: Row) -> Line:
+    record = row.record
+    return Line(
+        at=record.at,
+        robot=record.robot_name,
+        what=wording.label(record.kind),
+        subject=wording.subject(record),
+        outcome=wording.outcome(row.outcome),
+        expired=wording.expired(record),
+        session_url=session_url_of(record.session_id),
+    )
+
+
+def _line_about(row: Row, person: User) -> Line:
+    record = row.record
+    return Line(
+        at=record.at,
+        robot=record.robot_name,
+        what=wording.label(record.kind),
+        subject=" · ".join(_facts_about(own_data.told_of(row, person), person)),
+        outcome=wording.outcome(row.outcome),
+        expired=wording.expired(record),
+        session_url="",
+        by=str(_BY[own_data.by(record)]),
+    )
+
+
+def _facts_about(told: dict[str, Any], person: User) -> Iterator[str]:
+    """In words, but not that it is about this person: "full name Olga → Olga Operator", "to supervisor"."""
+    to_last = sorted(told.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
+    for name, value in to_last:
+        if name == "changes":
+            for change in value:
+                ends = (
+                    wording.said(change[end]) for end in ("from", "to") if change.get(end) not in (None, "")
+                )
+                yield f"{change['field'].replace('_', ' ')} {' → '.join(ends)}".strip()
+        elif name != "name" and value != str(person.pk):
+            yield wording.figure(name, value)
+
+
+def _paces() -> list[str]:
+    """What each colour of a path means, the slowest first."""
+    limits = [f"{limit:g}" for limit in path_plot.SPEEDS_MPS]
+    between = [f"{low}–{high}" for low, high in pairwise(limits)]  # noqa: RUF001
+    return [_("up to %s") % limits[0], *between, _("above %s m/s") % limits[-1]]
+
+
+def _busiest(use: robot_report.Use) -> dict[str, Any] | None:
+    """The hour and the day of the week with the most driving."""
+    if not any(use.hours):
+        return None
+    weekday = use.weekdays.index(max(use.weekdays))
+    return {"hour": use.hours.index(max(use.hours)), "weekday": WEEKDAYS[weekday]}
+
+
+def _period(request: HttpRequest) -> int:
+    asked = request.GET.get("days", "30")
+    if asked not in map(str, robot_report.PERIODS_DAYS):
+        raise BadRequest(f"days is one of {robot_report.PERIODS_DAYS}")
+    return int(asked)
+
+
+def _moment(request: HttpRequest, name: str) -> datetime | None:
+    asked = request.GET.get(name)
+    if asked is None:
+        return None
+    with suppress(ValueError, OverflowError):
+        moment = parse_datetime(asked)
+        if moment is not None and is_aware(moment):
+            return moment.astimezone(timezone.utc)
+    raise BadRequest(f"{name} is not a moment with its time zone")

@@ -1,0 +1,160 @@
+"""The stop by HTTP, for programs and for pages without a live connection.
+
+Whoever may stop, stops, whatever else is wrong with the request: no content is negotiated, and the body is read only
+for a form's own token, where no header has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+from django.contrib.auth.decorators import login_not_required
+from django.core.exceptions import SuspiciousOperation
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryDict, UnreadablePostError
+from django.http.multipartparser import MultiPartParserError
+from django.middleware.csrf import CsrfViewMiddleware
+from django.shortcuts import render
+from django.utils.datastructures import MultiValueDict
+from django.utils.translation import gettext as _
+from django.views.decorators.csrf import csrf_exempt
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of, wants_json
+from robots.registry.models import Robot
+from robots.registry.selectors import robot_seen_by, robots_visible_to
+from robots.stop.presses import Pending
+from robots.wire import Refusal
+from teleop.recording import refusals
+from teleop.recording.refusals import Denied
+from teleop.stop import emergency_stop
+
+SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.", "account")
+_NO_ROBOT = Refusal("not_found", "There is no such robot, or you may not see it.", "wire")
+_NOT_POST = Refusal("method_not_allowed", "A stop is a POST.", "wire")
+
+View = Callable[..., HttpResponse]
+
+
+class _Forgery(CsrfViewMiddleware):
+    """Django's own check: of the origin, and of the token in the header, else in the body if that can be read."""
+
+    def _reject(self, request: HttpRequest, reason: str) -> HttpResponse:
+        if not (request.path.startswith("/api/") or wants_json(request)):
+            page: HttpResponse = super()._reject(request, reason)  # type: ignore[misc]  # not in the stubs
+            return page
+        return _refused(Refusal("permission_denied", f"CSRF Failed: {reason}", "account"), 403)
+
+    def why_not(self, request: HttpRequest) -> HttpResponse | None:
+        """The refusal of a request that another site may have forged."""
+        try:
+            from_header = "HTTP_X_CSRFTOKEN" in request.META
+            if from_header:
+                _leave_body_unread(request)
+            else:
+                request.POST  # noqa: B018 - reading it parses the body, which may fail here and not later
+        except (MultiPartParserError, SuspiciousOperation, UnreadablePostError, ValueError, LookupError):
+            _leave_body_unread(request)
+        self.process_request(request)
+        return self.process_view(request, _not_exempt, (), {})
+
+
+def _not_exempt() -> HttpResponse:
+    """The view that the check asks for: it looks whether it is exempt."""
+    return HttpResponse()
+
+
+def _leave_body_unread(request: HttpRequest) -> None:
+    """As of a request without a form."""
+    parts: dict[str, Any] = {"_post": QueryDict(), "_files": MultiValueDict()}
+    request.__dict__.update(parts)
+
+
+_forgery = _Forgery(lambda _request: HttpResponse())
+
+
+def _stops(view: View) -> View:
+    """An address that stops: the view's own checks are the session, the forged request, and the method."""
+
+    def checked(request: HttpRequest, **parameters: Any) -> HttpResponse:
+        if request.method != "POST":
+            return _refused(_NOT_POST, 405, Allow="POST")
+        if not isinstance(request.user, User):
+            return _refused(SIGNED_OUT, 401)
+        return _forgery.why_not(request) or view(request, **parameters)
+
+    return csrf_exempt(checked)
+
+
+@login_not_required
+@_stops
+def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
+    """Emergency stop of one robot, by a program: JSON, whatever it asks for."""
+    try:
+        robot = robot_seen_by(person_of(request), slug)
+    except Http404:
+        refusals.note(Denied(person_of(request), "rest", "POST robots/<slug:slug>/stop/", _NO_ROBOT))
+        return _refused(_NO_ROBOT, 404)
+    return _by_rest(request, [robot])
+
+
+@login_not_required
+@_stops
+def rest_stop_all(request: HttpRequest) -> HttpResponse:
+    """Emergency stop of every robot in service that this person may see, by a program."""
+    return _by_rest(request, _all_seen(request))
+
+
+@_stops
+def page_stop(request: HttpRequest, slug: str) -> HttpResponse:
+    """Emergency stop of one robot, by a page's form."""
+    return _by_page(request, [robot_seen_by(person_of(request), slug)])
+
+
+@_stops
+def page_stop_all(request: HttpRequest) -> HttpResponse:
+    """Emergency stop of every robot in service that this person may see, by a page's form."""
+    return _by_page(request, _all_seen(request))
+
+
+def _all_seen(request: HttpRequest) -> list[Robot]:
+    return list(robots_visible_to(person_of(request)).filter(enabled=True))
+
+
+def _by_rest(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
+    outcomes = emergency_stop.press_once(robots, user=person_of(request), through="rest")
+    by_slug, status = emergency_stop.told(outcomes)
+    return JsonResponse({"robots": by_slug}, status=status)
+
+
+def _by_page(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
+    """JSON, or a page that needs nothing written: a full disk must not say that nothing was done."""
+    outcomes = emergency_stop.press_once(robots, user=person_of(request), through="page")
+    by_slug, status = emergency_stop.told(outcomes)
+    text = _in_words(outcomes)
+    if wants_json(request):
+        return JsonResponse({"text": text, "robots": by_slug}, status=status)
+    return render(request, "stopped.html", {"text": text, "robots": robots}, status=status)
+
+
+def _in_words(outcomes: emergency_stop.Outcomes) -> str:
+    texts = []
+    if unreached := _names(outcomes, Refusal):
+        texts.append(_("Not reached: %s. Use the red button on the robot.") % unreached)
+    if pending := _names(outcomes, Pending):
+        words = _(
+            "Pending, not confirmed yet: %s. The stop will be delivered as soon as possible. "
+            "Use the red button on the robot."
+        )
+        texts.append(words % pending)
+    done = _("Stopped.") if outcomes else _("There is no robot in service that you may stop.")
+    return " ".join(texts) or done
+
+
+def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:
+    return ", ".join(robot.name for robot, result in outcomes.items() if isinstance(result, kind))
+
+
+def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
+    return JsonResponse(msgspec.to_builtins(refusal), status=status, headers=headers)

@@ -1,0 +1,105 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { axesOf, listenToKeys } from "../../../static/js/drive/keyboard.js";
+import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+
+describe("held keys", () => {
+  it("mean the same by letters and by arrows", () => {
+    expect(axesOf(["KeyW"], false)).toEqual(axesOf(["ArrowUp"], false));
+    expect(axesOf(["KeyA"], false)).toEqual({ x: 0, y: 0, w: 1 });
+    expect(axesOf(["ArrowDown", "ArrowRight"], false)).toEqual({ x: -1, y: 0, w: -1 });
+  });
+
+  it("cancel each other when opposite, and do not add up when alike", () => {
+    expect(axesOf(["KeyW", "KeyS"], false)).toBe(NEUTRAL);
+    expect(axesOf(["KeyW", "ArrowUp"], false).x).toBe(1);
+  });
+
+  it("slide only a base that can", () => {
+    expect(axesOf(["KeyQ"], true)).toEqual({ x: 0, y: 1, w: 0 });
+    expect(axesOf(["KeyQ"], false)).toBe(NEUTRAL);
+  });
+});
+
+describe("the keyboard", () => {
+  let stick;
+  let stop;
+  let drives;
+  let mayStop;
+  let end;
+
+  const press = (type, code, target = document.body, extra = {}) => {
+    const event = new KeyboardEvent(type, { code, bubbles: true, cancelable: true, ...extra });
+    target.dispatchEvent(event);
+    return event;
+  };
+
+  beforeEach(() => {
+    stick = new Stick();
+    stop = vi.fn();
+    drives = true;
+    mayStop = true;
+    const host = { holonomic: () => false, drives: () => drives, mayStop: () => mayStop };
+    end = listenToKeys({ stick, stop, ...host });
+  });
+
+  afterEach(() => {
+    end();
+    document.body.replaceChildren();
+  });
+
+  it("drives while a key is held", () => {
+    press("keydown", "KeyW");
+    expect(stick.axes.x).toBe(1);
+    press("keyup", "KeyW");
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("is inert without control: nothing drives, space is a space", () => {
+    drives = false;
+    mayStop = false;
+    press("keydown", "KeyW");
+    const space = press("keydown", "Space");
+    expect(stick.axes).toEqual(NEUTRAL);
+    expect(stop).not.toHaveBeenCalled();
+    expect(space.defaultPrevented).toBe(false);
+  });
+
+  it("stops, and drives not, while the connection of who had control is lost", () => {
+    drives = false;
+    press("keydown", "KeyW");
+    expect(press("keydown", "Space").defaultPrevented).toBe(true);
+    expect(stop).toHaveBeenCalledTimes(1);
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("stops by space, once per press", () => {
+    press("keydown", "Space");
+    press("keydown", "Space", document.body, { repeat: true });
+    expect(stop).toHaveBeenCalledTimes(1);
+  });
+
+  it("is inert in fields and open dialogs", () => {
+    const field = document.body.appendChild(document.createElement("textarea"));
+    press("keydown", "KeyW", field);
+    press("keydown", "Space", field);
+    expect(stick.axes).toEqual(NEUTRAL);
+    expect(stop).not.toHaveBeenCalled();
+  });
+
+  it("leaves the browser's own shortcuts alone", () => {
+    press("keydown", "KeyW", document.body, { ctrlKey: true });
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("forgets held keys when the window loses the focus, for their release will not be heard", () => {
+    press("keydown", "KeyW");
+    window.dispatchEvent(new Event("blur"));
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("is silent once ended", () => {
+    end();
+    press("keydown", "KeyW");
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+});

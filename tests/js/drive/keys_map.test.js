@@ -1,0 +1,41 @@
+import { afterEach, beforeEach, describe, expect, it } from "vitest";
+import { keysMap } from "../../../static/js/drive/keys_map.js";
+
+describe("the map of the keys", () => {
+  let dialog;
+  let opener;
+  let end;
+  const press = (key, target = document.body) =>
+    target.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
+
+  beforeEach(() => {
+    dialog = document.createElement("dialog");
+    const close = document.createElement("button");
+    close.dataset.close = "";
+    dialog.append(close);
+    opener = document.createElement("button");
+    document.body.replaceChildren(dialog, opener);
+    end = keysMap(dialog, opener);
+  });
+  afterEach(() => end());
+
+  it("opens and closes by a question mark, from the menu, by Escape and by its button", () => {
+    press("?");
+    expect(dialog.open).toBe(true);
+    press("?");
+    expect(dialog.open).toBe(false);
+    opener.click();
+    press("Escape");
+    expect(dialog.open).toBe(false);
+    opener.click();
+    dialog.querySelector("button").click();
+    expect(dialog.open).toBe(false);
+  });
+
+  it("leaves a question mark alone that is written in a field", () => {
+    const field = document.createElement("textarea");
+    document.body.append(field);
+    press("?", field);
+    expect(dialog.open).toBe(false);
+  });
+});

@@ -1,0 +1,84 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Picture } from "../../../static/js/drive/picture.js";
+
+const FACTS = {
+  sonars: [],
+  footprint: [
+    [0.3, 0.2],
+    [-0.3, 0.2],
+    [-0.3, -0.2],
+    [0.3, -0.2],
+  ],
+};
+
+/** A pen that notes every call. */
+function recorder() {
+  const calls = [];
+  const measured = { width: 10 };
+  const pen = new Proxy(
+    {},
+    {
+      get: (_, name) =>
+        name === "measureText" ? () => measured : (...facts) => calls.push([name, ...facts]),
+      set: () => true,
+    },
+  );
+  return { pen, calls };
+}
+
+describe("the picture from above", () => {
+  let calls;
+  let picture;
+
+  beforeEach(() => {
+    vi.stubGlobal(
+      "ResizeObserver",
+      class {
+        observe() {}
+        disconnect() {}
+      },
+    );
+    vi.stubGlobal("requestAnimationFrame", (act) => {
+      act();
+      return null;
+    });
+    const canvas = document.createElement("canvas");
+    document.body.append(canvas);
+    canvas.width = canvas.height = 400;
+    const recorded = recorder();
+    calls = recorded.calls;
+    canvas.getContext = () => recorded.pen;
+    picture = new Picture(canvas);
+  });
+
+  afterEach(() => {
+    picture.close();
+    vi.unstubAllGlobals();
+  });
+
+  const view = (scan) => ({ state: { verdict: { allowed: [0, 0, 0], point: null } }, scan });
+  const scan = { laser_cm: [], sonar_cm: [], depth_cm: [], remembered_cm: [] };
+  const sectors = () => calls.filter(([name, , , radius]) => name === "arc" && radius === 1.5);
+
+  it("shades the sectors that no sensor sees", () => {
+    picture.facts = FACTS;
+    picture.view = view({
+      ...scan,
+      unseen: [
+        [2.5, 2.9],
+        [-2.9, -2.5],
+      ],
+    });
+    expect(sectors()).toEqual([
+      ["arc", 0, 0, 1.5, 2.5, 2.9],
+      ["arc", 0, 0, 1.5, -2.9, -2.5],
+    ]);
+  });
+
+  it("shades nothing where a bridge of an earlier version tells none", () => {
+    picture.facts = FACTS;
+    picture.view = view(scan);
+    picture.view = view(null);
+    expect(sectors()).toEqual([]);
+  });
+});

@@ -1,0 +1,106 @@
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+import { reverseIsBlind, TurnAndLook } from "../../../static/js/drive/turn.js";
+
+const BLIND = {
+  code: "blind_direction",
+  way: "reverse",
+  text: "held to 0.1 m/s in reverse",
+  mps: 0.1,
+};
+const LEFT = { x: 0, y: 0, w: 1 };
+
+function happen(button, type, timeStamp, facts = {}) {
+  const event = new Event(type, { bubbles: true, cancelable: true });
+  for (const [name, value] of Object.entries({ timeStamp, ...facts }))
+    Object.defineProperty(event, name, { value });
+  button.dispatchEvent(event);
+  return event;
+}
+
+describe("the button that turns the robot around", () => {
+  let button;
+  let stick;
+  let hint;
+  let turn;
+
+  beforeEach(() => {
+    button = document.createElement("button");
+    button.hidden = true;
+    stick = new Stick();
+    hint = vi.fn();
+    turn = new TurnAndLook(button, stick, hint);
+    turn.mayAct = true;
+  });
+
+  it("is there while nobody sees all of what is behind the robot", () => {
+    turn.state = { verdict: { limits: [] } };
+    expect(button.hidden).toBe(true);
+    turn.state = { verdict: { limits: [BLIND] } };
+    expect(button.hidden).toBe(false);
+    expect(reverseIsBlind({ limits: [{ ...BLIND, way: "left" }] })).toBe(false);
+    expect(reverseIsBlind({})).toBe(false);
+  });
+
+  it("turns for as long as a finger is on it", () => {
+    happen(button, "pointerdown", 0);
+    expect(stick.axes).toEqual(LEFT);
+    happen(button, "pointerup", 2000);
+    expect(stick.axes).toEqual(NEUTRAL);
+    expect(hint).not.toHaveBeenCalled();
+  });
+
+  it.each(["pointercancel", "lostpointercapture", "blur"])("ends with %s", (type) => {
+    happen(button, "pointerdown", 0);
+    happen(button, type, 1000);
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("is not pressed by the other mouse buttons", () => {
+    happen(button, "pointerdown", 0, { button: 2 });
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("turns while Enter is held, and leaves the space bar to the stop", () => {
+    happen(button, "keydown", 0, { code: "Space" });
+    expect(stick.axes).toEqual(NEUTRAL);
+    expect(happen(button, "keydown", 0, { code: "Enter" }).defaultPrevented).toBe(true);
+    happen(button, "keydown", 500, { code: "Enter", repeat: true });
+    expect(stick.axes).toEqual(LEFT);
+    happen(button, "keyup", 1000, { code: "Enter" });
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("says to who only taps it that it is to be held", () => {
+    happen(button, "pointerdown", 0);
+    happen(button, "pointerup", 100);
+    expect(hint).toHaveBeenCalledWith(true);
+  });
+
+  it("turns nothing without control, and says so", () => {
+    turn.mayAct = false;
+    expect(button.getAttribute("aria-disabled")).toBe("true");
+    happen(button, "pointerdown", 0);
+    expect(stick.axes).toEqual(NEUTRAL);
+    happen(button, "pointerup", 1000);
+    expect(hint).toHaveBeenCalledWith(false);
+  });
+
+  it("ends with control, and does not vanish from under the finger", () => {
+    turn.state = { verdict: { limits: [BLIND] } };
+    happen(button, "pointerdown", 0);
+    turn.state = { verdict: { limits: [] } };
+    expect(button.hidden).toBe(false);
+    turn.mayAct = false;
+    expect(stick.axes).toEqual(NEUTRAL);
+  });
+
+  it("waits for the finger to lift after a stop", () => {
+    happen(button, "pointerdown", 0);
+    stick.neutralise("stop");
+    expect(stick.axes).toEqual(NEUTRAL);
+    happen(button, "pointerup", 1000);
+    happen(button, "pointerdown", 2000);
+    expect(stick.axes).toEqual(LEFT);
+  });
+});

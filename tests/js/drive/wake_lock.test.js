@@ -1,0 +1,109 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { screenLock } from "../../../static/js/drive/wake_lock.js";
+
+/** As the browser's: releasing is told later, and hiding the page releases. */
+class Sentinel extends EventTarget {
+  released = false;
+
+  async release() {
+    this.released = true;
+    await Promise.resolve();
+    this.dispatchEvent(new Event("release"));
+  }
+}
+
+let locks;
+let screen;
+const settled = () => new Promise((resolve) => setTimeout(resolve));
+const held = () => locks.filter((lock) => !lock.released).length;
+
+async function show(visible) {
+  Object.defineProperty(document, "hidden", { value: !visible, configurable: true });
+  if (!visible) for (const lock of locks) await lock.release();
+  document.dispatchEvent(new Event("visibilitychange"));
+  await settled();
+}
+
+beforeEach(() => {
+  locks = [];
+  const request = vi.fn(async () => {
+    await Promise.resolve();
+    locks.push(new Sentinel());
+    return locks.at(-1);
+  });
+  Object.defineProperty(navigator, "wakeLock", { value: { request }, configurable: true });
+  screen = screenLock();
+});
+
+afterEach(async () => {
+  screen.close();
+  await show(true);
+  delete navigator.wakeLock;
+});
+
+describe("the screen", () => {
+  it("is kept on while asked, once, however often that is said", async () => {
+    screen.keep(true);
+    screen.keep(true);
+    await settled();
+    screen.keep(true);
+    await settled();
+    expect(held()).toBe(1);
+    screen.keep(false);
+    await settled();
+    expect(held()).toBe(0);
+  });
+
+  it("is kept on again when the page becomes visible", async () => {
+    screen.keep(true);
+    await settled();
+    await show(false);
+    expect(held()).toBe(0);
+    await show(true);
+    expect(held()).toBe(1);
+  });
+
+  it("is asked for only when a hidden page is seen", async () => {
+    await show(false);
+    screen.keep(true);
+    await settled();
+    expect(locks).toEqual([]);
+    await show(true);
+    expect(held()).toBe(1);
+  });
+
+  it("goes off when the wish ended while the browser was thinking", async () => {
+    screen.keep(true);
+    screen.keep(false);
+    await settled();
+    expect(held()).toBe(0);
+  });
+
+  it("stays on when control is lost and taken at once", async () => {
+    screen.keep(true);
+    await settled();
+    screen.keep(false);
+    screen.keep(true);
+    await settled();
+    expect(held()).toBe(1);
+  });
+
+  it("is left alone after the page is done", async () => {
+    screen.keep(true);
+    await settled();
+    screen.close();
+    await show(false);
+    await show(true);
+    expect(held()).toBe(0);
+  });
+
+  it("may go dark where the browser forbids: driving goes on", async () => {
+    navigator.wakeLock.request.mockRejectedValue(new DOMException("", "NotAllowedError"));
+    screen.keep(true);
+    await settled();
+    delete navigator.wakeLock;
+    screen.keep(true);
+    await settled();
+    expect(held()).toBe(0);
+  });
+});

@@ -1,0 +1,355 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { cardOf, FleetPage } from "../../../static/js/fleet/fleet_page.js";
+import { FakeSocket, made } from "../fake_socket.js";
+
+const state = {
+  phase: "online",
+  text: "",
+  stop: { state: "clear", by: null, reason: "", standstill_ms: null },
+  verdict: { code: "idle", text: "", limits: [] },
+  battery_percent: 83.6,
+  charging: true,
+  holder: null,
+};
+
+describe("a card", () => {
+  it("has no news of a robot whose bridge says nothing more", () => {
+    const refusal = { code: "bridge_silent", text: "It says nothing." };
+    const shown = cardOf({ state: null, refusal, seen_at: Date.now() / 1000 });
+    expect(shown).toMatchObject({ level: "fail", status: "No news", why: "It says nothing." });
+    expect(shown.stop).toContain("unknown, last seen");
+  });
+
+  it("says that a stop waits for its robot", () => {
+    const pending = { by: "Ann", reason: "", at: Date.now() / 1000 };
+    const shown = cardOf({ state: null, refusal: { text: "No bridge." }, pending });
+    expect(shown.stop).toBe("Pending");
+    expect(shown.stopWhy).toContain("A stop by Ann");
+    expect(shown.stopped).toBe(false);
+  });
+
+  it("says that a robot's watchdog is missing", () => {
+    const shown = cardOf({ state: { ...state, watchdog_missing: true }, refusal: null });
+    expect(shown).toMatchObject({ level: "warn", status: "Online" });
+    expect(shown.why).toBe(
+      "Its watchdog is missing: a stop depends on its bridge alone. Tell staff.",
+    );
+  });
+
+  it("says how the robot is", () => {
+    expect(cardOf({ state, refusal: null })).toMatchObject({
+      level: "ok",
+      status: "Online",
+      battery: "84 %, charging",
+      driver: "Nobody",
+      gate: "Free",
+      stop: "Clear",
+    });
+  });
+
+  it("says why a robot is not there", () => {
+    const refusal = { text: "Its bridge does not answer." };
+    const away = cardOf({ state: null, refusal });
+    expect(away).toMatchObject({
+      level: "fail",
+      why: refusal.text,
+      battery: "–",
+      stop: "unknown",
+      gate: "unknown",
+    });
+    expect(Object.keys(away).sort()).toEqual(Object.keys(cardOf({ state, refusal: null })).sort());
+    const waiting = { ...state, phase: "waiting", text: "No master." };
+    expect(cardOf({ state: waiting, refusal: null })).toMatchObject({
+      level: "warn",
+      why: "No master.",
+    });
+  });
+
+  it("says of a robot out of reach that nothing is known, and when it was last seen", () => {
+    const out = { ...state, phase: "waiting", unseen_s: 90 };
+    const seen = cardOf({ state: out, refusal: null });
+    expect(seen.gate).toMatch(/^unknown, last seen .*\d/);
+    expect(seen.stop).toBe(seen.gate);
+    expect(seen.battery).toBe("–");
+    const pressed = { ...out, stop: { ...state.stop, state: "stopped", by: "Bo" } };
+    const latched = cardOf({ state: pressed, refusal: null });
+    expect(latched).toMatchObject({ stop: "Pressed", stopped: true });
+    expect(latched.stopWhy).toMatch(/^by Bo. Whether it stands: unknown, last seen/);
+    const never = cardOf({ state: null, refusal: null, seen_at: 1.7e9 });
+    expect(never.gate).toContain("2023");
+  });
+
+  it("says who stopped it and what the robot made of it", () => {
+    const stop = { state: "stopped", by: "Bo", reason: "", standstill_ms: 300 };
+    expect(cardOf({ state: { ...state, stop }, refusal: null })).toMatchObject({
+      stop: "Stopped",
+      stopped: true,
+      stopWhy: "by Bo. Standstill confirmed after 300 ms.",
+    });
+  });
+});
+
+describe("the fleet page", () => {
+  let page;
+  let reload;
+
+  const clear = { state, refusal: null };
+  const away = { state: null, refusal: { text: "Its bridge is not running." } };
+  const stopped = { state: { ...state, stop: { ...state.stop, state: "stopped" } }, refusal: null };
+  const part = (name) => document.querySelector(`[data-part=${name}]`);
+  const hears = (robots) => made.at(-1).says(JSON.stringify({ t: "fleet", robots }));
+  const said = (kind) => made.flatMap(({ sent }) => sent).filter(({ t }) => t === kind);
+  const press = (form, slug) =>
+    (slug ? document.querySelector(`[data-robot=${slug}]`) : document)
+      .querySelector(`[data-part=${form}] button`)
+      .dispatchEvent(new Event("pointerdown"));
+  const refuses = (refusal) =>
+    made.at(-1).says(JSON.stringify({ t: "refused", of: "stop", refusal }));
+  const ofCards = (name) =>
+    [...document.querySelectorAll(`[data-part=${name}]`)].map(({ textContent }) => textContent);
+
+  const card = (slug, name) => `
+    <article data-robot="${slug}">
+      <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p>
+      <b data-part="battery"></b><b data-part="driver"></b><b data-part="gate"></b>
+      <b data-part="stop-state"></b><b data-part="stop-why"></b>
+      <form data-part="stop" action="/robots/${slug}/stop/"><button></button></form>
+    </article>`;
+
+  function open(numbers = [1]) {
+    document.body.innerHTML = `
+      <main data-socket="/ws/fleet/">
+        <input data-part="search" hidden><p data-part="search-none"></p>
+        <span data-part="connection"></span>
+        ${numbers.map((n) => card(`tiago-${n}`, `TIAGo ${n}`)).join("")}
+      </main>
+      <form data-part="stop-all" action="/stop-all/"><b data-part="stop-all-state"></b><button></button></form>`;
+    page = new FleetPage(document.querySelector("main"));
+    made.at(-1).opens();
+  }
+
+  function openThree() {
+    page.close();
+    open([1, 2, 3]);
+  }
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    sessionStorage.clear();
+    FakeSocket.begin();
+    vi.stubGlobal("WebSocket", FakeSocket);
+    const answer = { ok: true, json: async () => ({ text: "Stopped." }) };
+    vi.stubGlobal(
+      "fetch",
+      vi.fn(async () => answer),
+    );
+    reload = vi.spyOn(location, "reload").mockImplementation(() => {});
+    open();
+  });
+
+  afterEach(() => {
+    page.close();
+    document.body.replaceChildren();
+    vi.restoreAllMocks();
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
+  });
+
+  it("has a search for robots, whose Enter opens the only hit", () => {
+    openThree();
+    const opened = vi.fn();
+    for (const link of document.querySelectorAll("a"))
+      link.addEventListener("click", (event) => {
+        event.preventDefault();
+        opened(link.id);
+      });
+    const field = part("search");
+    const shown = () =>
+      [...document.querySelectorAll("article")].filter(({ hidden }) => !hidden).length;
+    const press = (key) => field.dispatchEvent(new KeyboardEvent("keydown", { key }));
+    const type = (text) => {
+      field.value = text;
+      field.dispatchEvent(new Event("input"));
+    };
+    expect(field.hidden).toBe(false);
+    type("tiágo");
+    press("Enter");
+    expect([shown(), opened.mock.calls.length]).toEqual([3, 0]);
+    type("2 TIA");
+    press("Enter");
+    expect([shown(), opened.mock.calls]).toEqual([1, [["open-tiago-2"]]]);
+    type("x");
+    expect([shown(), part("search-none").hidden]).toEqual([0, false]);
+    press("Escape");
+    expect([shown(), field.value]).toEqual([3, ""]);
+  });
+
+  it("is content with the socket when the robots report the stop", () => {
+    hears({ "tiago-1": clear });
+    press("stop");
+    press("stop-all");
+    expect(said("stop")).toEqual([{ t: "stop", slug: "tiago-1" }]);
+    vi.advanceTimersByTime(100);
+    hears({ "tiago-1": stopped });
+    vi.advanceTimersByTime(400);
+    expect(fetch).not.toHaveBeenCalled();
+    expect(part("stop-state").textContent).toBe("Stopped");
+  });
+
+  it.each([
+    ["stop", "/robots/tiago-1/stop/", "stop-state"],
+    ["stop-all", "/stop-all/", "stop-all-state"],
+  ])("takes no old word of a robot for an answer (%s)", async (form, address, told) => {
+    hears({ "tiago-1": stopped }); // the last that is heard: somebody clears the stop meanwhile
+    press(form);
+    expect(part(told).textContent).toBe("Stop sent, waiting for the robot");
+    await vi.advanceTimersByTimeAsync(400);
+    expect(fetch.mock.calls.map(([url]) => new URL(url).pathname)).toEqual([address]);
+    expect(part(told).textContent).toBe("Stopped.");
+  });
+
+  it.each(["stop", "stop-all"])(
+    "sends at once both ways when nothing was heard for long (%s)",
+    (form) => {
+      hears({ "tiago-1": stopped });
+      vi.advanceTimersByTime(3100);
+      expect(part("connection").textContent).toBe("No news");
+      press(form);
+      expect(said(form.replace("-", "_"))).toHaveLength(1);
+      expect(fetch).toHaveBeenCalledTimes(1);
+    },
+  );
+
+  it("sends at once both ways before anything was heard, and says that it is not live yet", () => {
+    vi.advanceTimersByTime(500);
+    expect(part("connection").textContent).toBe("Connecting");
+    press("stop-all");
+    expect(fetch).toHaveBeenCalledTimes(1);
+  });
+
+  it("says at the card and at the edge of the page that a stop was not confirmed", async () => {
+    const answer = { ok: false, json: async () => ({ text: "Not reached: TIAGo 1." }) };
+    fetch.mockResolvedValue(answer);
+    press("stop");
+    await vi.advanceTimersByTimeAsync(0);
+    expect(part("stop-state").textContent).toBe("Not confirmed");
+    expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 1.");
+    press("stop");
+    expect(part("stop-all-state").textContent).toBe("");
+  });
+
+  it.each([true, false])(
+    "lets its news of Stop all go after some seconds (live: %s)",
+    async (live) => {
+      if (live) hears({ "tiago-1": clear });
+      press("stop-all");
+      vi.advanceTimersByTime(100);
+      if (live) hears({ "tiago-1": stopped });
+      await vi.advanceTimersByTimeAsync(4500);
+      expect(part("stop-all-state").textContent).toBe("Stopped.");
+      await vi.advanceTimersByTimeAsync(1000);
+      expect(part("stop-all-state").textContent).toBe("");
+    },
+  );
+
+  it("keeps what Stop all did not reach until it is pressed again, whatever a card says", async () => {
+    const answer = { ok: false, json: async () => ({ text: "Not reached: TIAGo 2." }) };
+    fetch.mockResolvedValueOnce(answer);
+    press("stop-all");
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 2.");
+    press("stop");
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(part("stop-all-state").textContent).toBe("Not reached: TIAGo 2.");
+    press("stop-all");
+    await vi.advanceTimersByTimeAsync(0);
+    expect(part("stop-all-state").textContent).toBe("Stopped.");
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(part("stop-all-state").textContent).toBe("");
+  });
+
+  it("names each robot that Stop all did not reach, at its card too, until that is pressed again", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": away });
+    press("stop-all");
+    for (const slug of ["tiago-2", "tiago-3"]) refuses({ figures: { slug } });
+    hears({ "tiago-1": stopped, "tiago-2": away, "tiago-3": away });
+    expect(part("stop-all-state").textContent).toBe(
+      "Not reached: TIAGo 2, TIAGo 3. Use the red button on the robot.",
+    );
+    expect(ofCards("stop-state")).toEqual(["Stopped", "Not confirmed", "Not confirmed"]);
+    vi.advanceTimersByTime(300);
+    press("stop", "tiago-3");
+    expect(part("stop-all-state").textContent).toBe(
+      "Not reached: TIAGo 2. Use the red button on the robot.",
+    );
+    press("stop-all");
+    expect(part("stop-all-state").textContent).toBe("Stop sent, waiting for the robot");
+  });
+
+  it("names a robot once, by whichever ways it was not reached", async () => {
+    openThree();
+    const refused = { code: "bridge_down" };
+    const robots = { "tiago-1": { stop: {} }, "tiago-2": refused, "tiago-3": refused };
+    const text = "Not reached: TIAGo 2, TIAGo 3. Use the red button on the robot.";
+    fetch.mockResolvedValue({ ok: false, json: async () => ({ text, robots }) });
+    press("stop-all"); // nothing was heard yet: both ways at once
+    refuses({ figures: { slug: "tiago-3" } });
+    await vi.advanceTimersByTimeAsync(0);
+    refuses({ figures: { slug: "tiago-2" } });
+    expect(part("stop-all-state").textContent).toBe(
+      "Not reached: TIAGo 3, TIAGo 2. Use the red button on the robot.",
+    );
+    expect(ofCards("stop-state")).toEqual(["", "Not confirmed", "Not confirmed"]);
+  });
+
+  it("says of which robot a stop failed, whichever was pressed since", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
+    press("stop", "tiago-2");
+    press("stop", "tiago-3");
+    refuses({ figures: { slug: "tiago-2" } });
+    expect(part("stop-all-state").textContent).toContain("TIAGo 2");
+    press("stop", "tiago-3");
+    expect(part("stop-all-state").textContent).toContain("TIAGo 2");
+    press("stop", "tiago-2");
+    expect(part("stop-all-state").textContent).toBe("");
+  });
+
+  it("lets the robot itself have the word again when it is back", () => {
+    openThree();
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
+    refuses({ figures: { slug: "tiago-2" } });
+    hears({ "tiago-1": clear, "tiago-2": clear, "tiago-3": clear });
+    hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
+    expect(ofCards("stop-state")).toEqual(["Clear", "unknown", "Clear"]);
+  });
+
+  it("says what the server says when a stop was refused that is of none of its robots", () => {
+    refuses({ text: "There is no such robot." });
+    expect(part("stop-all-state").textContent).toBe("There is no such robot.");
+  });
+
+  it("gives a connection up that answers nothing, and comes back", () => {
+    hears({ "tiago-1": clear });
+    vi.advanceTimersByTime(6500);
+    expect(said("ping").length).toBeGreaterThan(0);
+    expect(made).toHaveLength(2);
+    made[1].opens();
+    expect(part("connection").textContent).toBe("Connecting");
+    hears({ "tiago-1": clear });
+    expect(part("connection").textContent).toBe("Connected");
+  });
+
+  it("is brought anew when the first that is heard has other robots than the page, once in a row", () => {
+    hears({ "tiago-1": clear, "tiago-2": clear });
+    expect(reload).toHaveBeenCalledTimes(1);
+    page.close();
+    open();
+    hears({ "tiago-2": clear, "tiago-1": clear });
+    expect(reload).toHaveBeenCalledTimes(1);
+    hears({ "tiago-1": clear });
+    hears({});
+    expect(reload).toHaveBeenCalledTimes(2);
+  });
+});

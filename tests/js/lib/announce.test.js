@@ -1,0 +1,40 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Announcer } from "../../../static/js/lib/announce.js";
+
+beforeEach(() => vi.useFakeTimers());
+afterEach(() => vi.useRealTimers());
+
+describe("announcements", () => {
+  it("come at once, then at most every few seconds, and then only the newest", () => {
+    const region = document.createElement("p");
+    const announcer = new Announcer(region);
+    announcer.say("slowed to 0.3 m/s", "slowed ahead");
+    expect(region.textContent).toBe("slowed to 0.3 m/s");
+    announcer.say("slowed to 0.2 m/s", "slowed ahead"); // only a figure changed
+    announcer.say("held: laser, ahead left", "held left");
+    announcer.say("held: laser, ahead", "held ahead");
+    expect(region.textContent).toBe("slowed to 0.3 m/s");
+    vi.advanceTimersByTime(4000);
+    expect(region.textContent).toBe("held: laser, ahead");
+    announcer.close();
+  });
+
+  it("come a second time if the first was over, and not once they are over", () => {
+    const region = document.createElement("p");
+    const announcer = new Announcer(region);
+    announcer.say("No connection. Connecting again.", "No connection");
+    announcer.say("Slowed.", "slowed");
+    announcer.forget("No connection"); // something else was said since
+    announcer.forget("slowed");
+    vi.advanceTimersByTime(4000);
+    expect(region.textContent).toBe("No connection. Connecting again.");
+
+    region.textContent = "";
+    announcer.say("No connection. Connecting again.", "No connection");
+    announcer.forget("No connection");
+    vi.advanceTimersByTime(4000);
+    announcer.say("No connection. Connecting again.", "No connection");
+    expect(region.textContent).toBe("No connection. Connecting again.");
+    announcer.close();
+  });
+});

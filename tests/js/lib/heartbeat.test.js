@@ -1,0 +1,61 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Pulse } from "../../../static/js/lib/heartbeat.js";
+
+describe("the pulse", () => {
+  let socket;
+  let pulse;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    socket = { open: true, send: vi.fn(), reset: vi.fn() };
+    pulse = new Pulse(socket);
+    pulse.begin();
+  });
+
+  afterEach(() => {
+    pulse.close();
+    vi.useRealTimers();
+  });
+
+  it("gives a connection up on which nothing was heard for 4 s since a ping", () => {
+    vi.advanceTimersByTime(5000);
+    expect(socket.send).toHaveBeenCalled();
+    expect(socket.reset).not.toHaveBeenCalled();
+    vi.advanceTimersByTime(1000);
+    expect(socket.reset).toHaveBeenCalledTimes(1);
+  });
+
+  it("takes any word for a sign of life", () => {
+    for (let seconds = 0; seconds < 20; seconds += 1) {
+      vi.advanceTimersByTime(1000);
+      pulse.heard({ t: "fleet" });
+    }
+    expect(socket.reset).not.toHaveBeenCalled();
+    expect(pulse.delayMs).toBeNull();
+  });
+
+  it("does not count the silence of the connection before", () => {
+    vi.advanceTimersByTime(4900);
+    pulse.begin();
+    vi.advanceTimersByTime(4000);
+    expect(socket.reset).not.toHaveBeenCalled();
+  });
+
+  it("waits while there is no connection, and after the page has gone", () => {
+    socket.open = false;
+    vi.advanceTimersByTime(20_000);
+    socket.open = true;
+    pulse.close();
+    vi.advanceTimersByTime(20_000);
+    expect(socket.send).not.toHaveBeenCalled();
+    expect(socket.reset).not.toHaveBeenCalled();
+  });
+
+  it("measures the way there and back by pongs", () => {
+    vi.advanceTimersByTime(1000);
+    const [{ sent_ms }] = socket.send.mock.calls[0];
+    vi.advanceTimersByTime(80);
+    pulse.heard({ t: "pong", sent_ms });
+    expect(pulse.delayMs).toBe(80);
+  });
+});

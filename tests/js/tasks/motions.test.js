@@ -1,0 +1,153 @@
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import { durationText, endNotice, Motions } from "../../../static/js/tasks/motions.js";
+
+const WAVE = { name: "wave", title: "Wave", usage: "demo", description: "A hand", duration_s: 3.2 };
+const HOME = { name: "home", title: "Home", usage: "tuck", description: "", duration_s: null };
+const BOW = { name: "bow", title: "Bow", usage: "demo" };
+
+function pageParts() {
+  const names = ["motion-list", "motions-none", "motions-hint"];
+  const parts = Object.fromEntries(names.map((name) => [name, document.createElement("div")]));
+  return { ...parts, "motions-refresh": document.createElement("button") };
+}
+
+describe("the list of motions", () => {
+  let parts;
+  let send;
+  let motions;
+  const button = (name) =>
+    [...parts["motion-list"].querySelectorAll("button")].find((found) =>
+      found.textContent.includes(name),
+    );
+
+  beforeEach(() => {
+    parts = pageParts();
+    send = vi.fn();
+    motions = new Motions(parts, send);
+    motions.offers = { motions: [WAVE, HOME, BOW] };
+  });
+
+  it("shows the robot's own words, by groups", () => {
+    const rows = [...parts["motion-list"].querySelectorAll("li")].map((row) => row.textContent);
+    expect(rows).toEqual(["demo", "PlayWaveA hand3.2 s", "PlayBow", "tuck", "PlayHome"]);
+  });
+
+  it("plays what is pressed, and cancels it in the same place", () => {
+    motions.mayAct = motions.mayCancel = true;
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "wave", title: "Wave" });
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    expect(button("Wave").firstElementChild.textContent).toBe("Cancel");
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play_cancel" });
+    motions.state = { motion: null };
+    expect(button("Wave").firstElementChild.textContent).toBe("Play");
+  });
+
+  it("does not cancel by the second press of a double click what the first began", () => {
+    motions.mayAct = motions.mayCancel = true;
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    button("Wave").dispatchEvent(new MouseEvent("click", { detail: 2 }));
+    expect(send).not.toHaveBeenCalled();
+  });
+
+  it("takes a press right after the end for the cancel that it was meant as, and later for a new one", () => {
+    motions.mayAct = motions.mayCancel = true;
+    const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    motions.state = { motion: null };
+    clock.mockReturnValue(1300);
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play_cancel" });
+    button("Bow").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "bow", title: "Bow" });
+    clock.mockReturnValue(1600);
+    button("Wave").click();
+    expect(send).toHaveBeenLastCalledWith({ t: "play", motion: "wave", title: "Wave" });
+    clock.mockRestore();
+  });
+
+  it("takes a key that is held down for one press, on a motion and in the search", () => {
+    motions.mayAct = motions.mayCancel = true;
+    const held = () =>
+      new KeyboardEvent("keydown", { key: "Enter", repeat: true, bubbles: true, cancelable: true });
+    const onMotion = held();
+    button("Wave").dispatchEvent(onMotion);
+    expect(onMotion.defaultPrevented).toBe(true);
+    const field = parts["motion-list"].querySelector("input");
+    field.value = "wave";
+    field.dispatchEvent(new Event("input"));
+    field.dispatchEvent(held());
+    expect(send).not.toHaveBeenCalled();
+  });
+
+  it("keeps room for the other word, so that nothing moves when it comes", () => {
+    const act = button("Wave").firstElementChild;
+    expect([act.textContent, act.dataset.later]).toEqual(["Play", "Cancel"]);
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    expect([act.textContent, act.dataset.later]).toEqual(["Cancel", "Play"]);
+  });
+
+  it("lets a second one be pressed: the robot says why not, and who runs which", () => {
+    motions.mayAct = motions.mayCancel = true;
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    button("Bow").click();
+    expect(send).toHaveBeenCalledWith({ t: "play", motion: "bow", title: "Bow" });
+  });
+
+  it("looks as if it did nothing without control; a supervisor may cancel all the same", () => {
+    motions.mayAct = false;
+    motions.mayCancel = true;
+    motions.state = { motion: { name: "wave", who: "Ann" } };
+    expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
+    expect(parts["motions-hint"].hidden).toBe(false);
+    expect(button("Wave").getAttribute("aria-disabled")).toBeNull();
+    motions.mayAct = motions.mayCancel = true;
+    expect(button("Bow").getAttribute("aria-disabled")).toBeNull();
+    expect(parts["motions-hint"].hidden).toBe(true);
+    motions.idle = "Nothing on the robot listens to /play_motion/goal.";
+    expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
+    expect(parts["motions-hint"].textContent).toContain("/play_motion/goal");
+  });
+
+  it("does not ask to take control before it is known who has it", () => {
+    motions.mayAct = null;
+    expect(parts["motions-hint"].hidden).toBe(true);
+  });
+
+  it("says why there are none, and asks the robot again", () => {
+    motions.offers = { motions: [], motions_text: "play_motion does not run." };
+    expect(parts["motions-none"].textContent).toBe("play_motion does not run.");
+    parts["motions-refresh"].click();
+    expect(send).toHaveBeenCalledWith({ t: "refresh" });
+  });
+
+  it("knows a motion's name for people", () => {
+    expect(motions.titleOf("wave")).toBe("Wave");
+    expect(motions.titleOf("gone")).toBe("gone");
+  });
+});
+
+describe("motions in words", () => {
+  it("tell how one ended, with the robot's own words where something went wrong", () => {
+    const ended = { name: "wave", outcome: "intruder", text: "Laser, 0.3 m ahead." };
+    expect(endNotice(ended, "Wave")).toMatchObject({
+      level: "warning",
+      text: "Wave: cancelled, because something came near. Laser, 0.3 m ahead.",
+    });
+    const unrecorded = { outcome: "not_recorded", text: "The robot stands still." };
+    expect(endNotice(unrecorded, "Wave").text).toBe("Wave: cancelled. The robot stands still.");
+    expect(endNotice({ outcome: "succeeded", text: "" }, "Wave").level).toBe("success");
+    expect(endNotice({ outcome: "unheard", text: "" }, "Wave").level).toBe("warning");
+    expect(endNotice({ outcome: "failed", text: "Code -7." }, "Wave")).toMatchObject({
+      level: "error",
+      text: "Wave: failed. Code -7.",
+    });
+  });
+
+  it("say how long one takes, if the robot knows", () => {
+    expect(durationText(3.24)).toBe("3.2 s");
+    expect(durationText(12.6)).toBe("13 s");
+    expect(durationText(null)).toBe("");
+  });
+});

@@ -1,0 +1,129 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Orders, shortened } from "../../../static/js/tasks/tasks.js";
+
+describe("orders", () => {
+  let sent;
+  let told;
+  let orders;
+  let open;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    sent = [];
+    told = [];
+    open = true;
+    const send = (message) => open && sent.push(message) > 0;
+    orders = new Orders(send, (notice) => told.push(notice), 100);
+    orders.fence = 7;
+  });
+  afterEach(() => {
+    orders.close();
+    vi.useRealTimers();
+  });
+
+  it("go under the number of this tab's control, each with a number of its own", () => {
+    orders.send({ t: "play", motion: "wave", title: "Wave" });
+    orders.send({ t: "refresh" });
+    expect(sent).toEqual([
+      { t: "play", motion: "wave", seq: 101, fence: 7 },
+      { t: "refresh", seq: 102 },
+    ]);
+  });
+
+  it("without control are not sent, and say what to do", async () => {
+    orders.fence = null;
+    expect((await orders.send({ t: "play", motion: "wave" })).code).toBe("no_lease");
+    expect(sent).toEqual([]);
+    expect(told[0].text).toBe("Play wave: Take control first.");
+  });
+
+  it("of those who may cancel without control go without its number", () => {
+    orders.fence = null;
+    orders.send({ t: "play_cancel" });
+    expect(sent).toEqual([{ t: "play_cancel", seq: 101 }]);
+  });
+
+  it("that are repeated quietly tell of a refusal only", () => {
+    orders.send({ t: "publish", topic: "/key_vel", quiet: true });
+    orders.send({ t: "publish", topic: "/key_vel", quiet: true });
+    expect(sent[0]).toEqual({ t: "publish", topic: "/key_vel", seq: 101, fence: 7 });
+    orders.heard({ t: "accepted", of: "publish", seq: 101 });
+    expect(told).toEqual([]);
+    const refusal = { code: "stopped", text: "The robot is stopped." };
+    orders.heard({ t: "refused", of: "publish", seq: 102, refusal });
+    expect(told.length).toBe(1);
+  });
+
+  it("are told of once: accepted, what is done by it", async () => {
+    const answer = orders.send({ t: "look_ahead" });
+    expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(true);
+    expect(await answer).toBeNull();
+    expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(false);
+    expect(told).toHaveLength(1);
+    expect(told[0]).toMatchObject({ level: "success" });
+    vi.advanceTimersByTime(1000);
+    expect(told).toHaveLength(1);
+  });
+
+  it("are told of once: refused, why", async () => {
+    const answer = orders.send({ t: "play", motion: "wave", title: "Wave" });
+    const refusal = { code: "motion_runs", text: "Ann has it perform bow.", rule: "robot" };
+    orders.heard({ t: "refused", of: "play", seq: 101, refusal });
+    expect(await answer).toBe(refusal);
+    expect(told).toEqual([
+      {
+        level: "warning",
+        code: "Play Wave motion_runs",
+        text: "Play Wave: Ann has it perform bow.",
+      },
+    ]);
+  });
+
+  it("are told apart by what was asked for: only repeats of the same are counted together", () => {
+    for (const topic of ["/say", null]) orders.send({ t: "choose", use: "speech", topic });
+    for (const seq of [101, 102]) orders.heard({ t: "accepted", of: "choose", seq });
+    orders.fence = null;
+    for (const motion of ["wave", "bow"]) orders.send({ t: "play", motion });
+    expect(new Set(told.map(({ code }) => code)).size).toBe(4);
+  });
+
+  it("that get no answer within 0.75 s say so instead of hanging, and a late answer is told too", async () => {
+    const answer = orders.send({ t: "look_ahead" });
+    vi.advanceTimersByTime(749);
+    expect(told).toEqual([]);
+    vi.advanceTimersByTime(1);
+    expect((await answer).code).toBe("no_answer");
+    expect(told[0].text).toContain("0.75 s");
+    orders.heard({ t: "accepted", of: "look_ahead", seq: 101 });
+    expect(told[1].level).toBe("success");
+  });
+
+  it("that were said to get no answer are not told once more when the connection is lost", () => {
+    orders.send({ t: "look_ahead" });
+    vi.advanceTimersByTime(4000);
+    orders.lost();
+    expect(told).toHaveLength(1);
+  });
+
+  it("are refused at once without a connection, and when it is lost", async () => {
+    const answer = orders.send({ t: "play", motion: "wave" });
+    orders.lost();
+    expect((await answer).code).toBe("no_answer");
+    open = false;
+    expect((await orders.send({ t: "play", motion: "wave" })).code).toBe("not_connected");
+    expect(told).toHaveLength(2);
+  });
+
+  it("leave the answers of others alone", () => {
+    orders.send({ t: "play", motion: "wave" });
+    const refusal = { code: "too_old", text: "", rule: "wire" };
+    expect(orders.heard({ t: "refused", of: "drive", seq: 101, refusal })).toBe(false);
+    expect(orders.heard({ t: "view" })).toBe(false);
+  });
+
+  it("name a long text by its beginning", () => {
+    expect(shortened("one\ntwo")).toBe("one two");
+    expect(shortened("x".repeat(50))).toHaveLength(40);
+    expect(Array.from(shortened("🙂".repeat(50)))).toHaveLength(40);
+  });
+});
