@@ -1,0 +1,1 @@
+"""The Django project: settings and what every page needs."""

@@ -1,0 +1,1 @@
+"""Composition: the one place that puts all apps together: URLs, ASGI application, WebSocket access."""

@@ -1,0 +1,1 @@
+"""Writes what bridges report into the audit log."""

@@ -1,0 +1,1 @@
+"""Registered robots: profiles, phrases, shipped content, and who may see which robot."""

@@ -21,10 +21,11 @@ from robots.registry.models import Role
 from robots.registry.selectors import link_address, robots_visible_to, roles_of
 from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
+from teleop.background.tasks import run_beside
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.services import let_down
-from teleop.live.socket import CloseCode, MessageSocket, beside
+from teleop.live.socket import CloseCode, MessageSocket
 from teleop.live.tasks import BUSY
 from teleop.recording.refusals import Denied
 from teleop.stop.emergency_stop import StopButton, clear
@@ -76,7 +77,7 @@ class FleetConsumer(MessageSocket):
         self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.user = await in_database(_person, self.person)
         await self._look()
-        self._loops = [beside(self._keep_looking()), beside(self._keep_showing())]
+        self._loops = [run_beside(self._keep_looking()), run_beside(self._keep_showing())]
 
     async def closed(self) -> None:
         """Follow no robot any more."""
@@ -133,7 +134,7 @@ class FleetConsumer(MessageSocket):
             await self._not_cleared(slug, BUSY)
         else:
             self._clearing.add(slug)
-            beside(self._clear(slug, self._links[slug], number))
+            run_beside(self._clear(slug, self._links[slug], number))
 
     async def _clear(self, slug: str, link: BridgeLink, number: int) -> None:
         try:

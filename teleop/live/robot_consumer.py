@@ -28,6 +28,7 @@ from robots.wire import (
     kind_of,
 )
 from teleop.background.database import in_database
+from teleop.background.tasks import RequestQueue, run_beside
 from teleop.control import services
 from teleop.control.policy import ROLE_LOWERED, Permit
 from teleop.control.rules import NO_LEASE, Phase, Tab, fingerprint, lapse, open_asks, phase
@@ -37,7 +38,7 @@ from teleop.live import notices, robot_hub
 from teleop.live.lease_renewal import Grip
 from teleop.live.picture_feed import Viewer
 from teleop.live.robot_socket import RobotSocket
-from teleop.live.socket import CloseCode, Errands, beside
+from teleop.live.socket import CloseCode
 from teleop.live.tasks import BUSY, Orders, not_held
 from teleop.models import EndReason
 from teleop.stop import emergency_stop
@@ -81,7 +82,7 @@ class RobotConsumer(RobotSocket):
             self.stop_button = emergency_stop.StopButton(
                 self.user, self.through, partial(self.refuse, "stop")
             )
-            self.errands = Errands()
+            self.requests = RequestQueue()
             self.orders = Orders(self)
             self.room = robot_hub.enter(self.robot_id, entry, self)
 
@@ -93,7 +94,7 @@ class RobotConsumer(RobotSocket):
         held, self.grip = self.grip, None
         if held:
             held.leave()
-        self.errands.close()
+        self.requests.close()
         if self.viewer:
             self.viewer.leave()
         try:
@@ -124,7 +125,7 @@ class RobotConsumer(RobotSocket):
             await self.tell(wire.Pong(message.sent_ms))
         elif isinstance(message, wire.Refresh):
             await self._refresh(message)
-        elif not self.errands.add(lambda: self._do(message)):
+        elif not self.requests.add(lambda: self._do(message)):
             await self.refuse(kind_of(message), BUSY)
 
     def heard_now(self, raw: str) -> bool:
@@ -312,7 +313,7 @@ class RobotConsumer(RobotSocket):
     def offered(self, offers: Offers) -> None:
         """Say what the robot offers now; a page that has not said hello is told then."""
         if self.looks:
-            beside(self.tell(offers))
+            run_beside(self.tell(offers))
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """Look what came in between, and grip again if nothing did."""
@@ -322,7 +323,7 @@ class RobotConsumer(RobotSocket):
     def refused_at_bridge(self, refused: Refused) -> None:
         """Pass on what was refused of ours."""
         if self.grip and refused.fence == self.fence:
-            beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
+            run_beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
 
     # --- control on this connection ------------------------------------------------------------------
 
@@ -398,7 +399,7 @@ class RobotConsumer(RobotSocket):
         if session is None:
             return False
         self._to_end = partial(_end_lease, self.robot_id, session, reason, refusal, by)
-        beside(self._keep_ending())
+        run_beside(self._keep_ending())
         return True
 
     async def _end_lease(self) -> None:

@@ -10,10 +10,11 @@ from fleet.accounts.models import User
 from robots.registry.selectors import robots_visible_to
 from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
 from teleop.background.database import in_database
+from teleop.background.tasks import run_beside
 from teleop.control.selectors import SignIn, registered, rights_of
 from teleop.control.status import Registered, Rights, Standing
 from teleop.live import notices, robot_hub
-from teleop.live.socket import CloseCode, MessageSocket, beside
+from teleop.live.socket import CloseCode, MessageSocket
 from teleop.recording.refusals import Denied
 
 
@@ -111,7 +112,7 @@ class RobotSocket(MessageSocket):
         """Say that the bridge is away, if it is."""
         refusal = self.room.entry.refusal or self.room.link.refusal
         if refusal and not self.room.link.up:
-            beside(self.tell(BridgeGone(refusal, self.room.link.seen_at, self.room.link.pending)))
+            run_beside(self.tell(BridgeGone(refusal, self.room.link.seen_at, self.room.link.pending)))
 
     def offered(self, offers: Offers) -> None:
         """The robot offers something else."""

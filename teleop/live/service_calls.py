@@ -18,11 +18,11 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import CallService, Refusal, SetParameter
 from teleop.background.database import in_database
+from teleop.background.tasks import run_beside
 from teleop.control.selectors import holding_of
 from teleop.control.services import ControlRefused, change
 from teleop.control.status import Rights
 from teleop.live.robot_hub import Room
-from teleop.live.socket import beside
 from teleop.live.tasks import role_for, why_role
 
 log = logging.getLogger(__name__)
@@ -41,9 +41,9 @@ async def carry_out(call: Call, *, room: Room, user: User, rights: Rights) -> st
     try:
         answer = await room.link.ask(call)
     except LinkRefused as refused:
-        beside(in_database(_record_outcome, begun, user, refused.refusal))
+        run_beside(in_database(_record_outcome, begun, user, refused.refusal))
         raise
-    beside(in_database(_record_outcome, begun, user, _answered.decode(answer).refusal))
+    run_beside(in_database(_record_outcome, begun, user, _answered.decode(answer).refusal))
     return answer
 
 

@@ -6,11 +6,9 @@ the time. This one hands each message straight to `heard`, and what takes long i
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import time
 from collections import Counter
-from collections.abc import Coroutine
 from typing import Any
 
 from channels.consumer import AsyncConsumer
@@ -175,23 +173,6 @@ class MessageSocket(AsyncConsumer):
             await self.asgi_send({"type": "websocket.close", "code": code, "reason": reason})
 
 
-def beside(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-    """Do something that nobody waits for, to its end, even when the connection that began it is gone."""
-    task = asyncio.create_task(work)
-    _beside.add(task)
-    task.add_done_callback(_done)
-    return task
-
-
-_beside: set[asyncio.Task[None]] = set()  # the event loop alone would let them go
-
-
-def _done(task: asyncio.Task[None]) -> None:
-    _beside.discard(task)
-    if not task.cancelled() and (error := task.exception()):
-        log.error("something beside a connection failed", exc_info=error)
-
-
 async def no_such_address(scope: Any, receive: Any, send: Any) -> None:
     """The ASGI application at every address that is none: closes, so that a page gives up."""
     await receive()  # websocket.connect
@@ -199,33 +180,3 @@ async def no_such_address(scope: Any, receive: Any, send: Any) -> None:
     await send(
         {"type": "websocket.close", "code": CloseCode.NOT_FOUND, "reason": "There is no such address."}
     )
-
-
-class Errands:
-    """What one connection asks for that takes long, done one after the other beside its stick."""
-
-    LONGEST = 8
-
-    def __init__(self) -> None:
-        self._queue: asyncio.Queue[Any] = asyncio.Queue(self.LONGEST)
-        self._task = asyncio.create_task(self._run())
-
-    def add(self, errand: Any) -> bool:
-        """Queue a coroutine function without arguments. False if too much waits already."""
-        try:
-            self._queue.put_nowait(errand)
-        except asyncio.QueueFull:
-            return False
-        return True
-
-    def close(self) -> None:
-        """Drop what waits; what runs is not waited for."""
-        self._task.cancel()
-
-    async def _run(self) -> None:
-        while True:
-            errand = await self._queue.get()
-            try:
-                await errand()
-            except Exception:
-                log.exception("an errand of a connection failed")

@@ -17,11 +17,11 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
 from teleop.background.database import in_database
+from teleop.background.tasks import run_beside
 from teleop.control.rules import NO_LEASE
 from teleop.control.selectors import holding_of
 from teleop.control.status import Rights
 from teleop.live.robot_hub import Room
-from teleop.live.socket import beside
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class Orders:
             await self._answer(order, refusal)
             return
         self._under_way += 1
-        beside(self._hand_on(order))
+        run_beside(self._hand_on(order))
 
     def _why_not(self, order: Order) -> Refusal | None:
         if order.fence is None:
@@ -121,7 +121,7 @@ class Orders:
             "speech" if isinstance(order, wire.SayCancel) else "motion", by=self._page.user.display_name
         )
         answer = await self._page.room.link.cancel(cancel)
-        beside(in_database(_record_cancel, cancel.what, self._page.room, self._page.user, answer))
+        run_beside(in_database(_record_cancel, cancel.what, self._page.room, self._page.user, answer))
         return answer
 
     async def _answer(self, order: Order, refusal: Refusal | None) -> None:

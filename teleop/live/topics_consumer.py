@@ -8,10 +8,10 @@ from typing import Any
 from robots import wire
 from robots.bridge.server.flood_limits import Budget
 from robots.wire import NotDone, Question, Refusal, Refused, kind_of, topics_message
+from teleop.background.tasks import run_beside
 from teleop.live import robot_hub
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.service_calls import Call, carry_out
-from teleop.live.socket import beside
 from teleop.live.tasks import BUSY
 from teleop.live.topic_feed import Looker, Withheld
 from teleop.recording.camera_audit import Watching
@@ -92,7 +92,7 @@ class TopicsConsumer(RobotSocket):
                 await self.tell(wire.Pong(sent_ms))
             case question if self._under_way < UNDER_WAY and self._questions.spend(time.monotonic()):
                 self._under_way += 1
-                beside(self._answer(question))
+                run_beside(self._answer(question))
             case question:
                 await self.refuse(kind_of(question), BUSY, question.seq)
 

@@ -1,0 +1,1 @@
+"""Records that web processes write: refusals, camera viewers, repeated events as one."""

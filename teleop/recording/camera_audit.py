@@ -25,7 +25,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.wire import Refusal
 from teleop.background.database import in_database
-from teleop.live.socket import beside
+from teleop.background.tasks import run_beside
 from teleop.recording.repeat_suppression import Ration
 
 log = logging.getLogger(__name__)
@@ -100,7 +100,7 @@ class Watching:
         """The person is shown this camera no more, if they were."""
         watch = self._open.pop(camera, None)
         if watch is not None:
-            beside(self._told_end(watch, time.monotonic() - watch.since_s, outcome))
+            run_beside(self._told_end(watch, time.monotonic() - watch.since_s, outcome))
 
     def end_all(self) -> None:
         """The connection is gone."""

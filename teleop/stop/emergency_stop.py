@@ -24,10 +24,10 @@ from robots.stop.delivery import stop_message
 from robots.stop.presses import Pending, Result, keep_pending, press_all, record_outcome, record_press
 from robots.wire import LinkClear, Refusal, Stopped
 from teleop.background.database import in_database, in_database_beside
+from teleop.background.tasks import run_beside
 from teleop.control.rules import Tab
 from teleop.control.selectors import holding_of
 from teleop.control.services import clear_begin
-from teleop.live.socket import beside
 from teleop.recording.repeat_suppression import FoldingLog
 
 GAP_S = 3.0  # between two records of one person's presses of one robot by one door
@@ -97,7 +97,7 @@ class StopButton:
 
     def _begin(self, link: BridgeLink) -> Future[Result]:
         answer: Future[Result] = Future()
-        beside(self._send(link, answer))
+        run_beside(self._send(link, answer))
         return answer
 
     async def _send(self, link: BridgeLink, answer: Future[Result]) -> None:

@@ -1,0 +1,1 @@
+"""Drive input: newest stick position, input filters, twists, and the log of drives."""

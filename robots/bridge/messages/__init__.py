@@ -1,0 +1,1 @@
+"""Values of ROS messages as JSON fields and packed bytes."""

@@ -1,0 +1,1 @@
+"""Tasks besides driving: motions, speech, publishing, head, and who may start them."""

@@ -1,0 +1,1 @@
+"""Joints above the base: table, frames, recorded motions and trajectories."""

@@ -1,0 +1,1 @@
+"""Bodies: MuJoCo scene, base controller, wheels and people."""

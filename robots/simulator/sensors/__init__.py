@@ -1,0 +1,1 @@
+"""Simulated sensors with a real one's faults."""

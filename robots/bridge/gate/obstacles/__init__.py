@@ -1,0 +1,1 @@
+"""Known obstacles: seen now, remembered, moving, or hidden from the sensors."""

@@ -1,0 +1,1 @@
+"""Delays and ages: latency, acknowledgements, freshness, and the trail of poses."""

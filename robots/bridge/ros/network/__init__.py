@@ -1,0 +1,1 @@
+"""The ROS network: master, nodes, host names and connections."""

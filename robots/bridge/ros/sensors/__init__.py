@@ -1,0 +1,1 @@
+"""Sensor topics and frames, converted for the gate."""

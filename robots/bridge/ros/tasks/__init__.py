@@ -1,0 +1,1 @@
+"""Tasks over ROS: actions, motions, speech and publishing."""

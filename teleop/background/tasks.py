@@ -1,0 +1,56 @@
+"""Work that runs beside a connection: nothing that a person waits for on the stick."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
+
+log = logging.getLogger(__name__)
+
+_running: set[asyncio.Task[None]] = set()  # the event loop alone keeps no reference to a task
+
+
+def run_beside(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+    """Run `work` to its end, also when the connection that began it is gone. Log its errors."""
+    task = asyncio.create_task(work)
+    _running.add(task)
+    task.add_done_callback(_done)
+    return task
+
+
+def _done(task: asyncio.Task[None]) -> None:
+    _running.discard(task)
+    if not task.cancelled() and (error := task.exception()):
+        log.error("A background task failed.", exc_info=error)
+
+
+class RequestQueue:
+    """Slow requests of one connection, run one after the other beside its drive input."""
+
+    LONGEST = 8
+
+    def __init__(self) -> None:
+        self._queue: asyncio.Queue[Callable[[], Awaitable[None]]] = asyncio.Queue(self.LONGEST)
+        self._task = asyncio.create_task(self._run())
+
+    def add(self, request: Callable[[], Awaitable[None]]) -> bool:
+        """Queue a coroutine function without arguments. False if the queue is full."""
+        try:
+            self._queue.put_nowait(request)
+        except asyncio.QueueFull:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Drop the queued requests and cancel the running one."""
+        self._task.cancel()
+
+    async def _run(self) -> None:
+        while True:
+            request = await self._queue.get()
+            try:
+                await request()
+            except Exception:
+                log.exception("A request of a connection failed.")
