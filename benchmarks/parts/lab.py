@@ -1,6 +1,7 @@
 """What happens in a lab that never was, event by event: each kind as the console and its bridges record it.
 
-What a record says for ever, what may expire and who it is by stand where they do in `robots.recording.bridge_records`, `teleop.control.services`
+What a record says for ever, what may expire and who it is by stand where they do in `robots.recording.bridge_records`,
+`teleop.control.services`
 and the like; `tests/audit/test_past.py` looks at some of it.
 """
 

@@ -106,7 +106,7 @@ What = Literal["choose", "publish", "call", "set"]
 
 
 class Allowed(Struct, frozen=True):
-    """One entry of the admin's allow-list: what is not there, nobody may. `robots.bridge.tasks.denylist` knows what never is."""
+    """One entry of the allow-list. Without an entry nobody may; `robots.bridge.tasks.denylist` forbids some entries."""
 
     what: What
     name: str  # of the topic, action, service or parameter

@@ -1,7 +1,7 @@
 """Is this robot ready to be driven from here? Questions that a lab asks, each with an answer and what to do.
 
-`robots.bridge.ros.network.probe` finds facts in a process of its own, in the environment of the robot's bridge; `judge` turns
-them into answers. The web process never imports ROS.
+`robots.bridge.ros.network.probe` finds facts in a process of its own, in the environment of the robot's bridge; `judge`
+turns them into answers. The web process never imports ROS.
 """
 
 from __future__ import annotations

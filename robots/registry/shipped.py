@@ -1,7 +1,8 @@
 """The profiles that come with the console, as data files under robots/registry/profiles/.
 
-After each migration `robots.registry.services.profiles_load_shipped` brings into the database what is new, or what nobody has
-edited. A profile that was edited here is left alone; the admin says that the shipped one differs and offers to take it.
+After each migration `robots.registry.services.profiles_load_shipped` brings into the database what is new, or what
+nobody has edited. A profile that was edited here is left alone; the admin says that the shipped one differs and
+offers to take it.
 A profile's phrases, a text file beside it, go the same way for themselves.
 """
 

@@ -48,7 +48,7 @@ def migration_sources() -> list[Path]:
     """What the database's tables are made from."""
     apps = [REPOSITORY / name for name in ("fleet", "robots", "teleop")]
     ours = [file for app in apps for file in app.rglob("migrations/*.py")]
-    profiles = list((REPOSITORY / "robots/profiles").glob("*.yaml"))
+    profiles = list((REPOSITORY / "robots/registry/profiles").glob("*.yaml"))
     return [*ours, *profiles, REPOSITORY / "requirements/web.txt"]
 
 

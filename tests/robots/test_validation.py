@@ -23,7 +23,7 @@ pytestmark = pytest.mark.django_db
 # As in a web process that has just begun, with several pages waiting for it.
 FIRST_USES = """
 import sys, threading
-from robots import described
+from robots.registry import profile_schema
 from robots.registry.profile_schema import Footprint, Overrides, Parameters, Problems, StickChain, Topics
 
 sys.setswitchinterval(1e-6)
@@ -33,7 +33,7 @@ def parse():
     for kind in (Footprint, Overrides, Parameters, StickChain, Topics):
         together.wait()
         try:
-            described.parsed(kind, {name: 1.0 for name in kind.__struct_fields__})
+            profile_schema.parsed(kind, {name: 1.0 for name in kind.__struct_fields__})
         except Problems:
             pass
 

@@ -1,7 +1,8 @@
 """The bridge's way to its inspector: a process that is there only while somebody looks, asks or publishes.
 
 Questions and looks of all links go in, answers and messages come out and are handed to the links that wanted them, by
-`robots.bridge.topics.inspector_messages`. All of it is bytes: the control loop decodes no message of the robot's, and waits for nothing.
+`robots.bridge.topics.inspector_messages`. All of it is bytes:
+the control loop decodes no message of the robot's, and waits for nothing.
 """
 
 from __future__ import annotations

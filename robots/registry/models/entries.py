@@ -108,7 +108,7 @@ class Phrase(OfProfileOrRobot):
 
 
 class Allowance(OfProfileOrRobot):
-    """An entry of the allow-list: what is not there, nobody may. `robots.bridge.tasks.denylist` says what may not be there."""
+    """An entry of the allow-list: without one, nobody may. `robots.bridge.tasks.denylist` forbids some entries."""
 
     class What(models.TextChoices):
         """What is done with the name."""

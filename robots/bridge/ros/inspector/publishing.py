@@ -1,7 +1,7 @@
 """Messages of any type to the robot: once, or at a rate until told otherwise.
 
-Whether it may be published was decided before (`robots.bridge.tasks.tasks`); here its bytes are made and sent, under the
-`Leave` that was in force when the bridge said so. After a halt there is another, and what waited goes nowhere.
+Whether it may be published was decided before (`robots.bridge.tasks.tasks`); here its bytes are made and sent, under
+the `Leave` that was in force when the bridge said so. After a halt there is another, and what waited goes nowhere.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ import genpy
 from robots.bridge.ros.bounds.texts import NAME, cut
 
 DEFINITIONS = Path(__file__).with_name("definitions")
-REPOSITORY = Path(__file__).resolve().parents[3]
+REPOSITORY = Path(__file__).resolve().parents[4]
 
 
 class UnknownTypeError(LookupError):

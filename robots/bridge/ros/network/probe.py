@@ -2,7 +2,7 @@
 
 Listens to topics by a TCPROS handshake of its own rather than as a rospy node: the publisher then tells its type
 and md5 sum even where they are not ours, and nothing stays registered with the master. Runs in the environment
-that the robot's bridge runs in (`robots.supervisor.ros_environment`), so that names resolve for it as they do for the bridge.
+that the robot's bridge runs in (`robots.supervisor.ros_environment`), so that names resolve as for the bridge.
 """
 
 from __future__ import annotations
