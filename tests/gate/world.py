@@ -45,6 +45,17 @@ def doorway(x, width, thickness=0.1, y=0.0):
     return segments
 
 
+def moved(pose, v):
+    """The pose after one step."""
+    heading = pose.yaw + v.w * STEP_S / 2
+    cos, sin = math.cos(heading), math.sin(heading)
+    return Pose(
+        pose.x + STEP_S * (cos * v.vx - sin * v.vy),
+        pose.y + STEP_S * (sin * v.vx + cos * v.vy),
+        pose.yaw + STEP_S * v.w,
+    )
+
+
 @dataclass
 class World:
     """One robot among segments. `step` plays 10 ms."""
@@ -60,7 +71,8 @@ class World:
     sonar_cone: float = 0.5
     sonar_noise_m: float = 0.0
     lost_echoes: float = 0.0
-    velocity: Velocity = STILL
+    slip: float = 0.0  # of the wheels' way, share that the robot does not make
+    velocity: Velocity = STILL  # of the wheels
     steps: int = 0
     least_gap_m: float = math.inf
 
@@ -69,12 +81,18 @@ class World:
         self.random = np.random.default_rng(self.seed)
         self.queue = deque([STILL] * round(self.delay_s / STEP_S))
         self.sent = STILL
+        self._told = self.pose if self.slip else None
         self.heard = set()  # names of the sonars that had an echo
         self.put(self.segments)
 
     def put(self, segments):
         """From now on this is what stands there."""
         self.ends = np.array(segments, dtype=float).reshape(-1, 2, 2)
+
+    @property
+    def odometry(self):
+        """Where the wheels tell that the robot is."""
+        return self._told or self.pose
 
     @property
     def now_s(self):
@@ -95,7 +113,7 @@ class World:
     def _sense(self):
         stamp_s = self.now_s + 1.7e9
         if self.steps % ODOMETRY_STEPS == 0:
-            self.gate.observe_odometry(stamp_s, self.now_s, self.pose, self.velocity)
+            self.gate.observe_odometry(stamp_s, self.now_s, self.odometry, self.velocity)
         if self.steps % SCAN_STEPS == 0:
             self._scan(stamp_s)
         if self.steps % SONAR_STEPS == 0:
@@ -143,13 +161,8 @@ class World:
             self.velocity.vy + float(np.clip(wanted.vy - self.velocity.vy, -linear, linear)),
             self.velocity.w + float(np.clip(wanted.w - self.velocity.w, -angular, angular)),
         )
-        heading = self.pose.yaw + v.w * STEP_S / 2
-        cos, sin = math.cos(heading), math.sin(heading)
-        self.pose = Pose(
-            self.pose.x + STEP_S * (cos * v.vx - sin * v.vy),
-            self.pose.y + STEP_S * (sin * v.vx + cos * v.vy),
-            self.pose.yaw + STEP_S * v.w,
-        )
+        self.pose = moved(self.pose, v.scaled(1.0 - self.slip))
+        self._told = self._told and moved(self._told, v)
         self.velocity = v
         self.steps += 1
         self.least_gap_m = min(self.least_gap_m, self.true_gap())

@@ -55,6 +55,7 @@ from robots.bridge.gate.motion.restraint import (
 )
 from robots.bridge.gate.motion.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera, Frame
+from robots.bridge.gate.obstacles.heading import Heading
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
 from robots.bridge.gate.obstacles.movers import MOVER, Movers
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
@@ -112,6 +113,7 @@ class Gate:
         }
         self._memories = {name: LaserMemory(laser) for name, laser in self._lasers.items()}
         self._movers = {name: Movers() for name in self._lasers}
+        self._heading = Heading(next(iter(self._lasers.values()))) if self._lasers else None
         self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
         self._holds = Holds(
             profile, self._odometry, self._trail, self._lasers.values(), self._sonars.values(), self._depth
@@ -163,6 +165,8 @@ class Gate:
         laser = self._lasers.get(scan.source)
         if laser and laser.observe(scan):
             self.latency.arrived(scan.source, scan.stamp_s, scan.arrival_s)
+            if self._heading and self._heading.laser is laser:
+                self._heading.correct(self._trail)
             self._memories[scan.source].learn(self._trail, scan.arrival_s)
             base = self._trail.pose_at(scan.stamp_s)
             if not self.profile.has_depth and laser.sweep is not None and base is not None:

@@ -60,10 +60,10 @@ def seen_free(sweep: Sweep, places: Points) -> NDArray[np.bool_]:
 def _looked_at(sweep: Sweep, places: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """The beam nearest to each of `places`, and how far it is."""
     x, y = places.T
-    return _beams(sweep, np.arctan2(y, x)), np.sqrt(x * x + y * y)
+    return beams_at(sweep, np.arctan2(y, x)), np.sqrt(x * x + y * y)
 
 
-def _beams(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
+def beams_at(sweep: Sweep, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
     """The beam nearest to each bearing (-pi..pi); out of view, the number of beams."""
     beams = len(sweep.ranges)
     turned = (bearings - wrapped(sweep.angle_min)) * math.copysign(1.0, sweep.increment)

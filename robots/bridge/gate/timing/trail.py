@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 
-from robots.bridge.gate.geometry.planar import wrapped
+from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
 from robots.bridge.gate.values import Pose, Velocity
 
 KEPT = 200  # poses: 4 s at 50 Hz, and no sensor is used for longer than 0.5 s
@@ -24,6 +24,9 @@ class Trail:
         self._stamps: list[float] = []
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
+        self._frame = ORIGIN  # of the odometry, where turns that it told wrongly were put right
+        self._told_yaw = 0.0
+        self.turn_share = 1.0  # of the turns that the odometry tells from now on
         self.revision = 0
         self.resets = 0  # how often the frame became another one
 
@@ -34,9 +37,16 @@ class Trail:
 
     def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
         """Take the newest pose, which goes on from the last one."""
+        righted = self._righted(pose)
+        if self.turn_share != 1.0 and self._poses:
+            off = (self.turn_share - 1.0) * wrapped(pose.yaw - self._told_yaw)
+            turned = righted._replace(yaw=wrapped(righted.yaw + off))
+            self._frame = put(seen_from(self._frame, righted), turned)
+            righted = turned
+        self._told_yaw = pose.yaw
         self._stamps.append(stamp_s)
-        self._poses.append(pose)
-        self._velocity = velocity
+        self._poses.append(righted)
+        self._velocity = velocity._replace(w=self.turn_share * velocity.w)
         self.revision += 1
         if len(self._stamps) > 2 * KEPT:
             del self._stamps[:KEPT], self._poses[:KEPT]
@@ -50,13 +60,33 @@ class Trail:
         if not self._stamps:
             return True
         passed_s = min(stamp_s - self._stamps[-1], silent_s)
-        return 0.0 <= passed_s <= SILENT_S and not self._jumped(pose, passed_s)
+        return 0.0 <= passed_s <= SILENT_S and not self._jumped(self._righted(pose), passed_s)
 
     def forget(self) -> None:
         """The frame is another one: what was known before is anywhere."""
         self._stamps.clear()
         self._poses.clear()
+        self._frame = ORIGIN
+        self.turn_share = 1.0
         self.resets += 1
+
+    def turn(self, since_s: float, stamp_s: float, off: float) -> None:
+        """From `since_s` to `stamp_s` the robot turned by `off` radians farther than the odometry told.
+
+        What comes later goes on from there; ValueError if the odometry does not tell where the robot was then.
+        """
+        about = self.pose_at(stamp_s)
+        if about is None:
+            raise ValueError("no pose of that time is known")
+        turned = about._replace(yaw=wrapped(about.yaw + off))
+        for n in range(bisect_right(self._stamps, since_s), len(self._poses)):
+            pose, share = self._poses[n], (self._stamps[n] - since_s) / (stamp_s - since_s)
+            if share < 1.0:
+                self._poses[n] = pose._replace(yaw=wrapped(pose.yaw + share * off))
+            else:
+                self._poses[n] = put(seen_from(pose, about), turned)
+        self._frame = put(seen_from(self._frame, about), turned)
+        self.revision += 1
 
     def pose_at(self, stamp_s: float) -> Pose | None:
         """The pose at a stamp, None if the odometry does not tell."""
@@ -84,6 +114,9 @@ class Trail:
             pose.y + ahead_s * (sin * velocity.vx + cos * velocity.vy),
             wrapped(pose.yaw + velocity.w * ahead_s),
         )
+
+    def _righted(self, pose: Pose) -> Pose:
+        return pose if self._frame is ORIGIN else put(pose, self._frame)
 
     def _jumped(self, pose: Pose, passed_s: float) -> bool:
         last = self._poses[-1]

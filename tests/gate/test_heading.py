@@ -1,0 +1,115 @@
+"""Wheels that slip while the robot turns: the laser tells how far it really turned."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.bridge.gate.geometry.planar import placed, seen_from
+from robots.bridge.gate.values import Pose, Velocity
+from tests.gate.conftest import tiago_profile
+from tests.gate.world import World, leg, wall
+
+TURN = Velocity(0.0, 0.0, 1.5)
+LEG = (0.75, 0.0)
+ROOM = wall(-3, -2, 4, -2) + wall(4, -2, 4, 2.5) + wall(4, 2.5, -3, 2.5) + wall(-3, 2.5, -3, -2)
+HALL = [
+    (*(6 * np.array([math.cos(a), math.sin(a)])), *(6 * np.array([math.cos(b), math.sin(b)])))
+    for a, b in ((math.radians(d), math.radians(d + 1)) for d in range(360))
+]
+
+
+def slipping(segments, slip=0.28, **changes) -> World:
+    """A TIAGo without sonars before a leg: behind itself it knows of nothing that it does not remember."""
+    profile = tiago_profile(sonar_poses={}, sonar_fov={})
+    return World(profile, segments + leg(*LEG, 0.06), slip=slip, **changes)
+
+
+def turned(world: World, yaw: float, asked=TURN) -> World:
+    """Once the robot has turned, and stands."""
+    while world.pose.yaw < yaw:
+        world.drive(asked, 0.05)
+    world.drive(Velocity(0.0, 0.0, 0.0), 1.5)
+    return world
+
+
+def off_rad(world: World) -> float:
+    """How much farther the robot turned by the gate's reckoning than it did."""
+    return math.remainder(world.gate._trail.newest.yaw - world.pose.yaw, math.tau)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_does_not_back_into_what_it_saw_before_it_turned(seed):
+    world = turned(slipping(ROOM, seed=seed), math.radians(170))
+    world.drive(Velocity(-0.2, 0.0, 0.0), 6.0)
+    assert world.least_gap_m > 0.0
+
+
+@pytest.mark.parametrize("noise_m", [0.01, 0.03])
+@pytest.mark.parametrize("half_view", [90.0, 135.0])
+@pytest.mark.parametrize("beams", [181, 1081])
+def test_what_it_saw_stays_where_it_was(noise_m, half_view, beams):
+    world = slipping(ROOM, noise_m=noise_m, half_view=math.radians(half_view), beams=beams)
+    turned(world, math.radians(175))
+    assert abs(off_rad(world)) < math.radians(8)
+    obstacles = world.gate.obstacles(world.now_s)
+    there = placed(np.array([LEG]), seen_from(Pose(0.0, 0.0, 0.0), world.pose))
+    assert np.hypot(*(obstacles.points - there).T).min() < 0.12
+
+
+def test_the_share_holds_on_where_nothing_is_in_view_any_more():
+    table = [segment for x in (0.8, 1.5) for y in (-0.7, 0.7) for segment in leg(x, y, 0.06)]
+    world = turned(slipping(table), math.radians(175))
+    assert abs(off_rad(world)) < math.radians(12)
+
+
+def test_one_thing_alone_tells_nothing_for_it_may_be_somebody_who_walks():
+    world = turned(slipping([]), math.radians(100))
+    assert world.gate._trail.newest == world.odometry
+
+
+@pytest.mark.parametrize("slip", [-0.04, 0.0, 0.04])
+def test_ordinary_drift_changes_nothing(slip):
+    world = turned(slipping(ROOM, slip=slip), math.radians(175))
+    assert world.gate._trail.newest == world.odometry
+
+
+def test_somebody_who_walks_along_changes_nothing():
+    world = slipping(ROOM, slip=0.0)
+
+    def walked(world: World) -> Velocity:
+        """Round the robot as it turns, so that by him alone it does not turn."""
+        yaw = 0.9 * world.pose.yaw + 0.3
+        world.put(ROOM + leg(*LEG, 0.06) + leg(0.8 * math.cos(yaw), 0.8 * math.sin(yaw), 0.4))
+        return TURN
+
+    turned(world, math.radians(175), walked)
+    assert world.gate._trail.newest == world.odometry
+
+
+def test_in_a_round_hall_nothing_tells_and_nothing_is_changed():
+    world = slipping(HALL, slip=0.28)
+    world.put(HALL)
+    turned(world, math.radians(175))
+    assert world.gate._trail.newest == world.odometry
+
+
+def test_a_laser_that_tells_the_same_again_and_again_does_not_stop_the_turn():
+    world = slipping(ROOM, slip=0.0)
+    seen = world._rays(world.profile.scan_poses["/scan_raw"], np.linspace(-1.65, 1.65, 572))
+    world._rays = lambda mount, angles: seen.copy()
+    turned(world, math.radians(175))
+    assert world.gate._trail.newest == world.odometry
+
+
+def test_a_drive_goes_on_straight_from_a_turn_that_was_put_right():
+    world = turned(slipping(ROOM, noise_m=0.003), math.radians(60))
+    world.slip = 0.0
+    before, begun = world.gate._trail.newest, world.pose
+    world.drive(Velocity(0.5, 0.0, 0.0), 1.5)
+    after = seen_from(world.gate._trail.newest, before)
+    truly = seen_from(world.pose, begun)
+    assert truly.x > 0.2
+    assert (after.x, after.y) == pytest.approx((truly.x, truly.y), abs=0.01)
