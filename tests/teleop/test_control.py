@@ -22,7 +22,7 @@ from teleop.background.database import in_database
 from teleop.control import rules, services
 from teleop.control.lease_events import Hints
 from teleop.control.rules import Tab
-from teleop.live import robot_consumer, robot_hub
+from teleop.live import control_holder, robot_hub
 from teleop.live.socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease
 from tests.teleop.support import eventually
@@ -203,7 +203,7 @@ async def test_giving_back_revokes_at_the_bridge_and_frees_the_robot(open_page, 
 async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_is_given_back_later(
     open_page, bridge, monkeypatch
 ):
-    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.05)
+    monkeypatch.setattr(control_holder, "RETRY_S", 0.05)
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     with monkeypatch.context() as full:
@@ -217,7 +217,7 @@ async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_i
 
 
 async def test_whoever_could_not_give_back_may_take_control_again(open_page, monkeypatch):
-    monkeypatch.setattr(robot_consumer, "AGAIN_S", 60.0)
+    monkeypatch.setattr(control_holder, "RETRY_S", 60.0)
     page = await open_page("operator")
     await take(page)
     with monkeypatch.context() as full:
@@ -232,7 +232,7 @@ async def test_whoever_could_not_give_back_may_take_control_again(open_page, mon
 async def test_who_takes_control_again_while_giving_back_is_tried_again_gets_it_and_keeps_it(
     open_page, monkeypatch
 ):
-    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.0)
+    monkeypatch.setattr(control_holder, "RETRY_S", 0.0)
     record, failed, trying, go_on = audit.record, threading.Event(), threading.Event(), threading.Event()
 
     def slow(kind, **told):
@@ -267,7 +267,7 @@ async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_
 ):
     page = await open_page("operator")
     await take(page)
-    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.5)
+    monkeypatch.setattr(control_holder, "RETRY_S", 0.5)
     with monkeypatch.context() as full:
         full.setattr(audit, "record", unavailable)
         await page.say("release")
@@ -281,7 +281,7 @@ async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_
 async def test_the_lease_of_whose_right_ended_is_ended_even_if_that_can_only_be_stored_later(
     open_page, bridge, monkeypatch
 ):
-    monkeypatch.setattr(robot_consumer, "AGAIN_S", 0.05)
+    monkeypatch.setattr(control_holder, "RETRY_S", 0.05)
     page = await open_page("operator")
     bridge.refuses = Refusal("stale_fence", "There is a higher number.", "lease")
     with monkeypatch.context() as full:
@@ -616,7 +616,7 @@ async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(op
         looks.release()
         return standing_of(*args, **kwargs)
 
-    monkeypatch.setattr(robot_consumer, "_left", lambda *_args: noted.wait(10))  # the database is slow
+    monkeypatch.setattr(control_holder, "_leave", lambda *_args: noted.wait(10))  # the database is slow
     page = await open_page("operator")
     await open_page("second")
     await take(page)

@@ -1,0 +1,344 @@
+"""Control of one robot by one connection: take it, keep it renewed, hand it over, lose it.
+
+Any door of the console can own a `ControlHolder`. Today the robot page does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+from django.utils import timezone
+from msgspec import structs
+
+from robots.link.client import LinkRefused
+from robots.registry.models import Role
+from robots.wire import Control, Notice, Refusal
+from teleop.background.database import in_database
+from teleop.background.tasks import run_beside
+from teleop.control import services
+from teleop.control.policy import ROLE_LOWERED, Permit
+from teleop.control.rules import NO_LEASE, Holding, Phase, Tab, lapse, open_asks, phase
+from teleop.control.services import ControlRefused
+from teleop.control.status import Ending, Rights, Standing, control_for, gist
+from teleop.live import notices
+from teleop.live.lease_renewal import Grip
+from teleop.live.robot_hub import Room
+from teleop.models import EndReason
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 1.0  # pause between two attempts to store the end of control
+
+Report = Callable[[Control | Notice], Awaitable[None]]
+
+
+class ControlHolder:
+    """One connection that has control of a robot, or may get it.
+
+    It follows the lease in the database, as the robot's hub reads it (`follow`). Requests (`take`, `hand_over` and so
+    on) only change the lease. So every way to get or lose control runs through `follow`.
+
+    It sends nothing to its client: it calls `report` with a `Control` when control changed, and with a `Notice` that
+    says why. `delay_s` returns the round trip time to the client in seconds (None: not known yet).
+
+    Requests raise ControlRefused, LinkRefused or DatabaseError.
+    """
+
+    def __init__(
+        self, hub: Room, user_id: UUID, tab: Tab, *, report: Report, delay_s: Callable[[], float | None]
+    ) -> None:
+        self.tab = tab
+        self._hub = hub
+        self._user_id = user_id
+        self._report = report
+        self._delay_s = delay_s
+        self._renewer: Grip | None = None
+        self._status: Standing | None = None
+        self._rights: Rights | None = None
+        self._left = False  # a status that arrives after `leave` must not start a renewal
+        self._given_up: UUID | None = (
+            None  # this session is never renewed again, even if an older status names it
+        )
+        self._store_end: Callable[[], None] | None = None  # stores the end of the session that was given up
+        self._storing = asyncio.Lock()
+        self._reported: tuple[object, ...] | None = None
+        self._requests: set[int] = set()  # open requests of others for this control
+        self._requesting = False  # this connection has an open request
+        self._withdrew = False  # it withdrew its request itself, even if an older status still lists it
+
+    @property
+    def lease(self) -> Holding | None:
+        """The lease while this connection has control."""
+        return self._renewer.holding if self._renewer else None
+
+    @property
+    def fence(self) -> int | None:
+        """Its fencing number."""
+        return self._renewer.fence if self._renewer else None
+
+    @property
+    def session(self) -> UUID | None:
+        """Its control session."""
+        return self._renewer.holding.session if self._renewer else None
+
+    @property
+    def role(self) -> Role | None:
+        """The role in which its person took control."""
+        return self._renewer.holding.role if self._renewer else None
+
+    # --- requests -----------------------------------------------------------------------------------
+
+    async def take(self) -> None:
+        """Take control of a robot that nobody else controls."""
+        await self._end_lease()  # the database may still list the session that was given up here
+        await self._change(services.lease_take, highest_fence=await self._highest_fence())
+
+    async def take_over(self, reason: str) -> None:
+        """Take control from another person, as a supervisor or staff."""
+        await self._change(services.lease_take_over, reason=reason, highest_fence=await self._highest_fence())
+
+    async def hand_over(self, request_id: int) -> None:
+        """Hand control over to the person of an open request."""
+        await self._change(
+            services.lease_hand_over, request_id=request_id, highest_fence=await self._highest_fence()
+        )
+
+    async def renew(self) -> None:
+        """Start a new term."""
+        await self._change(services.lease_renew)
+
+    async def resume(self) -> None:
+        """Go on with the lease of the same tab, after a reload or a network failure, if there is one."""
+        lease = self._status.holding if self._status else None
+        if lease is None or lease.user != self._user_id or not lease.tab.is_same_tab(self.tab):
+            return
+        try:
+            await in_database(services.lease_resume, **self._me(), now=timezone.now())
+            await self._hub.changed()
+        except services.NotStored:
+            raise
+        except ControlRefused:
+            pass  # the lease lapsed a moment ago, or the right to control ended
+
+    async def release(self) -> None:
+        """Give control back. The robot stops first; then the end is stored."""
+        if not self._give_up(EndReason.RELEASED, "Control was given back.", by=self._user_id):
+            raise ControlRefused(NO_LEASE)
+        await self._report_control()
+        await self._end_lease()
+
+    async def ask(self) -> None:
+        """Ask the holder for control."""
+        self._withdrew = False
+        await self._change(services.control_ask)
+
+    async def withdraw(self) -> None:
+        """Withdraw the request for control."""
+        self._withdrew = True
+        now = timezone.now()
+        await in_database(
+            services.control_ask_cancel,
+            robot_id=self._hub.robot_id,
+            connection=self.tab.connection,
+            gone=False,
+            now=now,
+        )
+        await self._changed()
+
+    async def _change(self, step: Callable[..., object], **arguments: Any) -> None:
+        """Run one of the lease services, then inform everybody."""
+        await in_database(step, **self._me(), **arguments, now=timezone.now())
+        await self._changed()
+
+    async def _changed(self) -> None:
+        self._reported = None  # a request is always answered with `Control`, even if nothing changed
+        await self._hub.changed()
+
+    def _me(self) -> dict[str, Any]:
+        return {"robot_id": self._hub.robot_id, "user_id": self._user_id, "tab": self.tab}
+
+    async def _highest_fence(self) -> int:
+        """Return the highest fencing number that the bridge knows. LinkRefused: the robot is out of reach."""
+        await self._hub.link_settles()
+        link = self._hub.link
+        if not link.up and link.refusal:
+            raise LinkRefused(link.refusal)
+        return link.highest_fence
+
+    # --- events -------------------------------------------------------------------------------------
+
+    async def follow(self, status: Standing, rights: Rights) -> None:
+        """Follow the lease: start renewing a lease of this connection, stop renewing one that it lost, and report."""
+        self._status, self._rights = status, rights
+        await self._follow_lease(status, rights)
+        await self._follow_permit(rights)
+        await self._report_control()
+        await self._report_requests(status)
+
+    def renew_soon(self) -> None:
+        """Send the grant to the bridge again without delay: the link came up, or the bridge ended this control."""
+        if self._renewer:
+            self._renewer.renew_soon()
+
+    def revoke(self, refusal: Refusal) -> None:
+        """End control without a notice: the person may not even see the robot now."""
+        self._give_up(EndReason.RIGHT, refusal.text, refusal=refusal)
+
+    async def leave(self) -> None:
+        """Stop the robot at once and keep the lease for a while: the connection is gone, its client may come back."""
+        self._left = True
+        renewer, self._renewer = self._renewer, None
+        if renewer:
+            renewer.leave()
+        session = renewer.holding.session if renewer else None
+        await in_database(_leave, self._hub.robot_id, self.tab.connection, session)
+        await self._hub.changed()
+
+    # --- getting and losing control --------------------------------------------------------------------
+
+    async def _follow_lease(self, status: Standing, rights: Rights) -> None:
+        mine = status.holding if self._is_mine(status) else None
+        if mine and mine.session == self._given_up:
+            mine = None
+        if self._renewer and (mine is None or mine.session != self.session):
+            await self._lost(self._renewer, status)
+        if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
+            self._requesting = False  # control answers its request
+            self._renewer = Grip(
+                self._hub,
+                mine,
+                permit=rights.permit,
+                settled=self._report_control,
+                # The bridge knows better: it has a higher fencing number, or another session under this one.
+                refused=partial(self._end, EndReason.BRIDGE),
+                delay_s=self._delay_s,
+            )
+
+    def _is_mine(self, status: Standing) -> bool:
+        """Whether this connection has the lease, by the database."""
+        lease = status.holding
+        return (
+            lease is not None
+            and lease.tab.connection == self.tab.connection
+            and phase(lease, status.read_at) is not Phase.LAPSED
+        )
+
+    async def _lost(self, renewer: Grip, status: Standing) -> None:
+        """Stop renewing: another connection has the lease now, or it ended elsewhere."""
+        self._renewer = None
+        session, lease = renewer.holding.session, status.holding
+        if lease and lease.session == session and lease.tab.connection not in ("", self.tab.connection):
+            renewer.pass_on()
+            await self._report(notices.GOES_ON_ELSEWHERE)
+            return
+        # A lease that is over by the clock is over, even while its end cannot be stored.
+        lapsed = lapse(lease or renewer.holding, status.read_at) or "term"
+        ending = status.endings.get(session) or Ending(lapsed, "")
+        renewer.revoke(ending.note or str(EndReason(ending.reason).label))
+        await self._report(notices.control_ended(ending))
+
+    async def _follow_permit(self, rights: Rights) -> None:
+        """End control when the right to it ended; follow a changed speed limit.
+
+        Control also ends when the person's role is now lower than at the take: its tasks were started with that role.
+        """
+        renewer, permit = self._renewer, rights.permit
+        if renewer is None:
+            return
+        if isinstance(permit, Refusal):
+            await self._end(EndReason.RIGHT, permit)
+        elif rights.role is not None and rights.role < renewer.holding.role:
+            await self._end(EndReason.RIGHT, ROLE_LOWERED)
+        elif permit.max_share != renewer.permit.max_share:
+            renewer.permit = permit
+            renewer.renew_soon()
+
+    async def _end(self, reason: EndReason, refusal: Refusal) -> None:
+        if self._give_up(reason, refusal.text, refusal=refusal):
+            await self._report(notices.control_ended_here(reason, refusal))
+
+    def _give_up(
+        self, reason: EndReason, words: str, *, refusal: Refusal | None = None, by: UUID | None = None
+    ) -> bool:
+        """End control at the bridge now, and store the end in the background. False: there was no control."""
+        renewer, self._renewer = self._renewer, None
+        if renewer is None:
+            return False
+        session = self._given_up = renewer.holding.session
+        self._reported = None  # report again, even if the start of this control was never reported
+        renewer.revoke(words)
+        self._store_end = partial(_end_lease, self._hub.robot_id, session, reason, refusal, by)
+        run_beside(self._keep_ending())
+        return True
+
+    async def _end_lease(self) -> None:
+        """Store the end of the session that was given up, unless it is stored. ControlRefused: it cannot be stored."""
+        async with self._storing:
+            if (store := self._store_end) is not None:
+                await in_database(store)
+                self._store_end = None if self._store_end is store else self._store_end
+
+    async def _keep_ending(self) -> None:
+        """Try again until the end is stored, even when the client is gone. It ends only this session."""
+        tries = 0
+        while self._store_end is not None:
+            try:
+                await self._end_lease()
+            except ControlRefused as error:
+                if tries == 0:
+                    log.error(
+                        "The end of control of robot %s is not stored yet: %s", self._hub.robot_id, error
+                    )
+                tries += 1
+                await asyncio.sleep(RETRY_S)
+        await self._hub.changed()
+
+    # --- reports -------------------------------------------------------------------------------------
+
+    async def _report_control(self) -> None:
+        status = self._status
+        if status is None or self._rights is None:
+            return
+        if status.holding and status.holding.session == self._given_up:
+            status = structs.replace(status, holding=None)
+        # Wait: the bridge has not answered the first grant, or control was lost and its end is not stored yet.
+        if self._is_mine(status) and not (self._renewer and self._renewer.is_settled):
+            return
+        control = control_for(status, user=self._user_id, tab=self.tab, rights=self._rights)
+        essence = gist(control, status)
+        if essence != self._reported:
+            self._reported = essence
+            await self._report(control)
+
+    async def _report_requests(self, status: Standing) -> None:
+        requests = open_asks(status.asks, status.read_at)
+        if self._renewer:
+            for request in requests:
+                if request.id not in self._requests:
+                    await self._report(notices.somebody_asks(request.name))
+        self._requests = {request.id for request in requests}
+        requesting = any(request.tab.connection == self.tab.connection for request in requests)
+        if self._requesting and not requesting and not self._withdrew:
+            await self._report(notices.answered(free=status.holding is None))
+        self._requesting = requesting
+
+
+def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
+    """Store that a connection is gone: its lease may be resumed for a while, its request is withdrawn."""
+    now = timezone.now()
+    if session is not None:
+        services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
+    services.control_ask_cancel(robot_id=robot_id, connection=connection, gone=True, now=now)
+
+
+def _end_lease(
+    robot_id: UUID, session: UUID, reason: EndReason, refusal: Refusal | None, by: UUID | None
+) -> None:
+    services.lease_end(
+        robot_id=robot_id, session=session, reason=reason, refusal=refusal, user_id=by, now=timezone.now()
+    )
