@@ -118,7 +118,7 @@ async def test_without_a_map_it_is_tried_again_after_a_while_and_said_once(answe
         await taker.look(7, now_s)
     assert taker.kept == []
     assert len(taker.asked) == 3
-    [said] = caplog.messages
+    [said] = [line.getMessage() for line in caplog.records if line.name == map_fetch.__name__]
     assert why in said
     taker.answers(TAKEN)
     await taker.look(7, 3.0 * AGAIN_S)
