@@ -24,7 +24,7 @@ from robots import wire
 PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
 HEAD = """# Messages, field by field
 
-Written by `script/messages` from [robots/wire.py](../robots/wire.py): change that, then run it. How they are used is
+Written by `script/messages` from [robots/wire/](../robots/wire/): change that, then run it. How they are used is
 in [protocol.md](protocol.md). Each is one JSON object whose `t` is its name here. A field without a default must be
 there. A field that is not known is passed over, and a report may leave out a field that has its default. Units are SI
 unless the name says otherwise.
@@ -81,7 +81,11 @@ def _kinds(union: Any) -> list[Kind]:
 def _structs() -> Iterator[Kind]:
     """All that `wire` defines, in its order."""
     for kind in vars(wire).values():
-        if inspect.isclass(kind) and issubclass(kind, Struct) and kind.__module__ == wire.__name__:
+        if (
+            inspect.isclass(kind)
+            and issubclass(kind, Struct)
+            and kind.__module__.startswith(f"{wire.__name__}.")
+        ):
             yield kind
 
 

@@ -1,0 +1,128 @@
+"""What all messages share: field types with their limits, refusals, answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+PROTOCOL = 5
+LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
+MOST_LOOKS = 30  # topics of one robot that are looked at: as many as one message has room for
+DEEPEST = 20  # levels of lists and dictionaries in values of any shape
+Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
+Share = Annotated[float, Meta(gt=0.0, le=1.0)]
+Fence = Annotated[int, Meta(ge=1, le=2**53 - 1)]
+Seq = Annotated[int, Meta(ge=0, le=2**53 - 1)]
+Milliseconds = Annotated[float, Meta(ge=0.0, le=1e12)]
+ShortText = Annotated[str, Meta(max_length=200)]
+TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")]
+TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
+Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
+Use = Literal["drive", "speech", "motions"]
+Role = Literal["observer", "operator", "supervisor", "staff"]  # each may what those before it may
+Rule = Literal["account", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database"]
+ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
+SLOWEST_HZ = 0.1  # of what is repeated
+Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
+LookRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
+TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
+
+
+class Refusal(Struct, frozen=True, omit_defaults=True):
+    """Why something was not done: data first, words for people beside it.
+
+    `code` is stable and for programs; `text` is one plain sentence that says what to do where
+    something can be done; `rule` names the link of the chain that refused; `figures` holds the numbers
+    behind it, units in the keys.
+    """
+
+    code: str
+    text: str
+    rule: Rule
+    figures: Mapping[str, float | int | str | None] = msgspec.field(default_factory=dict)
+
+
+class NotDone(Exception):
+    """Something is not done; `refusal` says why."""
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.text)
+        self.refusal = refusal
+
+
+class WireError(NotDone):
+    """A message that is not one of ours."""
+
+
+def _require_shallow(value: Any, levels: int = DEEPEST) -> None:
+    if levels < 0:
+        raise ValueError(f"values are nested deeper than {DEEPEST} levels")
+    if isinstance(value, dict):
+        value = value.values()
+    elif not isinstance(value, list):
+        return
+    for part in value:
+        _require_shallow(part, levels - 1)
+
+
+class Ack(Struct, frozen=True, tag_field="t", tag="ack"):
+    """The last view was drawn: the next may be sent."""
+
+
+class Ping(Struct, frozen=True, tag_field="t", tag="ping"):
+    """Answered at once with `Pong`, to measure the way between page and web process."""
+
+    sent_ms: Milliseconds
+
+
+Level = Literal["info", "warning", "error"]
+
+
+class Notice(Struct, frozen=True, tag_field="t", tag="notice"):
+    """Something a person should know: control ended and why, somebody asks, the robot was edited."""
+
+    level: Level
+    code: str
+    text: str
+
+
+class Refused(Struct, frozen=True, tag_field="t", tag="refused", omit_defaults=True):
+    """A message that was not carried out. `of` is its kind, `seq` its number if it had one."""
+
+    of: str
+    refusal: Refusal
+    seq: int | None = None
+    fence: int | None = None
+
+
+class Accepted(Struct, frozen=True, tag_field="t", tag="accepted", omit_defaults=True):
+    """A message of kind `of` was taken: on its way, or done where there is nothing to wait for."""
+
+    of: str
+    seq: int = 0
+    fence: int | None = None
+
+
+class Pong(Struct, frozen=True, tag_field="t", tag="pong"):
+    """Answer to `Ping`."""
+
+    sent_ms: float
+
+
+class PendingStop(Struct, frozen=True):
+    """A stop that waits for the robot: nobody has confirmed it yet."""
+
+    by: str
+    reason: str
+    at: float  # seconds since 1970: when it was pressed
+
+
+class BridgeGone(Struct, frozen=True, tag_field="t", tag="bridge_gone"):
+    """No link to the robot's bridge, and why; a `View` ends it."""
+
+    refusal: Refusal
+    seen_at: float | None = None  # seconds since 1970: when the robot was last seen by this web process
+    stop: PendingStop | None = None  # the newest that waits

@@ -1,0 +1,105 @@
+"""One decoder for each direction: who may send which messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from robots.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pong, Refused
+from robots.wire.codec import Door
+from robots.wire.link import (
+    BridgeHello,
+    Ended,
+    Granted,
+    Inspected,
+    LaneToken,
+    LinkRequest,
+    Seen,
+    Status,
+    Stopped,
+)
+from robots.wire.page import (
+    Ask,
+    AskCancel,
+    Clear,
+    ClearRobot,
+    Control,
+    Drive,
+    Fleet,
+    HandOver,
+    Hello,
+    Refresh,
+    Release,
+    Renew,
+    Stop,
+    StopAll,
+    StopRobot,
+    Take,
+    TakeOver,
+    Welcome,
+)
+from robots.wire.state import Offers, View
+from robots.wire.tasks import (
+    Choose,
+    Forget,
+    LookAhead,
+    Play,
+    PlayCancel,
+    Publish,
+    PublishStop,
+    Say,
+    SayCancel,
+)
+from robots.wire.topics import Answer, Shown, TopicsMessage
+
+BrowserMessage = (
+    Hello
+    | Take
+    | TakeOver
+    | Renew
+    | Release
+    | Ask
+    | AskCancel
+    | HandOver
+    | Drive
+    | LookAhead
+    | Forget
+    | Play
+    | PlayCancel
+    | Say
+    | SayCancel
+    | Choose
+    | Publish
+    | PublishStop
+    | Refresh
+    | Stop
+    | Clear
+    | Ack
+    | Ping
+)
+FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
+BrowserReport = Welcome | Control | Notice | Accepted | Refused | Stopped | BridgeGone | Offers | View | Pong
+TopicsReport = Answer | Shown | BridgeGone | Notice | Pong
+FleetReport = Fleet | Refused | Pong
+LinkReport = (
+    BridgeHello
+    | LaneToken
+    | Granted
+    | Ended
+    | Status
+    | Stopped
+    | Accepted
+    | Refused
+    | Offers
+    | Inspected
+    | Seen
+)
+browser_message = Door[BrowserMessage](BrowserMessage)
+topics_message = Door[TopicsMessage](TopicsMessage)
+fleet_message = Door[FleetMessage](FleetMessage)
+link_request = Door[LinkRequest](LinkRequest)
+# What comes back through the same doors: of any size, and what does not fit is a `msgspec.DecodeError`.
+browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
+topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
+link_report: Callable[[str | bytes], LinkReport] = msgspec.json.Decoder(LinkReport).decode  # text frames

@@ -1,0 +1,188 @@
+"""Messages of the link: web process to bridge, and back."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+from uuid import UUID
+
+import msgspec
+from msgspec import Meta, Struct
+
+from robots.wire.base import Fence, LookRate, Seq, Share, ShortText, TopicName
+from robots.wire.page import Drive, Refresh
+from robots.wire.state import State, StopState
+from robots.wire.tasks import Order
+from robots.wire.topics import Question
+
+
+class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
+    """First on a link. `web` names the process, for logs and for people."""
+
+    protocol: int
+    web: ShortText
+
+
+class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
+    """Control for `seconds` from arrival, by the bridge's own clock; repeated to renew.
+
+    The bridge refuses a fencing number below the highest it has ever seen, and the same number under another
+    control session.
+    """
+
+    fence: Fence
+    seconds: Annotated[float, Meta(gt=0.0, le=60.0)]
+    session: ShortText
+    holder: ShortText
+    holder_id: ShortText
+    max_share: Share
+    delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # web process -> holder's page -> web process
+
+
+class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
+    """Control under `fence` ends now."""
+
+    fence: Fence
+    reason: ShortText
+
+
+class Hold(Struct, frozen=True, tag_field="t", tag="hold"):
+    """The holder's page is gone: zero at once, stick to neutral before it moves again."""
+
+    fence: Fence
+    reason: ShortText
+
+
+class LinkStop(Struct, frozen=True, tag_field="t", tag="link_stop", omit_defaults=True):
+    """Emergency stop. May be the first message of a link; `seq` and `press` come back with the answer.
+
+    `robot` is the robot that is meant (None: the robot of the bridge that hears it); the bridge of another robot
+    refuses it. `press` names the press: the same press that arrives twice stops once.
+    """
+
+    by: ShortText
+    reason: ShortText = ""
+    seq: Seq = 0
+    robot: UUID | None = None
+    press: UUID | None = None
+    waited: bool = (
+        False  # it was pending: since when the robot should stand, the one who hears it does not know
+    )
+
+
+class LinkLate(Struct, frozen=True, tag_field="t", tag="link_late"):
+    """The web process's loop woke so late: commands lay unread there."""
+
+    late_s: Annotated[float, Meta(ge=0.0)]
+
+
+class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
+    """Clear the latch of stop `number`. The web process has checked the right. `seq` comes back with the answer.
+
+    `presses` are older presses that were never confirmed: if they arrive later, they do not stop again.
+    """
+
+    by: ShortText
+    number: Seq
+    seq: Seq = 0
+    presses: Annotated[list[UUID], Meta(max_length=10)] = []
+
+
+class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
+    """Cancel what this console started, by one who need not have control. The web process has checked the right."""
+
+    what: Literal["motion", "speech"]
+    by: ShortText
+    seq: Seq = 0
+
+
+class Inspect(Struct, frozen=True, tag_field="t", tag="inspect"):
+    """A `Question` about the robot's topics. `seq` comes back with the answer."""
+
+    seq: Seq
+    ask: Question
+
+
+class LookAt(Struct, frozen=True, tag_field="t", tag="look_at"):
+    """All topics whose messages are looked at through this web process, with the highest rate that is wanted."""
+
+    topics: dict[TopicName, LookRate]
+
+
+class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
+    """Who looks through this web process, and how many `more`; nobody means no views, only `Status`."""
+
+    watchers: Annotated[list[ShortText], Meta(max_length=20)]
+    more: Annotated[int, Meta(ge=0)] = 0
+
+
+LinkRequest = (
+    LinkHello
+    | Grant
+    | Revoke
+    | Hold
+    | Drive
+    | Order
+    | Refresh
+    | LinkCancel
+    | LinkStop
+    | LinkLate
+    | LinkClear
+    | Watch
+    | Inspect
+    | LookAt
+)
+
+
+class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
+    """First from a bridge. `fence` is the highest number it has seen. `Status` and `Offers` follow a `LinkHello`."""
+
+    protocol: int
+    robot: str  # UUID
+    slug: str
+    fence: int
+
+
+class LaneToken(Struct, frozen=True, tag_field="t", tag="lane"):
+    """Beside this link's socket is a lane (`robots.link.lane`); its first datagram is this token."""
+
+    token: str
+
+
+class Granted(Struct, frozen=True, tag_field="t", tag="granted"):
+    """A grant was taken (also answers each renewal)."""
+
+    fence: int
+
+
+class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
+    """Control under `fence` ended at the bridge."""
+
+    fence: int
+
+
+class Status(Struct, frozen=True, tag_field="t", tag="status"):
+    """The state without a picture, twice a second and on change, whoever looks or not."""
+
+    state: State
+
+
+class Stopped(Struct, frozen=True, tag_field="t", tag="stopped", omit_defaults=True):
+    """Answer to a stop or clear, `seq` and `press` as there: the latch as it is now."""
+
+    stop: StopState
+    seq: int = 0
+    press: UUID | None = None
+
+
+class Inspected(Struct, frozen=True, tag_field="t", tag="inspected"):
+    """The answer to `Inspect`."""
+
+    seq: int
+    answer: msgspec.Raw  # an `Answer`, handed on untouched
+
+
+class Seen(Struct, frozen=True, tag_field="t", tag="seen"):
+    """The newest message of a topic that is looked at."""
+
+    topic: str
+    shown: msgspec.Raw  # a `Shown`, handed on untouched

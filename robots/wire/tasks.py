@@ -1,0 +1,108 @@
+"""Tasks besides driving: motions, speech, publishing, head. Page to bridge."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
+
+from robots.wire.base import (
+    LARGEST_MESSAGE_BYTES,
+    SLOWEST_HZ,
+    Fence,
+    Language,
+    Milliseconds,
+    Rate,
+    Seq,
+    TopicName,
+    TypeName,
+    Use,
+    _require_shallow,
+)
+
+
+class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
+    """Turn the head to where the robot drives."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
+class Forget(Struct, frozen=True, tag_field="t", tag="forget"):
+    """Forget what was seen before; what the sensors show now stays. Only while the robot stands still."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
+class Play(Struct, frozen=True, tag_field="t", tag="play"):
+    """Perform a recorded motion."""
+
+    fence: Fence
+    motion: Annotated[str, Meta(min_length=1, max_length=100)]
+    seq: Seq = 0
+
+
+class PlayCancel(Struct, frozen=True, tag_field="t", tag="play_cancel"):
+    """Cancel the motion that this console started. Without `fence`: by a supervisor or staff, without control."""
+
+    fence: Fence | None = None
+    seq: Seq = 0
+
+
+class Say(Struct, frozen=True, tag_field="t", tag="say"):
+    """Say `text`, at most 500 characters; `topic` None: where speech goes now (`State.chosen`)."""
+
+    fence: Fence
+    text: Annotated[str, Meta(max_length=LARGEST_MESSAGE_BYTES)]  # how long it may be is the bridge's rule
+    language: Language
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class SayCancel(Struct, frozen=True, tag_field="t", tag="say_cancel"):
+    """Cancel what this console has the robot say. Without `fence`: as in `PlayCancel`."""
+
+    fence: Fence | None = None
+    seq: Seq = 0
+
+
+class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
+    """Send input of this `use` to `topic` from now on (an action's name for actions); None: to the default."""
+
+    fence: Fence
+    use: Use
+    topic: TopicName | None = None
+    seq: Seq = 0
+
+
+class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
+    """Publish a message: once (`rate_hz` 0), or at a rate until `PublishStop`, a stop, or the end of control.
+
+    `fields`: nested, or with dotted keys ({"linear.x": 0.2}); what is left out is zero, empty, or now. A twist goes to
+    the robot's drive topic and nowhere else: through the gate, valid for 0.3 s, never at a rate; it needs `sent_ms`.
+    """
+
+    fence: Fence
+    topic: TopicName
+    type: TypeName
+    fields: dict[str, Any] = {}
+    rate_hz: Rate = 0.0
+    sent_ms: Milliseconds | None = None  # the sender's monotonic clock
+    seq: Seq = 0
+
+    def __post_init__(self) -> None:
+        _require_shallow(self.fields)
+        if 0.0 < self.rate_hz < SLOWEST_HZ:
+            raise ValueError(f"rate_hz is 0 for once, else at least {SLOWEST_HZ}")
+
+
+class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
+    """Publish no more on `topic`."""
+
+    fence: Fence
+    topic: TopicName
+    seq: Seq = 0
+
+
+Order = LookAhead | Forget | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop
