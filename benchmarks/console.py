@@ -140,7 +140,7 @@ async def looker(stack: Stack, cookie: str) -> AsyncIterator[count[int]]:
         additional_headers={"Cookie": cookie},
         compression=None,
     ) as socket:
-        await socket.send(wire.encode(wire.Look(LIVE_TOPIC, LOOK_HZ)), text=True)
+        await socket.send(wire.encode(wire.Subscribe(LIVE_TOPIC, LOOK_HZ)), text=True)
         reader = asyncio.create_task(count_shown(socket, shown))
         try:
             yield shown

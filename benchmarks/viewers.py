@@ -198,7 +198,8 @@ class Bench:
             await link.send(wire.encode(wire.LinkHello(wire.PROTOCOL, "benchmark")), text=True)
             # The name that the viewers have: the list of watchers, and so the picture, stays the same.
             await link.send(
-                wire.encode(wire.Watch([self._stack.accounts["observer"].username.capitalize()])), text=True
+                wire.encode(wire.Viewers([self._stack.accounts["observer"].username.capitalize()])),
+                text=True,
             )
 
             async def read() -> None:

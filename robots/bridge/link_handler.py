@@ -82,7 +82,7 @@ class Reception:
         match message:
             case wire.Drive():
                 return self._drive(link, message, now_s)
-            case wire.Grant() | wire.Revoke() | wire.Hold():
+            case wire.Grant() | wire.Revoke() | wire.Pause():
                 self._leasing.hear(link, message)
             case wire.LinkStop():
                 self._stop(link, message, now_s)
@@ -95,20 +95,20 @@ class Reception:
                     link.report(wire.Refused("link_clear", refusal, message.seq))
             case wire.LinkLate():
                 self._core.console_was_late(message.late_s, now_s)
-            case wire.Watch():
+            case wire.Viewers():
                 link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():
                 self._greet(link, message, now_s)
             case wire.Refresh():
                 self._answer(link, message, None)
                 self._core.orders.refresh()
-            case wire.Inspect():
+            case wire.LinkQuery():
                 self._inspection.ask(link, message)
-            case wire.LookAt(topics=topics):
+            case wire.LinkSubscribe(topics=topics):
                 self._inspection.look_at(link, topics)
             case wire.LinkCancel():
                 self._answer(link, message, self._core.orders.cancel(message.what, message.by))
-            case order if isinstance(order, wire.Order):
+            case order if isinstance(order, wire.TaskRequest):
                 self._take(link, order, now_s)
         return True
 
@@ -122,7 +122,7 @@ class Reception:
             self._refuse(link, wire.Refused("drive", refusal, drive.seq, drive.fence), now_s)
         return spent
 
-    def _take(self, link: Link, order: wire.Order, now_s: float) -> None:
+    def _take(self, link: Link, order: wire.TaskRequest, now_s: float) -> None:
         """One order's fault is not the end of a link: pictures and drives of a whole web process come over it."""
         is_open = True
 
@@ -139,7 +139,10 @@ class Reception:
             answer(_FAULT)
 
     def _answer(
-        self, link: Link, order: wire.Order | wire.LinkCancel | wire.Refresh, refusal: wire.Refusal | None
+        self,
+        link: Link,
+        order: wire.TaskRequest | wire.LinkCancel | wire.Refresh,
+        refusal: wire.Refusal | None,
     ) -> None:
         """The one answer that an order gets."""
         kind, fence = wire.kind_of(order), getattr(order, "fence", None)

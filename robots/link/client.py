@@ -74,7 +74,9 @@ _STRANGE = Refusal(
     "robot",
 )
 
-_ORDER_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.Order), wire.LinkCancel))
+_ORDER_KINDS = frozenset(
+    kind.__struct_config__.tag for kind in (*get_args(wire.TaskRequest), wire.LinkCancel)
+)
 
 
 class _Hello(Struct, tag_field="t", tag="bridge_hello"):
@@ -275,7 +277,7 @@ class BridgeLink:
             await asyncio.to_thread(self._stops.settle, stop, stopped)
         return stopped
 
-    async def order(self, order: wire.Order, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
+    async def order(self, order: wire.TaskRequest, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
         """Hand on what the holder asks for. Returns the bridge's answer; raises LinkRefused if there is none."""
         self._require_room(self._orders, _ORDERS)
         with self._orders.waiting_for((wire.kind_of(order), order.fence, order.seq)) as answer:
@@ -291,12 +293,12 @@ class BridgeLink:
             await self._ask(structs.replace(cancel, seq=number))
             return await _answered(answer, timeout_s)
 
-    async def ask(self, question: wire.Question, timeout_s: float = _QUESTION_TIMEOUT_S) -> str:
-        """Ask about the robot's topics. Returns the `wire.Answer`, encoded; raises LinkRefused if there is none."""
+    async def ask(self, question: wire.TopicQuery, timeout_s: float = _QUESTION_TIMEOUT_S) -> str:
+        """Ask about the robot's topics. Returns the encoded `wire.TopicAnswer`. Raises LinkRefused if none came."""
         self._require_room(self._questions, _QUESTIONS)
         number = self._questions.number()
         with self._questions.waiting_for(number) as answer:
-            await self._ask(wire.Inspect(number, question))
+            await self._ask(wire.LinkQuery(number, question))
             return await _answered(answer, timeout_s)
 
     async def close(self) -> None:
@@ -360,7 +362,7 @@ class BridgeLink:
     def _send_watchers(self) -> None:
         names = sorted(self._names)
         named = [name[:_NAME_LENGTH] for name in names[:_NAMES]]
-        self.send(wire.Watch(named, len(names) - len(named)))
+        self.send(wire.Viewers(named, len(names) - len(named)))
 
     def _tell_looks_soon(self) -> None:
         self._telling = asyncio.get_running_loop().call_later(_LOOKS_PACE_S, self._tell_looks)
@@ -371,7 +373,7 @@ class BridgeLink:
         if self._is_behind:
             self._tell_looks_soon()
         else:
-            self.send(wire.LookAt(self._topics))
+            self.send(wire.LinkSubscribe(self._topics))
 
     # --- stops that wait -----------------------------------------------------------------------------
 
@@ -457,7 +459,7 @@ class BridgeLink:
         if self._names:
             self._send_watchers()
         if self._topics:
-            await self._send(wire.LookAt(self._topics))
+            await self._send(wire.LinkSubscribe(self._topics))
 
     def _open_lane(self, token: str) -> None:
         """Without a lane everything goes by the WebSocket, later by some tenths of a millisecond."""
@@ -499,9 +501,9 @@ class BridgeLink:
                 self.offers = report
                 for listener in list(self._listeners):
                     listener.on_offers(report)
-            case wire.Inspected():
+            case wire.LinkAnswer():
                 self._questions.answer(report.seq, bytes(report.answer).decode())
-            case wire.Seen():
+            case wire.LinkSample():
                 self._tell_seen(report)
 
     def _refused(self, refused: Refused) -> None:
@@ -519,7 +521,7 @@ class BridgeLink:
                 for listener in list(self._listeners):
                     listener.on_refused(refused)
 
-    def _tell_seen(self, seen: wire.Seen) -> None:
+    def _tell_seen(self, seen: wire.LinkSample) -> None:
         if self._viewer and seen.topic in self._topics:
             self._viewer.on_seen(seen.topic, bytes(seen.shown).decode())
 

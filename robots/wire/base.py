@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 
 PROTOCOL = 5
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
-MOST_LOOKS = 30  # topics of one robot that are looked at: as many as one message has room for
+MOST_SUBSCRIPTIONS = 30  # topics of one robot that are looked at: as many as one message has room for
 DEEPEST = 20  # levels of lists and dictionaries in values of any shape
 Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]
@@ -27,7 +27,7 @@ Rule = Literal["account", "lease", "dead-man", "gate", "stop", "audit", "wire", 
 ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
 SLOWEST_HZ = 0.1  # of what is repeated
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
-LookRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
+SampleRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
 TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 
 

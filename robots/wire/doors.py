@@ -12,10 +12,10 @@ from robots.wire.link import (
     BridgeHello,
     Ended,
     Granted,
-    Inspected,
     LaneToken,
+    LinkAnswer,
     LinkRequest,
-    Seen,
+    LinkSample,
     Status,
     Stopped,
 )
@@ -51,7 +51,7 @@ from robots.wire.tasks import (
     Say,
     SayCancel,
 )
-from robots.wire.topics import Answer, Shown, TopicsMessage
+from robots.wire.topics import Sample, TopicAnswer, TopicsMessage
 
 BrowserMessage = (
     Hello
@@ -80,7 +80,7 @@ BrowserMessage = (
 )
 FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
 BrowserReport = Welcome | Control | Notice | Accepted | Refused | Stopped | BridgeGone | Offers | View | Pong
-TopicsReport = Answer | Shown | BridgeGone | Notice | Pong
+TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 FleetReport = Fleet | Refused | Pong
 LinkReport = (
     BridgeHello
@@ -92,8 +92,8 @@ LinkReport = (
     | Accepted
     | Refused
     | Offers
-    | Inspected
-    | Seen
+    | LinkAnswer
+    | LinkSample
 )
 browser_message = Door[BrowserMessage](BrowserMessage)
 topics_message = Door[TopicsMessage](TopicsMessage)

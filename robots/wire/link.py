@@ -8,11 +8,11 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta, Struct
 
-from robots.wire.base import Fence, LookRate, Seq, Share, ShortText, TopicName
+from robots.wire.base import Fence, SampleRate, Seq, Share, ShortText, TopicName
 from robots.wire.page import Drive, Refresh
 from robots.wire.state import State, StopState
-from robots.wire.tasks import Order
-from robots.wire.topics import Question
+from robots.wire.tasks import TaskRequest
+from robots.wire.topics import TopicQuery
 
 
 class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
@@ -45,7 +45,7 @@ class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
     reason: ShortText
 
 
-class Hold(Struct, frozen=True, tag_field="t", tag="hold"):
+class Pause(Struct, frozen=True, tag_field="t", tag="hold"):
     """The holder's page is gone: zero at once, stick to neutral before it moves again."""
 
     fence: Fence
@@ -95,21 +95,21 @@ class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
     seq: Seq = 0
 
 
-class Inspect(Struct, frozen=True, tag_field="t", tag="inspect"):
-    """A `Question` about the robot's topics. `seq` comes back with the answer."""
+class LinkQuery(Struct, frozen=True, tag_field="t", tag="inspect"):
+    """A `TopicQuery` about the robot's topics. `seq` comes back with the answer."""
 
     seq: Seq
-    ask: Question
+    ask: TopicQuery
 
 
-class LookAt(Struct, frozen=True, tag_field="t", tag="look_at"):
+class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="look_at"):
     """All topics whose messages are looked at through this web process, with the highest rate that is wanted."""
 
-    topics: dict[TopicName, LookRate]
+    topics: dict[TopicName, SampleRate]
 
 
-class Watch(Struct, frozen=True, tag_field="t", tag="watch"):
-    """Who looks through this web process, and how many `more`; nobody means no views, only `Status`."""
+class Viewers(Struct, frozen=True, tag_field="t", tag="watch"):
+    """People who view the robot through this web process, and how many `more`. Without viewers: `Status`, no views."""
 
     watchers: Annotated[list[ShortText], Meta(max_length=20)]
     more: Annotated[int, Meta(ge=0)] = 0
@@ -119,17 +119,17 @@ LinkRequest = (
     LinkHello
     | Grant
     | Revoke
-    | Hold
+    | Pause
     | Drive
-    | Order
+    | TaskRequest
     | Refresh
     | LinkCancel
     | LinkStop
     | LinkLate
     | LinkClear
-    | Watch
-    | Inspect
-    | LookAt
+    | Viewers
+    | LinkQuery
+    | LinkSubscribe
 )
 
 
@@ -174,15 +174,15 @@ class Stopped(Struct, frozen=True, tag_field="t", tag="stopped", omit_defaults=T
     press: UUID | None = None
 
 
-class Inspected(Struct, frozen=True, tag_field="t", tag="inspected"):
-    """The answer to `Inspect`."""
+class LinkAnswer(Struct, frozen=True, tag_field="t", tag="inspected"):
+    """The answer to `LinkQuery`."""
 
     seq: int
-    answer: msgspec.Raw  # an `Answer`, handed on untouched
+    answer: msgspec.Raw  # an `TopicAnswer`, handed on untouched
 
 
-class Seen(Struct, frozen=True, tag_field="t", tag="seen"):
+class LinkSample(Struct, frozen=True, tag_field="t", tag="seen"):
     """The newest message of a topic that is looked at."""
 
     topic: str
-    shown: msgspec.Raw  # a `Shown`, handed on untouched
+    shown: msgspec.Raw  # a `Sample`, handed on untouched

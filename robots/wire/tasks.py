@@ -105,4 +105,4 @@ class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
     seq: Seq = 0
 
 
-Order = LookAhead | Forget | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop
+TaskRequest = LookAhead | Forget | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop

@@ -6,7 +6,17 @@ from typing import Any
 
 from msgspec import Struct
 
-from robots.wire.base import Ack, LookRate, Ping, Refusal, Refused, Seq, TopicName, TypeName, _require_shallow
+from robots.wire.base import (
+    Ack,
+    Ping,
+    Refusal,
+    Refused,
+    SampleRate,
+    Seq,
+    TopicName,
+    TypeName,
+    _require_shallow,
+)
 
 
 class ListTopics(Struct, frozen=True, tag_field="t", tag="topics"):
@@ -65,25 +75,25 @@ class CallService(Struct, frozen=True, tag_field="t", tag="call"):
         _require_shallow(self.fields)
 
 
-Question = (
+TopicQuery = (
     ListTopics | Describe | DescribeService | ListParameters | GetParameter | SetParameter | CallService
 )
 
 
-class Look(Struct, frozen=True, tag_field="t", tag="look"):
-    """Show the messages of a topic, newest wins, at most `rate_hz` of them; `Shown` follows, each after an `Ack`."""
+class Subscribe(Struct, frozen=True, tag_field="t", tag="look"):
+    """Show the messages of a topic, newest wins, at most `rate_hz` of them; `Sample` follows, each after an `Ack`."""
 
     topic: TopicName
-    rate_hz: LookRate = 5.0
+    rate_hz: SampleRate = 5.0
 
 
-class Unlook(Struct, frozen=True, tag_field="t", tag="unlook"):
+class Unsubscribe(Struct, frozen=True, tag_field="t", tag="unlook"):
     """Show that topic no more."""
 
     topic: TopicName
 
 
-TopicsMessage = Question | Look | Unlook | Ack | Ping
+TopicsMessage = TopicQuery | Subscribe | Unsubscribe | Ack | Ping
 
 
 class TopicRow(Struct, frozen=True):
@@ -160,13 +170,13 @@ class Called(Struct, frozen=True, tag_field="t", tag="called"):
     service: str
     fields: dict[str, Any]
     seq: int = 0
-    shortened: dict[str, int] = {}  # as in `Shown`
+    shortened: dict[str, int] = {}  # as in `Sample`
 
 
-Answer = Graph | Described | Parameters | Parameter | Called | Refused
+TopicAnswer = Graph | Described | Parameters | Parameter | Called | Refused
 
 
-class Shown(Struct, frozen=True, tag_field="t", tag="shown"):
+class Sample(Struct, frozen=True, tag_field="t", tag="shown"):
     """A message of a topic, big arrays shortened, and how the topic was over the last seconds."""
 
     topic: str

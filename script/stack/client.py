@@ -173,7 +173,7 @@ class Driver:
                 await self.drive(x, w, share)
             await asyncio.sleep(DRIVE_PERIOD_S)
 
-    async def order(self, order: wire.Order) -> wire.Accepted | wire.Refused:
+    async def order(self, order: wire.TaskRequest) -> wire.Accepted | wire.Refused:
         """Send an order under the next number; returns its one answer."""
         self.seq += 1
         key = wire.kind_of(order), self.seq
@@ -300,14 +300,14 @@ class Topics:
     """
 
     def __init__(self, console: Console, slug: str, cookie: str) -> None:
-        self.shown: dict[str, wire.Shown] = {}
+        self.shown: dict[str, wire.Sample] = {}
         self.refused: list[wire.Refused] = []
         self.gone: wire.BridgeGone | None = None
         self._console = console
         self._slug = slug
         self._cookie = cookie
         self._numbers = count(1)
-        self._answers: dict[int, asyncio.Future[wire.Answer]] = {}
+        self._answers: dict[int, asyncio.Future[wire.TopicAnswer]] = {}
         self._news = asyncio.Condition()
 
     async def __aenter__(self) -> Topics:
@@ -324,7 +324,7 @@ class Topics:
         with suppress(asyncio.CancelledError):
             await self._reader
 
-    async def ask(self, question: wire.Question) -> wire.Answer:
+    async def ask(self, question: wire.TopicQuery) -> wire.TopicAnswer:
         """Ask one question; returns its answer, which may be a refusal."""
         seq = next(self._numbers)
         answer = self._answers[seq] = asyncio.get_running_loop().create_future()
@@ -336,11 +336,11 @@ class Topics:
 
     async def look(self, topic: str, rate_hz: float = 5.0) -> None:
         """Look at a topic from now on."""
-        await self._send(wire.Look(topic, rate_hz))
+        await self._send(wire.Subscribe(topic, rate_hz))
 
     async def look_away(self, topic: str) -> None:
         """Look at it no more."""
-        await self._send(wire.Unlook(topic))
+        await self._send(wire.Unsubscribe(topic))
         self.shown.pop(topic, None)
 
     async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
@@ -364,19 +364,19 @@ class Topics:
         with suppress(ConnectionClosed):
             while True:
                 message = wire.topics_report(await self.socket.recv(decode=False))
-                if isinstance(message, wire.Shown):
+                if isinstance(message, wire.Sample):
                     await self._send(wire.Ack())
                 async with self._news:
                     self._keep(message)
                     self._news.notify_all()
 
     def _keep(self, message: wire.TopicsReport) -> None:
-        if isinstance(message, wire.Answer):
+        if isinstance(message, wire.TopicAnswer):
             answer = self._answers.get(message.seq or 0)
             if answer is not None and not answer.done():
                 answer.set_result(message)
         match message:
-            case wire.Shown():
+            case wire.Sample():
                 self.shown[message.topic] = message
             case wire.Refused():
                 self.refused.append(message)

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 from robots.link.client import LinkRefused
-from robots.wire import Grant, Hold, Refusal, Revoke
+from robots.wire import Grant, Pause, Refusal, Revoke
 from teleop.control.policy import Permit
 from teleop.control.rules import Holding
 from teleop.live.robot_hub import Room
@@ -47,7 +47,7 @@ class Grip:
         self._delay_s = delay_s
         self._again = asyncio.Event()
         # Whoever had this lease before, on another connection: its stick is over, sequence numbers begin anew.
-        room.link.send(Hold(self.fence, "The page was opened anew."))
+        room.link.send(Pause(self.fence, "The page was opened anew."))
         self._task = asyncio.create_task(self._keep_granted())
 
     def renew_soon(self) -> None:
@@ -62,7 +62,7 @@ class Grip:
     def leave(self) -> None:
         """The page is gone, and may come back."""
         self._task.cancel()
-        self._room.link.send(Hold(self.fence, "The page is gone."))
+        self._room.link.send(Pause(self.fence, "The page is gone."))
 
     def pass_on(self) -> None:
         """Another connection of the same tab goes on with the same grant."""

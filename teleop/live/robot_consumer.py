@@ -91,7 +91,7 @@ class RobotConsumer(RobotSocket):
             return
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
-        elif isinstance(message, wire.Order):
+        elif isinstance(message, wire.TaskRequest):
             await self.orders.take(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:

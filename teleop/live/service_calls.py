@@ -90,7 +90,7 @@ def _recorded(given: Any) -> Any:
 
 
 class _Answered(Struct):
-    """What matters here of a `wire.Answer`."""
+    """What matters here of a `wire.TopicAnswer`."""
 
     refusal: wire.Refusal | None = None
 

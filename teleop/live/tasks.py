@@ -15,7 +15,7 @@ from robots.bridge.config import Allowed
 from robots.bridge.drive import twists
 from robots.link.client import LinkRefused
 from robots.registry.models import Role
-from robots.wire import Accepted, LinkCancel, Order, Refusal, Refused, kind_of
+from robots.wire import Accepted, LinkCancel, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
 from teleop.background.tasks import run_beside
 from teleop.control.rules import NO_LEASE
@@ -59,7 +59,7 @@ class Orders:
         self._page = page
         self._under_way = 0
 
-    async def take(self, order: Order) -> None:
+    async def take(self, order: TaskRequest) -> None:
         """Begin an order. Its answer comes beside: the stick never waits for it."""
         refusal = self._why_not(order) or (BUSY if self._under_way >= UNDER_WAY else None)
         if refusal is not None:
@@ -68,12 +68,12 @@ class Orders:
         self._under_way += 1
         run_beside(self._hand_on(order))
 
-    def _why_not(self, order: Order) -> Refusal | None:
+    def _why_not(self, order: TaskRequest) -> Refusal | None:
         if order.fence is None:
             return None if self._page.rights.supervises else _NOT_YOURS
         return not_held(order.fence, self._page.fence) or self._why_not_there(order)
 
-    def _why_not_there(self, order: Order) -> Refusal | None:
+    def _why_not_there(self, order: TaskRequest) -> Refusal | None:
         """What the allow-list and this person's role have against where the order goes."""
         allowed, offers = self._page.room.entry.allowed, self._page.room.link.offers or wire.Offers()
         match order:
@@ -101,7 +101,7 @@ class Orders:
         figures = {"name": topic, "role": needed.value, "taken_as": got_in.value}
         return Refusal("role_of_control", text, "account", figures)
 
-    async def _hand_on(self, order: Order) -> None:
+    async def _hand_on(self, order: TaskRequest) -> None:
         try:
             answer = await self._asked(order)
             refusal = answer.refusal if isinstance(answer, Refused) else None
@@ -114,7 +114,7 @@ class Orders:
         else:
             await self._answer(order, refusal)
 
-    async def _asked(self, order: Order) -> Accepted | Refused:
+    async def _asked(self, order: TaskRequest) -> Accepted | Refused:
         if order.fence is not None:
             return await self._page.room.link.order(order)
         cancel = LinkCancel(
@@ -124,7 +124,7 @@ class Orders:
         run_beside(in_database(_record_cancel, cancel.what, self._page.room, self._page.user, answer))
         return answer
 
-    async def _answer(self, order: Order, refusal: Refusal | None) -> None:
+    async def _answer(self, order: TaskRequest, refusal: Refusal | None) -> None:
         kind = kind_of(order)
         if refusal is None:
             await self._page.answer(Accepted(kind, order.seq, order.fence))

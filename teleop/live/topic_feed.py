@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from robots.wire import MOST_LOOKS, Refusal
+from robots.wire import MOST_SUBSCRIPTIONS, Refusal
 from teleop.live.picture_feed import Send
 
 log = logging.getLogger(__name__)
@@ -54,11 +54,9 @@ class Looker:
             if len(self.at) >= LOOKS:
                 text = f"At most {LOOKS} topics are shown at once: close one first."
                 return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": LOOKS})
-            if topic not in self._looks.wanted and len(self._looks.wanted) >= MOST_LOOKS:
-                text = (
-                    f"People look at {MOST_LOOKS} topics of this robot already, which is as many as it shows."
-                )
-                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MOST_LOOKS})
+            if topic not in self._looks.wanted and len(self._looks.wanted) >= MOST_SUBSCRIPTIONS:
+                text = f"{MOST_SUBSCRIPTIONS} topics of this robot are shown to people already: more are not possible."
+                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS})
         self.at[topic] = Look(rate_hz)
         self.news.set()  # somebody else may look already: then the newest is there
         self._looks.changed()

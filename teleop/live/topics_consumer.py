@@ -7,7 +7,7 @@ from typing import Any
 
 from robots import wire
 from robots.bridge.server.flood_limits import Budget
-from robots.wire import NotDone, Question, Refusal, Refused, kind_of, topics_message
+from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
 from teleop.background.tasks import run_beside
 from teleop.live import robot_hub
 from teleop.live.robot_socket import RobotSocket
@@ -78,11 +78,11 @@ class TopicsConsumer(RobotSocket):
         if self.looker is None or not await self.within_budget(kind_of(message)):
             return
         match message:
-            case wire.Look(topic=topic, rate_hz=rate_hz):
+            case wire.Subscribe(topic=topic, rate_hz=rate_hz):
                 refusal = self.looker.look(topic, rate_hz)
                 if refusal is not None:
                     await self.refuse("look", refusal)
-            case wire.Unlook(topic=topic):
+            case wire.Unsubscribe(topic=topic):
                 self.looker.look_away(topic)
                 if self.watching:
                     self.watching.end(topic)
@@ -96,7 +96,7 @@ class TopicsConsumer(RobotSocket):
             case question:
                 await self.refuse(kind_of(question), BUSY, question.seq)
 
-    async def _answer(self, question: Question) -> None:
+    async def _answer(self, question: TopicQuery) -> None:
         try:
             await self.tell_raw(await self._found_out(question))
         except NotDone as refused:
@@ -104,7 +104,7 @@ class TopicsConsumer(RobotSocket):
         finally:
             self._under_way -= 1
 
-    async def _found_out(self, question: Question) -> str:
+    async def _found_out(self, question: TopicQuery) -> str:
         if isinstance(question, Call):
             return await carry_out(question, room=self.room, user=self.user, rights=self.rights)
         return await self.room.link.ask(question)

@@ -46,7 +46,7 @@ _ration = Ration()
 
 
 class _Shown(Struct):
-    """What matters here of a `wire.Shown`."""
+    """What matters here of a `wire.Sample`."""
 
     topic: str = ""
     type: str = ""

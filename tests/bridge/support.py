@@ -362,12 +362,12 @@ class Bench:
         drive = Drive(fence=fence, seq=self.seq, sent_ms=sent_ms, x=x, w=w, share=1.0)
         return self.core.drive(drive, link, self.now_s)
 
-    def order(self, order: wire.Order, link: int = 1) -> Refusal | None:
+    def order(self, order: wire.TaskRequest, link: int = 1) -> Refusal | None:
         """What the holder's page asks besides driving, and why not, if that is the answer at once."""
         answers = self.ask(order, link)
         return answers[0] if answers else None
 
-    def ask(self, order: wire.Order, link: int = 1) -> list[Refusal | None]:
+    def ask(self, order: wire.TaskRequest, link: int = 1) -> list[Refusal | None]:
         """The one answer to what the holder's page asks besides driving: at once, or later."""
         answers: list[Refusal | None] = []
         self.core.orders.take(order, link, self.now_s, answers.append)
@@ -403,7 +403,7 @@ class Bench:
         return self.base.sent[-1]
 
 
-ORDERS: dict[str, wire.Order] = {
+ORDERS: dict[str, wire.TaskRequest] = {
     "motion": wire.Play(1, "wave"),
     "message": wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"}),
     "look": wire.LookAhead(1),

@@ -64,7 +64,7 @@ class Viewer:
     """A link that remembers."""
 
     def __init__(self) -> None:
-        self.answers: list[wire.Inspected] = []
+        self.answers: list[wire.LinkAnswer] = []
         self.seen: dict[str, Any] = {}
         self.news = asyncio.Event()
 
@@ -74,7 +74,7 @@ class Viewer:
 
     def see(self, topic: str, seen: bytes) -> None:
         report = wire.link_report(seen)
-        assert isinstance(report, wire.Seen)
+        assert isinstance(report, wire.LinkSample)
         self.seen[topic] = msgspec.json.decode(report.shown)
         self.news.set()
 
@@ -87,11 +87,11 @@ class Viewer:
     async def answer(self, seq: int) -> Any:
         """The answer to that question."""
         inspected = await self.until(lambda: [given for given in self.answers if given.seq == seq])
-        return msgspec.json.decode(inspected[0].answer, type=wire.Answer)
+        return msgspec.json.decode(inspected[0].answer, type=wire.TopicAnswer)
 
 
-def question(seq: int, name: str = "/a") -> wire.Inspect:
-    return wire.Inspect(seq, wire.GetParameter(name, seq=seq + 1000))
+def question(seq: int, name: str = "/a") -> wire.LinkQuery:
+    return wire.LinkQuery(seq, wire.GetParameter(name, seq=seq + 1000))
 
 
 @pytest.fixture
@@ -146,10 +146,10 @@ async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wan
 
 async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
     ann, ben = Viewer(), Viewer()
-    relay.look_at(ann, {f"/t{number}": 1.0 for number in range(wire.MOST_LOOKS)})
+    relay.look_at(ann, {f"/t{number}": 1.0 for number in range(wire.MOST_SUBSCRIPTIONS)})
     relay.look_at(ben, {"/t0": 1.0, "/one_more": 1.0})
     assert ben.seen["/one_more"]["refusal"]["code"] == "too_many_looks"
-    await ann.until(lambda: len(ann.seen) == wire.MOST_LOOKS)
+    await ann.until(lambda: len(ann.seen) == wire.MOST_SUBSCRIPTIONS)
     assert ben.seen["/t0"] == {"rate": 1.0}
     assert "/one_more" not in relay._wanted()
 

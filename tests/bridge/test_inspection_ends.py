@@ -166,7 +166,7 @@ async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_la
     monkeypatch.setattr(line_process, "RESTART_S", (0.2, 0.2))
     relay, ear = await listen()
     relay._helper._command, command = ("/nowhere/inspector",), relay._helper._command
-    relay.ask(ear, wire.Inspect(1, CALL))
+    relay.ask(ear, wire.LinkQuery(1, CALL))
     refusal = (await ear.answer(1)).refusal
     assert refusal.code == "inspector_silent"
     assert refusal.text.endswith("ask again.")
@@ -181,7 +181,7 @@ async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(t
     relay, ear = talk
     monkeypatch.setattr(inspector_client, "ANSWER_S", 0.05)
     for seq, ask in enumerate((CALL, wire.SetParameter("/silent", 1)), 1):
-        relay.ask(ear, wire.Inspect(seq, ask))
+        relay.ask(ear, wire.LinkQuery(seq, ask))
     assert (await ear.answer(1)).refusal.text.endswith("whether it was carried out is not known.")
 
 

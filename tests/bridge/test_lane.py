@@ -80,10 +80,10 @@ async def link(bridge, tmp_path):
 
 async def test_a_command_takes_the_lane_and_everything_else_the_socket(bridge, link):
     assert await link.forward(drive(1))
-    link.send(wire.Hold(2, "The page is gone."))
+    link.send(wire.Pause(2, "The page is gone."))
     await bridge.until(lambda: len(bridge.heard) >= 3)
     ways = {type(message): way for way, message in bridge.heard}
-    assert ways == {wire.LinkHello: "socket", wire.Drive: "lane", wire.Hold: "socket"}
+    assert ways == {wire.LinkHello: "socket", wire.Drive: "lane", wire.Pause: "socket"}
 
 
 async def test_a_stop_takes_the_lane_and_its_answer_the_socket(bridge, link):
@@ -96,8 +96,8 @@ async def test_the_word_that_ends_control_overtakes_no_command(bridge, link):
     """Heard before them, it would be followed by motion."""
     for seq in range(20):
         assert await link.forward(drive(seq))
-    link.send(wire.Hold(2, "The page is gone."))
-    await bridge.until(lambda: any(isinstance(message, wire.Hold) for _, message in bridge.heard))
+    link.send(wire.Pause(2, "The page is gone."))
+    await bridge.until(lambda: any(isinstance(message, wire.Pause) for _, message in bridge.heard))
     heard = [message for _, message in bridge.heard if not isinstance(message, wire.LinkHello)]
     assert [getattr(message, "seq", "hold") for message in heard] == [*range(20), "hold"]
 

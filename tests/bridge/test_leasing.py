@@ -98,7 +98,7 @@ async def test_a_revoke_behind_its_own_grant_wins(leasing, core, disk):
 async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_anew(leasing, core, disk):
     link = Wire(1)
     leasing.hear(link, GRANT)
-    leasing.hear(link, wire.Hold(5, "The page is gone."))
+    leasing.hear(link, wire.Pause(5, "The page is gone."))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert asks_to_move(core, 5) is None
@@ -113,9 +113,9 @@ async def test_a_page_is_gone_only_for_the_link_that_its_control_came_by(leasing
     await left.hears(wire.Granted(5))
     leasing.hear(back, GRANT)
     assert core.drive(wire.Drive(fence=5, seq=9, sent_ms=0.0, x=0.0, w=0.0), 2, 100.0) is None
-    leasing.hear(left, wire.Hold(5, "The page is gone."))
+    leasing.hear(left, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq == 9, "it counts on"
-    leasing.hear(back, wire.Hold(5, "The page is gone."))
+    leasing.hear(back, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq is None
 
 

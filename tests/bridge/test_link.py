@@ -78,7 +78,7 @@ class Bridge:
                 refusal = self.bench.core.clear(message.number, self.bench.now_s)
                 answer = wire.Stopped(self.bench.core.stop_state, message.seq)
                 link.report(wire.Refused("link_clear", refusal, message.seq) if refusal else answer)
-            case wire.Watch():
+            case wire.Viewers():
                 link.watchers, link.watchers_more = message.watchers, message.more
 
 
@@ -270,7 +270,7 @@ async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     asking = asyncio.ensure_future(link.ask(wire.ListTopics()))
     await link.stop(wire.LinkStop("Ann"))  # the question is there by now
     large = wire.encode(wire.Parameter("/large", "x" * 3_000_000))
-    remote.report(wire.Inspected(1, msgspec.Raw(large)))
+    remote.report(wire.LinkAnswer(1, msgspec.Raw(large)))
     assert await asking == large.decode()
     assert link.up
 
@@ -488,7 +488,7 @@ class TestWhoseBridge:
         await follower.until("up")
         await link.stop(wire.LinkStop("Ben"))
         heard = {type(message) for message in bridge.heard}
-        assert heard == {wire.LinkHello, wire.Watch, wire.LookAt, wire.LinkStop}
+        assert heard == {wire.LinkHello, wire.Viewers, wire.LinkSubscribe, wire.LinkStop}
         assert remote.watchers == ["Ann"]
         await link.close()
 

@@ -120,13 +120,15 @@ def test_a_chosen_topic_that_vanishes_is_told_and_on_record_also_while_somebody_
     hand, records = talk
     with ros.listen("/my_vel", Twist):
         choose(hand, "drive", "/my_vel")
-        hand.send(wire.LookAt({"/my_vel": 5.0}))
-        hand.until(lambda report: isinstance(report, wire.Seen) and report.topic == "/my_vel", "/my_vel seen")
+        hand.send(wire.LinkSubscribe({"/my_vel": 5.0}))
+        hand.until(
+            lambda report: isinstance(report, wire.LinkSample) and report.topic == "/my_vel", "/my_vel seen"
+        )
     ended = hand.state_until(lambda state: "drive" in state.choice_ended, "its end").choice_ended["drive"]
     assert (ended.topic, ended.to) == ("/my_vel", "/key_vel")
     hand.state_until(lambda state: state.chosen == {} and state.phase == "online", "the default again")
     until(lambda: any("topic.choose gone" in record for record in records()), "a record of it")
-    hand.send(wire.LookAt({}))
+    hand.send(wire.LinkSubscribe({}))
 
 
 def test_what_the_robot_does_not_have_is_refused(hand):

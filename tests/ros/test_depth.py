@@ -123,7 +123,7 @@ def test_the_camera_is_listened_to_while_somebody_has_control_and_not_for_onlook
         hand.send(wire.Revoke(1, "enough"))
         until(lambda: not listeners(rosmaster, IMAGES.topic), "nobody needs it")
         assert not listeners(rosmaster, "/tf")
-        hand.send(wire.Watch(["Ann"]))
+        hand.send(wire.Viewers(["Ann"]))
         hand.state_until(lambda state: state.watchers == ["Ann"], "somebody who looks")
         assert not listeners(rosmaster, IMAGES.topic)
 

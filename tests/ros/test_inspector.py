@@ -67,8 +67,8 @@ ALLOWED = (
 )
 
 _report = msgspec.json.Decoder(InspectorReport)
-_answer = msgspec.json.Decoder(wire.Answer)
-_shown = msgspec.json.Decoder(wire.Shown)
+_answer = msgspec.json.Decoder(wire.TopicAnswer)
+_shown = msgspec.json.Decoder(wire.Sample)
 
 
 class InspectorProcess:
@@ -79,7 +79,7 @@ class InspectorProcess:
             COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._shown: dict[str, queue.SimpleQueue[wire.Shown]] = {}
+        self._shown: dict[str, queue.SimpleQueue[wire.Sample]] = {}
         self._number = 0
         self._write(msgspec.json.encode(config))
         threading.Thread(target=self._read, daemon=True).start()
@@ -94,7 +94,7 @@ class InspectorProcess:
         self._number += 1
         self.send(Question(self._number, question, until_s))
         return _answer.decode(
-            self._reply(lambda r: isinstance(r, wire.Inspected) and r.seq == self._number).answer
+            self._reply(lambda r: isinstance(r, wire.LinkAnswer) and r.seq == self._number).answer
         )
 
     def done(self, request: Callable[[int], Any]) -> wire.Refusal | None:
@@ -110,9 +110,9 @@ class InspectorProcess:
         """At these, by names without their slash."""
         for name in topics:
             self._shown.setdefault(f"/{name}", queue.SimpleQueue())
-        self.send(wire.LookAt({f"/{name}": rate for name, rate in topics.items()}))
+        self.send(wire.LinkSubscribe({f"/{name}": rate for name, rate in topics.items()}))
 
-    def shown(self, topic: str, condition: Callable[[wire.Shown], Any] = lambda _: True) -> wire.Shown:
+    def shown(self, topic: str, condition: Callable[[wire.Sample], Any] = lambda _: True) -> wire.Sample:
         """The next of the topic for which `condition` holds."""
         deadline, last = time.monotonic() + PATIENCE_S, None
         while time.monotonic() < deadline:
@@ -155,7 +155,7 @@ class InspectorProcess:
         assert self.process.stdout is not None
         for line in self.process.stdout:
             report = _report.decode(line)
-            if isinstance(report, wire.Seen):
+            if isinstance(report, wire.LinkSample):
                 self._shown[report.topic].put(_shown.decode(report.shown))
             else:
                 self._said.put(report)
@@ -701,7 +701,7 @@ def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, ros
     monkeypatch.setattr(graph, "graph", waits)
     asked = Inspector(tiago_config(rosmaster, tmp_path), answers.put)
     for number in range(MOST_QUESTIONS + 1):
-        asked.hear(wire.encode(wire.Inspect(number, wire.ListTopics())))
+        asked.hear(wire.encode(wire.LinkQuery(number, wire.ListTopics())))
     for _ in range(MOST_QUESTIONS):
         assert begun.acquire(timeout=PATIENCE_S)
     assert not begun.acquire(timeout=0.1)

@@ -23,7 +23,7 @@ ALLOWED = (
 )
 ODOMETRY = "/mobile_base_controller/odom"
 
-_answer = msgspec.json.Decoder(wire.Answer)
+_answer = msgspec.json.Decoder(wire.TopicAnswer)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -49,7 +49,7 @@ def hand(bridge):
         lambda state: state.phase == "online" and all(sensor.ok for sensor in state.sensors), "a robot"
     )
     yield hand
-    hand.send(wire.LookAt({}))
+    hand.send(wire.LinkSubscribe({}))
     hand.close()
 
 
@@ -76,14 +76,18 @@ def ended(process: psutil.Process) -> bool:
 
 
 def ask(hand: Hand, question: Any) -> Any:
-    hand.send(wire.Inspect(5, question))
-    inspected = hand.until(lambda report: isinstance(report, wire.Inspected) and report.seq == 5, "an answer")
+    hand.send(wire.LinkQuery(5, question))
+    inspected = hand.until(
+        lambda report: isinstance(report, wire.LinkAnswer) and report.seq == 5, "an answer"
+    )
     return _answer.decode(inspected.answer)
 
 
-def shown(hand: Hand, topic: str) -> wire.Shown:
-    seen = hand.until(lambda report: isinstance(report, wire.Seen) and report.topic == topic, f"{topic} seen")
-    return msgspec.json.decode(seen.shown, type=wire.Shown)
+def shown(hand: Hand, topic: str) -> wire.Sample:
+    seen = hand.until(
+        lambda report: isinstance(report, wire.LinkSample) and report.topic == topic, f"{topic} seen"
+    )
+    return msgspec.json.decode(seen.shown, type=wire.Sample)
 
 
 def answered(hand: Hand, order: Any) -> wire.Refusal | None:
@@ -110,7 +114,7 @@ def test_a_robots_topics_are_listed_and_shown_over_every_link_that_looks(bridge,
     assert ODOMETRY in {row.name for row in ask(hand, wire.ListTopics()).topics}
     other = bridge.link()
     for link in (hand, other):
-        link.send(wire.LookAt({ODOMETRY: 10.0}))
+        link.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
     for link in (hand, other):
         assert shown(link, ODOMETRY).fields["header"]["frame_id"] == "odom"
     other.close()
@@ -169,7 +173,7 @@ def test_an_emergency_stop_ends_what_is_published(bridge, holder, ros):
 def test_an_inspector_that_dies_is_replaced_and_what_it_published_does_not_begin_again(bridge, holder, ros):
     with ros.listen("/notes", String) as notes:
         order = wire.Publish(holder.fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=131)
-        holder.send(wire.LookAt({ODOMETRY: 10.0}))
+        holder.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
         assert answered(holder, order) is None
         notes.next()
         first = inspector_of(bridge)
@@ -187,7 +191,7 @@ def test_an_inspector_that_dies_is_replaced_and_what_it_published_does_not_begin
 def test_a_bridge_that_is_killed_takes_its_inspector_along(rosmaster, tmp_path):
     process = BridgeProcess(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path)
     hand = process.link()
-    hand.send(wire.LookAt({ODOMETRY: 10.0}))
+    hand.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
     shown(hand, ODOMETRY)
     inspector = inspector_of(process)
     process.kill()

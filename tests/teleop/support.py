@@ -67,7 +67,9 @@ class FakeBridge:
         self.offers: wire.Offers | None = None
         self.silent = False  # answers no order and no question
         self.refuses_orders: Refusal | None = None
-        self.answer: Callable[[wire.Question], msgspec.Struct] = lambda ask: wire.Parameters(["/a"], ask.seq)
+        self.answer: Callable[[wire.TopicQuery], msgspec.Struct] = lambda ask: wire.Parameters(
+            ["/a"], ask.seq
+        )
         self._server = LinkServer(link_address(robot), self._opened, self._message, lambda _link: None)
         self._more = asyncio.Condition()
 
@@ -98,8 +100,8 @@ class FakeBridge:
 
     def shows(self, topic: str, number: int) -> str:
         """A message of a topic for every web process. Returns it as a page sees it."""
-        shown = wire.encode(wire.Shown(topic, "std_msgs/Int32", number, 5.0, 4, None, 1, {"data": number}))
-        self.say(wire.Seen(topic, msgspec.Raw(shown)))
+        shown = wire.encode(wire.Sample(topic, "std_msgs/Int32", number, 5.0, 4, None, 1, {"data": number}))
+        self.say(wire.LinkSample(topic, msgspec.Raw(shown)))
         return shown.decode()
 
     def cut(self) -> None:
@@ -154,10 +156,10 @@ class FakeBridge:
             self._more.notify_all()
 
     def _answer(self, link: Link, message: msgspec.Struct) -> None:
-        if isinstance(message, wire.Inspect):
+        if isinstance(message, wire.LinkQuery):
             answer = wire.encode(self.answer(message.ask))
-            link.report(wire.Inspected(message.seq, msgspec.Raw(answer)))
-        elif isinstance(message, wire.Order | wire.LinkCancel):
+            link.report(wire.LinkAnswer(message.seq, msgspec.Raw(answer)))
+        elif isinstance(message, wire.TaskRequest | wire.LinkCancel):
             kind, fence = wire.kind_of(message), getattr(message, "fence", None)
             if self.refuses_orders:
                 link.report(wire.Refused(kind, self.refuses_orders, message.seq, fence))

@@ -439,7 +439,7 @@ async def test_when_the_page_is_gone_the_bridge_is_told_at_once_and_the_others_s
     fence = (await take(page))["fence"]
     await watching.hears("control", state="other")
     await page.close()
-    assert (await bridge.hears(wire.Hold, lambda hold: "gone" in hold.reason)).fence == fence
+    assert (await bridge.hears(wire.Pause, lambda hold: "gone" in hold.reason)).fence == fence
     away = await watching.hears("control", state="away")
     assert 8 < away["resumable_s"] <= 10
 
@@ -621,7 +621,7 @@ async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(op
     await open_page("second")
     await take(page)
     closing = asyncio.ensure_future(page.close())
-    await bridge.hears(wire.Hold, lambda hold: hold.reason == "The page is gone.")
+    await bridge.hears(wire.Pause, lambda hold: hold.reason == "The page is gone.")
     granted = len(bridge.all(wire.Grant))
     monkeypatch.setattr(robot_hub, "standing_of", looked)
     for _ in range(4):
@@ -629,7 +629,7 @@ async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(op
     noted.set()
     await closing
     assert len(bridge.all(wire.Grant)) == granted
-    assert bridge.all(wire.Hold)[-1].reason == "The page is gone."
+    assert bridge.all(wire.Pause)[-1].reason == "The page is gone."
 
 
 async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_that_it_comes_back(

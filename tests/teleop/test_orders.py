@@ -77,7 +77,7 @@ async def test_an_order_without_control_or_of_control_that_is_over_is_refused(
     await other.say(kind, fence=FENCE, seq=8, **ORDERS[kind])
     refused = await other.hears("refused", of=kind, seq=8, fence=FENCE)
     assert refused["refusal"]["code"] == "no_lease"
-    assert not [message for message in bridge.heard if isinstance(message, wire.Order)]
+    assert not [message for message in bridge.heard if isinstance(message, wire.TaskRequest)]
 
 
 async def test_each_order_has_an_answer_however_many_were_refused_before(holder, bridge):
@@ -223,7 +223,7 @@ async def test_what_is_chosen_and_published_is_on_the_allow_list_for_this_role(
         await holder.hears("accepted", of=kind, seq=6)
     else:
         assert (await holder.hears("refused", of=kind, seq=6))["refusal"]["code"] == code
-        assert not [message for message in bridge.heard if isinstance(message, wire.Order)]
+        assert not [message for message in bridge.heard if isinstance(message, wire.TaskRequest)]
 
 
 async def test_the_allow_list_is_the_admins(open_page, bridge, robot, monkeypatch):

@@ -52,7 +52,7 @@ async def test_the_example_prints_what_it_is_shown_and_acknowledges_it():
         heard.append(wire.topics_message(await socket.recv()))
         for number in (1, 2):
             fields = {"pose": {"pose": {"position": {"x": number}}}}
-            shown = wire.Shown("/odom", "nav_msgs/Odometry", number, 5.0, 700, 0.01, 1, fields)
+            shown = wire.Sample("/odom", "nav_msgs/Odometry", number, 5.0, 700, 0.01, 1, fields)
             await socket.send(wire.encode(shown), text=True)
             heard.append(wire.topics_message(await socket.recv()))
         refusal = wire.Refusal("bridge_down", "The bridge is not running.", "robot")
@@ -68,5 +68,5 @@ async def test_the_example_prints_what_it_is_shown_and_acknowledges_it():
     assert (printed, complained) == (b"{'x': 1}\n{'x': 2}\n", b"The bridge is not running.\n")
     handshake, look, *acknowledged = heard
     assert handshake == ("/ws/robots/tiago-1/topics/", address, "fleet_session_x=y")
-    assert isinstance(look, wire.Look)
+    assert isinstance(look, wire.Subscribe)
     assert acknowledged == [wire.Ack(), wire.Ack()]

@@ -79,12 +79,12 @@ async def test_whoever_loses_the_role_is_cut_off_in_time_and_shown_nothing_more(
 ):
     page = await open_topics("observer")
     await page.say("look", topic="/odom")
-    await bridge.hears(wire.LookAt)
+    await bridge.hears(wire.LinkSubscribe)
     begun_s = time.monotonic()
     await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
     assert await page.is_closed() == CloseCode.NOT_PERMITTED
     assert time.monotonic() - begun_s < LONGEST_S
-    await bridge.hears(wire.LookAt, lambda look: not look.topics)
+    await bridge.hears(wire.LinkSubscribe, lambda look: not look.topics)
 
 
 async def test_whoever_signs_out_is_cut_off_in_time(open_topics, browsers, end_session):
@@ -128,7 +128,7 @@ async def test_a_question_that_the_bridge_itself_refuses_is_answered(open_topics
     bridge.silent = True
     page = await open_topics("observer")
     await page.say("parameters", seq=2)
-    asked = await bridge.hears(wire.Inspect)
+    asked = await bridge.hears(wire.LinkQuery)
     bridge.say(wire.Refused("inspect", wire.Refusal("inspector_silent", "No answer.", "robot"), asked.seq))
     refused = await page.hears("refused", of="parameters", seq=2)
     assert refused["refusal"]["code"] == "inspector_silent"
@@ -154,7 +154,7 @@ async def test_a_question_under_way_when_the_bridge_goes_is_answered_with_that(o
     bridge.silent = True
     page = await open_topics("observer")
     await page.say("topics", seq=1)
-    await bridge.hears(wire.Inspect)
+    await bridge.hears(wire.LinkQuery)
     bridge.cut()
     assert (await page.hears("refused", of="topics", seq=1))["refusal"]["code"] == "bridge_down"
 
@@ -165,7 +165,7 @@ async def test_only_some_questions_are_under_way_at_once(open_topics, bridge):
     for seq in range(1, UNDER_WAY + 2):
         await page.say("topics", seq=seq)
     assert (await page.hears("refused", seq=UNDER_WAY + 1))["refusal"]["code"] == "busy"
-    await bridge.hears(wire.Inspect, count=UNDER_WAY)
+    await bridge.hears(wire.LinkQuery, count=UNDER_WAY)
 
 
 async def test_who_asks_on_and_on_is_slowed_down(open_topics, bridge):
@@ -211,7 +211,7 @@ async def test_only_staff_call_services_and_set_parameters(question, open_topics
     await page.say(**question, seq=1)
     refused = await page.hears("refused", of=question["t"], seq=1)
     assert refused["refusal"]["code"] == "role_too_low"
-    assert not bridge.all(wire.Inspect)
+    assert not bridge.all(wire.LinkQuery)
 
 
 @pytest.mark.parametrize("question", [CALL | {"service": "/shutdown"}, SET | {"name": "/use_sim_time"}])
@@ -220,7 +220,7 @@ async def test_what_is_not_on_the_allow_list_is_not_even_for_staff(question, ope
     await page.say(**question, seq=1)
     refused = await page.hears("refused", of=question["t"], seq=1)
     assert refused["refusal"]["code"] == "not_allowed"
-    assert not bridge.all(wire.Inspect)
+    assert not bridge.all(wire.LinkQuery)
     assert not await in_database(Record.objects.filter(kind__in=["service.call", "parameter.set"]).exists)
 
 
@@ -237,13 +237,13 @@ async def test_a_call_is_on_record_before_it_is_sent_and_its_outcome_after(
     bridge.silent = True
     page = await open_topics("staff")
     await page.say(**question, seq=1)
-    asked = await bridge.hears(wire.Inspect)
+    asked = await bridge.hears(wire.LinkQuery)
     begun = await in_database(lambda: Record.objects.select_related("content").get(kind=kind))
     assert (begun.kind, begun.details, begun.outcome) == (kind, parameters, "")
     assert (begun.actor_id, begun.robot_id) == (str(staff.pk), robot.id)
     refusal = wire.Refusal("service_failed", "It said no.", "robot")
     answer = wire.encode(wire.Refused(question["t"], refusal, 1))
-    bridge.say(wire.Inspected(asked.seq, msgspec.Raw(answer)))
+    bridge.say(wire.LinkAnswer(asked.seq, msgspec.Raw(answer)))
     await page.hears("refused", of=question["t"], seq=1)
     outcome = await eventually(lambda: Record.objects.filter(of=begun).first())
     details = await in_database(lambda: outcome.details)
@@ -254,11 +254,11 @@ async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_the
     bridge.silent = True
     page = await open_topics("staff")
     await page.say(**CALL, seq=1)
-    asked = await bridge.hears(wire.Inspect)
+    asked = await bridge.hears(wire.LinkQuery)
     await open_topics("observer")  # the room stays
     await page.close()
     answer = wire.encode(wire.Called("/clear_costmaps", {}, 1))
-    bridge.say(wire.Inspected(asked.seq, msgspec.Raw(answer)))
+    bridge.say(wire.LinkAnswer(asked.seq, msgspec.Raw(answer)))
     outcome = await eventually(lambda: Record.objects.filter(kind="service.call").exclude(of=None).first())
     assert outcome.outcome == "done"
 
@@ -266,7 +266,7 @@ async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_the
 async def test_of_a_call_with_many_fields_the_beginning_is_on_record(open_topics, bridge):
     page = await open_topics("staff")
     await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
-    await bridge.hears(wire.Inspect)
+    await bridge.hears(wire.LinkQuery)
     (kept,) = await in_database(
         lambda: [record.details["fields"] for record in Record.objects.filter(kind="service.call", of=None)]
     )
@@ -280,7 +280,7 @@ async def test_what_cannot_be_recorded_is_not_called(open_topics, bridge, disk):
     await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
     refused = await page.hears("refused", of="call", seq=1)
     assert refused["refusal"]["rule"] == "audit"
-    assert not bridge.all(wire.Inspect)
+    assert not bridge.all(wire.LinkQuery)
 
 
 # --- looks --------------------------------------------------------------------------------------------------
@@ -289,7 +289,7 @@ async def test_what_cannot_be_recorded_is_not_called(open_topics, bridge, disk):
 async def test_a_look_is_shown_the_newest_message_each_time_it_has_drawn_the_last(open_topics, bridge):
     page = await open_topics("observer")
     await page.say("look", topic="/odom", rate_hz=10)
-    assert (await bridge.hears(wire.LookAt)).topics == {"/odom": 10.0}
+    assert (await bridge.hears(wire.LinkSubscribe)).topics == {"/odom": 10.0}
     sent = bridge.shows("/odom", 1)
     await page.hears("shown")
     assert page.last_raw == sent
@@ -303,15 +303,15 @@ async def test_a_look_is_shown_the_newest_message_each_time_it_has_drawn_the_las
 async def test_the_bridge_is_told_once_what_all_want_and_when_nobody_looks(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
     await first.say("look", topic="/odom", rate_hz=2)
-    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 2.0})
+    await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 2.0})
     await second.say("look", topic="/odom", rate_hz=5)
-    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 5.0})
+    await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 5.0})
     await second.say("look", topic="/scan", rate_hz=1)
-    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 5.0, "/scan": 1.0})
+    await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 5.0, "/scan": 1.0})
     await second.close()
-    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 2.0})
+    await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 2.0})
     await first.say("unlook", topic="/odom")
-    await bridge.hears(wire.LookAt, lambda look: look.topics == {})
+    await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {})
 
 
 async def test_whoever_changes_his_mind_all_the_time_keeps_no_bridge_busy(open_topics, bridge):
@@ -320,14 +320,14 @@ async def test_whoever_changes_his_mind_all_the_time_keeps_no_bridge_busy(open_t
         await page.say("look", topic=f"/topic{number}")
         await page.say("unlook", topic=f"/topic{number}")
     await page.say("look", topic="/odom")
-    await bridge.hears(wire.LookAt, lambda look: look.topics == {"/odom": 5.0})
-    assert len(bridge.all(wire.LookAt)) < 30
+    await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 5.0})
+    assert len(bridge.all(wire.LinkSubscribe)) < 30
 
 
 async def test_each_sees_what_it_looks_at_and_a_newcomer_the_newest_at_once(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
     await first.say("look", topic="/map")
-    await bridge.hears(wire.LookAt)
+    await bridge.hears(wire.LinkSubscribe)
     bridge.shows("/map", 1)
     assert (await first.hears("shown"))["number"] == 1
     await second.hears_nothing("shown")
@@ -338,9 +338,9 @@ async def test_each_sees_what_it_looks_at_and_a_newcomer_the_newest_at_once(open
 async def test_a_bridge_that_was_started_again_is_told_what_is_looked_at(open_topics, bridge):
     page = await open_topics("observer")
     await page.say("look", topic="/odom")
-    await bridge.hears(wire.LookAt)
+    await bridge.hears(wire.LinkSubscribe)
     bridge.cut()
-    assert (await bridge.hears(wire.LookAt, count=2)).topics == {"/odom": 5.0}
+    assert (await bridge.hears(wire.LinkSubscribe, count=2)).topics == {"/odom": 5.0}
     bridge.shows("/odom", 1)
     await page.hears("shown")
 
@@ -348,7 +348,7 @@ async def test_a_bridge_that_was_started_again_is_told_what_is_looked_at(open_to
 async def test_a_robot_that_moved_is_looked_at_where_it_is_now(open_topics, bridge, monkeypatch):
     page = await open_topics("observer")
     await page.say("look", topic="/odom")
-    await bridge.hears(wire.LookAt)
+    await bridge.hears(wire.LinkSubscribe)
     await in_database(lambda: Robot.objects.update(bridge_address="wss://127.0.0.1:9"))
     await page.hears("bridge_gone")
 
@@ -364,16 +364,16 @@ async def test_more_looks_than_a_connection_may_have_are_refused(open_topics, br
     await page.say("look", topic="/topic1", rate_hz=1)  # another rate is no other look
     await page.say("unlook", topic="/topic0")
     await page.say("look", topic="/one_more")
-    await bridge.hears(wire.LookAt, lambda look: "/one_more" in look.topics)
+    await bridge.hears(wire.LinkSubscribe, lambda look: "/one_more" in look.topics)
 
 
 async def test_all_looks_at_one_robot_fit_into_a_message_to_its_bridge(open_topics, bridge):
     long = "/" + "x" * 190
-    for number in range(wire.MOST_LOOKS):
+    for number in range(wire.MOST_SUBSCRIPTIONS):
         if number % LOOKS == 0:
             page = await open_topics("observer")
         await page.say("look", topic=f"{long}{number}", rate_hz=3.3333333333333335)
-    await bridge.hears(wire.LookAt, lambda look: len(look.topics) == wire.MOST_LOOKS)
+    await bridge.hears(wire.LinkSubscribe, lambda look: len(look.topics) == wire.MOST_SUBSCRIPTIONS)
     page = await open_topics("observer")
     await page.say("look", topic="/one_more")
     assert (await page.hears("refused"))["refusal"]["code"] == "too_many_looks"

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 async def test_a_page_gets_the_next_picture_when_it_has_drawn_the_last_and_then_the_newest(open_page, bridge):
     page = await open_page("observer")
-    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer"])
+    await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer"])
     bridge.show(1)
     assert (await page.hears("view"))["state"]["seq"] == 1
 
@@ -26,7 +26,7 @@ async def test_a_page_gets_the_next_picture_when_it_has_drawn_the_last_and_then_
 
 async def test_a_page_that_is_ready_waits_for_the_next_picture(open_page, bridge):
     page = await open_page("observer")
-    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer"])
+    await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer"])
     bridge.show(1)
     await page.hears("view")
     await page.say("ack")
@@ -37,16 +37,16 @@ async def test_a_page_that_is_ready_waits_for_the_next_picture(open_page, bridge
 
 async def test_the_bridge_is_told_who_looks_and_when_nobody_does(open_page, bridge):
     first, second = await open_page("observer"), await open_page("operator")
-    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer", "Olga Operator"])
+    await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer", "Olga Operator"])
     await first.close()
-    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Olga Operator"])
+    await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Olga Operator"])
     await second.close()
-    await bridge.hears(wire.Watch, lambda watch: watch.watchers == [])
+    await bridge.hears(wire.Viewers, lambda watch: watch.watchers == [])
 
 
 async def test_a_picture_travels_as_the_bridge_encoded_it(open_page, bridge):
     page = await open_page("observer")
-    await bridge.hears(wire.Watch, lambda watch: watch.watchers == ["Obi Observer"])
+    await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer"])
     sent = bridge.show(1)
     await page.hears("view")
     assert page.last_raw == sent

@@ -31,16 +31,16 @@ async def page(robot, browsers, websocket_headers, bridge):
 
 async def picture(bridge, page, number=1, **fields):
     """The robot shows one, and the page draws it."""
-    shown = wire.Shown(CAMERA, "sensor_msgs/CompressedImage", number, 5.0, 4, None, 1, {"data": [1]})
+    shown = wire.Sample(CAMERA, "sensor_msgs/CompressedImage", number, 5.0, 4, None, 1, {"data": [1]})
     encoded = wire.encode(msgspec.structs.replace(shown, **fields))
-    bridge.say(wire.Seen(CAMERA, msgspec.Raw(encoded)))
+    bridge.say(wire.LinkSample(CAMERA, msgspec.Raw(encoded)))
     await page.hears("shown", number=number)
     await page.say("ack")
 
 
 async def look(bridge, page):
     await page.say("look", topic=CAMERA, rate_hz=10.0)
-    await bridge.hears(wire.LookAt, lambda looks: CAMERA in looks.topics)
+    await bridge.hears(wire.LinkSubscribe, lambda looks: CAMERA in looks.topics)
 
 
 def found(kind):
@@ -119,7 +119,7 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
 
 
 async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, robot):
-    shown = wire.Shown("/odom", "nav_msgs/Odometry", 1, 5.0, 4, None, 1, {"data": [uuid4().hex]})
+    shown = wire.Sample("/odom", "nav_msgs/Odometry", 1, 5.0, 4, None, 1, {"data": [uuid4().hex]})
     message = wire.encode(shown).decode()
     before = camera_audit._camera_of.cache_info().misses
     for _ in range(3):
@@ -137,10 +137,10 @@ async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_late
         await look(bridge, page)
         await picture(bridge, page, number)
         await page.say("unlook", topic=CAMERA)
-        await bridge.hears(wire.LookAt, lambda looks: CAMERA not in looks.topics)
+        await bridge.hears(wire.LinkSubscribe, lambda looks: CAMERA not in looks.topics)
     await look(bridge, page)
-    shown = wire.Shown(CAMERA, "sensor_msgs/CompressedImage", 3, 5.0, 4, None, 1, {"data": [1]})
-    bridge.say(wire.Seen(CAMERA, msgspec.Raw(wire.encode(shown))))
+    shown = wire.Sample(CAMERA, "sensor_msgs/CompressedImage", 3, 5.0, 4, None, 1, {"data": [1]})
+    bridge.say(wire.LinkSample(CAMERA, msgspec.Raw(wire.encode(shown))))
     await page.refused("busy")
     await eventually(lambda: Record.objects.filter(kind="camera.end").count() == 2)
     assert await count("camera.start") == 2

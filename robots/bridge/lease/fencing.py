@@ -17,13 +17,13 @@ from typing import Protocol
 from robots.bridge.core import Core
 from robots.bridge.lease.state_store import Persisted
 from robots.bridge.server.link_server import Link
-from robots.wire import Grant, Granted, Hold, Refusal, Refused, Revoke
+from robots.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
 
 log = logging.getLogger(__name__)
 
 WAITING_MOST = 100  # beyond, the oldest go unanswered; a revoke never goes before its grant
 
-Message = Grant | Revoke | Hold
+Message = Grant | Revoke | Pause
 _Waiting = deque[tuple[Link, Message]]
 
 
@@ -89,7 +89,7 @@ class Leasing:
                 link.report(Granted(message.fence))
             case Revoke():
                 self._core.revoke(message.fence, message.reason, now_s)
-            case Hold():
+            case Pause():
                 self._core.hold(message.fence, message.reason, link.number, now_s)
 
     def _write_number(self) -> None:

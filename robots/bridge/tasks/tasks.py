@@ -98,7 +98,7 @@ class Orders:
         self._asked: dict[str, list[Asked]] = {"head.look_ahead": [], "memory.forget": []}
         self._why_not = {"head.look_ahead": self._why_no_look, "memory.forget": self._why_not_forget}
 
-    def take(self, order: wire.Order, link: int, now_s: float, answer: Reply) -> None:
+    def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
         refusal = self._rules.grants.refuse_drive(order.fence or 0, link, now_s)
         grant = self._rules.grants.current
@@ -122,7 +122,7 @@ class Orders:
             case _:
                 answer(self._end(order, now_s))
 
-    def _end(self, order: wire.Order, now_s: float) -> Refusal | None:
+    def _end(self, order: wire.TaskRequest, now_s: float) -> Refusal | None:
         """What ends something is done at once, and its outcome put on record."""
         match order:
             case wire.PlayCancel():

@@ -31,7 +31,7 @@ from robots.bridge.topics.inspector_messages import (
     Silence,
 )
 from robots.bridge.topics.line_process import Helper
-from robots.wire import MOST_LOOKS, Refusal
+from robots.wire import MOST_SUBSCRIPTIONS, Refusal
 
 log = logging.getLogger(__name__)
 
@@ -112,14 +112,14 @@ class Inspection:
 
     # --- who looks -----------------------------------------------------------------------------------
 
-    def ask(self, viewer: Viewer, inspect: wire.Inspect) -> None:
+    def ask(self, viewer: Viewer, inspect: wire.LinkQuery) -> None:
         """A question; its answer is reported to the viewer within `ANSWER_S`."""
 
         def answer(given: msgspec.Raw | Refusal) -> None:
             if isinstance(given, Refusal):
                 refused = wire.Refused(wire.kind_of(inspect.ask), given, inspect.ask.seq)
                 given = msgspec.Raw(wire.encode(refused))
-            viewer.report(wire.Inspected(inspect.seq, given))
+            viewer.report(wire.LinkAnswer(inspect.seq, given))
 
         if sum(waiting.viewer is viewer for waiting in self._waiting.values()) >= MOST_ASKED:
             text = f"More than {MOST_ASKED} questions at once: wait for the answers."
@@ -200,7 +200,7 @@ class Inspection:
     def began(self) -> None:
         """It is told what is looked at, and asked what waits."""
         self._ready = False
-        self._send(wire.LookAt(self._wanted()))
+        self._send(wire.LinkSubscribe(self._wanted()))
         if self._unsent:
             self._helper.send(b"\n".join(self._unsent.values()))
             self._unsent.clear()
@@ -208,12 +208,12 @@ class Inspection:
     def hear(self, line: bytes) -> None:
         """An answer, or a message."""
         match _report.decode(line):
-            case wire.Seen(topic=topic):
+            case wire.LinkSample(topic=topic):
                 seen = line.rstrip()  # as it came: the link's report is the same
                 for viewer, topics in self._looks.items():
                     if topic in topics:
                         viewer.see(topic, seen)
-            case wire.Inspected(seq=number, answer=raw):
+            case wire.LinkAnswer(seq=number, answer=raw):
                 self._answer(number, raw)
             case Done(number=number, refusal=refusal):
                 self._answer(number, refusal)
@@ -264,7 +264,7 @@ class Inspection:
         wanted: dict[str, float] = {}
         for topics in self._looks.values():
             for topic, rate_hz in topics.items():
-                if topic in wanted or len(wanted) < MOST_LOOKS:
+                if topic in wanted or len(wanted) < MOST_SUBSCRIPTIONS:
                     wanted[topic] = max(rate_hz, wanted.get(topic, 0.0))
         return wanted
 
@@ -272,7 +272,7 @@ class Inspection:
         wanted = self._wanted()
         if wanted != before:
             self._need()
-            self._send(wire.LookAt(wanted))  # one that is not there yet is told when it starts
+            self._send(wire.LinkSubscribe(wanted))  # one that is not there yet is told when it starts
 
     def _ask(self, number: int, request: Question | Check) -> None:
         """Send it now, or once there is a process."""
@@ -299,7 +299,7 @@ class Inspection:
 
 
 def _not_shown(topic: str) -> bytes:
-    text = f"{MOST_LOOKS} topics of this robot are looked at already: close some, here or on other pages."
-    refusal = Refusal("too_many_looks", text, "robot", {"limit": MOST_LOOKS})
-    shown = wire.Shown(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
-    return wire.encode(wire.Seen(topic, msgspec.Raw(wire.encode(shown))))
+    text = f"{MOST_SUBSCRIPTIONS} topics of this robot are looked at already: close some, here or on other pages."
+    refusal = Refusal("too_many_looks", text, "robot", {"limit": MOST_SUBSCRIPTIONS})
+    shown = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+    return wire.encode(wire.LinkSample(topic, msgspec.Raw(wire.encode(shown))))

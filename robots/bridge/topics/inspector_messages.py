@@ -15,10 +15,10 @@ class TooLate(Exception):
 
 
 class Question(Struct, frozen=True, tag_field="t", tag="inspect"):
-    """A viewer's question, until its asker is told that there is no answer. Answer: `wire.Inspected`."""
+    """A viewer's question, until its asker is told that there is no answer. Answer: `wire.LinkAnswer`."""
 
     seq: int
-    ask: wire.Question
+    ask: wire.TopicQuery
     until_s: float | None = None  # by the monotonic clock, which all processes of a machine share
 
     def require_time(self) -> None:
@@ -45,7 +45,7 @@ class Alive(Struct, frozen=True, tag_field="t", tag="alive"):
     """The bridge is there: go on with what is published at a rate."""
 
 
-Request = Question | wire.LookAt | Check | wire.Publish | Silence | Alive
+Request = Question | wire.LinkSubscribe | Check | wire.Publish | Silence | Alive
 
 
 class Ready(Struct, frozen=True, tag_field="t", tag="ready"):
@@ -59,4 +59,4 @@ class Done(Struct, frozen=True, tag_field="t", tag="done"):
     refusal: Refusal | None = None
 
 
-Report = Ready | Done | wire.Inspected | wire.Seen
+Report = Ready | Done | wire.LinkAnswer | wire.LinkSample

@@ -70,7 +70,7 @@ class Inspector:
                 self._aside(partial(self._answer, question))
             case Check(number=number, order=order):
                 self._aside(partial(self._check, number, order))
-            case wire.LookAt(topics=topics):
+            case wire.LinkSubscribe(topics=topics):
                 self._work.put(partial(self._look_at, topics))
             case wire.Publish() as order:
                 self._work.put(partial(self._publish, order, self._leave))
@@ -110,7 +110,7 @@ class Inspector:
             text = f"No ROS master answers at {self._config.master_uri}."
             refusal = wire.Refusal("robot_offline", text, "robot")
             for topic in topics:
-                shown = wire.Shown(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+                shown = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
                 self._seen(topic, wire.encode(shown))
             raise
 
@@ -139,7 +139,7 @@ class Inspector:
         self._say(wire.encode(report))
 
     def _seen(self, topic: str, shown: bytes) -> None:
-        self._report(wire.Seen(topic, msgspec.Raw(shown)))
+        self._report(wire.LinkSample(topic, msgspec.Raw(shown)))
 
     # --- questions ------------------------------------------------------------------------------------
 
@@ -166,9 +166,9 @@ class Inspector:
                 raise Declined("too_large", text, bytes=len(answer), limit_bytes=LARGEST_ANSWER)
         except Exception as error:  # noqa: BLE001  (a question's end: every one gets its answer)
             answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
-        self._report(wire.Inspected(question.seq, msgspec.Raw(answer)))
+        self._report(wire.LinkAnswer(question.seq, msgspec.Raw(answer)))
 
-    def _answered(self, question: Question) -> wire.Answer:
+    def _answered(self, question: Question) -> wire.TopicAnswer:
         question.require_time()
         match question.ask:
             case wire.ListTopics(seq=seq):

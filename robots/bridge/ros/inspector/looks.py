@@ -78,7 +78,7 @@ class Look:
         self.shown_s, self._shown_number = now_s, number
         connections, arrivals = self._subscriber.impl.connections, list(self._arrivals.copy())
         publishers = [connection for connection in connections if connection.type is not None]
-        shown = wire.Shown(
+        shown = wire.Sample(
             self.topic,
             publishers[0].type[:LONGEST_NAME] if publishers else "*",
             number,
@@ -132,7 +132,7 @@ def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
     return wire.Refusal("publishers_differ", text, "robot", {"kinds": len(kinds)})
 
 
-def _filled(shown: wire.Shown, definition: Definition, data: bytes, wall_s: float) -> bytes:
+def _filled(shown: wire.Sample, definition: Definition, data: bytes, wall_s: float) -> bytes:
     """With as much detail as fits."""
     for detail in LEVELS:
         try:
