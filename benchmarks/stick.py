@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks.harness import Figure, progress
 from benchmarks.parts import hand
 from benchmarks.parts.hand import Array, Movement, Trace
-from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, Position, StickStep, shaped
+from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, StickPosition, StickStep, apply_filters
 
 PAGE_HZ = 30
 SCHEMES: dict[str, tuple[StickStep, ...]] = {"none": (), "mean": (Mean(),), "One-Euro": (OneEuro(),)}
@@ -69,7 +69,7 @@ def through(steps: Sequence[StickStep], positions: Array, rate_hz: float) -> Arr
     memory: Memory | None = None
     given = np.empty_like(positions)
     for index, (x, w) in enumerate(positions.tolist()):
-        position, memory = shaped(steps, memory, Position(x, 0.0, w), 1.0 / rate_hz)
+        position, memory = apply_filters(steps, memory, StickPosition(x, 0.0, w), 1.0 / rate_hz)
         given[index] = position.x, position.w
     return given
 

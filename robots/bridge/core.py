@@ -17,21 +17,21 @@ from msgspec import Struct, structs
 
 from robots import wire
 from robots.bridge import state_view
-from robots.bridge.audit.records import Asker, Records, unrecorded
+from robots.bridge.audit.records import Records, Requester, unrecorded
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drive.drive_input import Stick, stick_of, velocity_of
+from robots.bridge.drive.drive_input import DriveInput, stick_of, velocity_of
 from robots.bridge.drive.drive_log import WAITING, DriveLog
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
-from robots.bridge.lease.lease_guard import Grants
+from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.state_store import Persisted
-from robots.bridge.overload import Lateness
+from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.publishing import Publisher
-from robots.bridge.tasks.tasks import Orders, Performer, holder_of
+from robots.bridge.tasks.tasks import TaskPerformer, Tasks, holder_of
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ _HALTING = {
 }
 
 
-class Base(Performer, Protocol):
+class Base(TaskPerformer, Protocol):
     """What the core may do to the robot."""
 
     def publish(self, velocity: Velocity) -> None:
@@ -108,7 +108,7 @@ class Core:
         on_news: Callable[[], None] = lambda: None,
     ) -> None:
         self.config = config
-        self.grants = Grants(left.fence)
+        self.grants = LeaseGuard(left.fence)
         self.stop_state = StopState("clear", number=stops_before)
         if left.latched:  # whether the robot stands, nobody has seen yet
             self.stop_state = StopState("stopping", left.by or None, left.reason, number=stops_before)
@@ -120,11 +120,13 @@ class Core:
         self._announce = announce
         self._on_scan = on_scan
         self._on_news = on_news
-        self._stick = Stick(self.config.stick)
-        self._twists = Stick()  # velocities that the holder's tools ask for, where the stick asks for none
+        self._stick = DriveInput(self.config.stick)
+        self._twists = (
+            DriveInput()
+        )  # velocities that the holder's tools ask for, where the stick asks for none
         self._page_gone_s: float | None = None
         self._unrecorded: Refusal | None = None  # why nothing goes on: it could not be recorded
-        self._asking: Stick | None = None  # the one that asks for motion
+        self._asking: DriveInput | None = None  # the one that asks for motion
         self._passed = STILL  # what of it reached the gate
         self._sent = STILL
         self._publish_until_s = float("-inf")
@@ -135,16 +137,18 @@ class Core:
         self._cancelling = left.latched  # everybody's goals, again and again
         self._cancelled_s = float("-inf")
         self._joined_s = float("inf")  # the robot's master
-        self._late = Lateness("bridge")
-        self._console_late = Lateness("console")
+        self._late = LoopLateness("bridge")
+        self._console_late = LoopLateness("console")
         self.alone = False  # without a watchdog
-        self._silent: tuple[Stick, float] | None = None  # whose last command died, and when that was noticed
+        self._silent: tuple[DriveInput, float] | None = (
+            None  # whose last command died, and when that was noticed
+        )
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
         self._run = 0  # of the robot
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
-        self.orders = Orders(config, base, gate, records, self, publisher, announce)
+        self.orders = Tasks(config, base, gate, records, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -442,7 +446,7 @@ class Core:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
         told = self._reported
-        standing = state_view.Standing(
+        standing = state_view.StateInputs(
             phase=phase,
             text=text,
             stop=self.stop_state,
@@ -472,7 +476,7 @@ class Core:
             return Refusal("robot_offline", text, "robot")
         return self._unrecorded
 
-    def why_not_begin(self, asker: Asker, now_s: float) -> Refusal | None:
+    def why_not_begin(self, asker: Requester, now_s: float) -> Refusal | None:
         """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
         refusal = self.grants.refuse_drive(asker.holder.fence, asker.link, now_s)
         if refusal is None and self._page_gone_s is not None:
@@ -524,7 +528,7 @@ class Core:
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
 
-    def _why_silent(self, stick: Stick, now_s: float) -> tuple[str, str]:
+    def _why_silent(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
         """Why no command of `stick` is young enough: this computer, where its lateness explains it, else the sender."""
         for late, part in ((self._late, "the bridge"), (self._console_late, "the console")):
             late_s = late.since(now_s - AT_ONCE_S)  # else what came meanwhile has been read
@@ -551,7 +555,7 @@ class Core:
         fault = self._gate.fault(now_s)
         return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
 
-    def _wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[Stick | None, Velocity]:
+    def _wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
         """What the holder asks for, and by which: the page's stick, or, where that rests, a twist.
 
         One that is in the middle, if that counts, has done what it owes, and so has another that was not out when it
@@ -573,10 +577,10 @@ class Core:
 
     def _count_anew(self) -> None:
         """Commands come from another page, or from one that was loaded again."""
-        self._stick = Stick(self.config.stick)
-        self._twists = Stick()
+        self._stick = DriveInput(self.config.stick)
+        self._twists = DriveInput()
 
-    def _why_not(self, grant: Grant, stick: Stick, now_s: float) -> Refusal | None:
+    def _why_not(self, grant: Grant, stick: DriveInput, now_s: float) -> Refusal | None:
         """The first rule that forbids motion, lease and age apart."""
         if closed := self.why_closed(now_s):
             return closed

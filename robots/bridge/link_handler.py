@@ -14,10 +14,10 @@ from uuid import UUID
 
 from robots import wire
 from robots.bridge.core import Core
-from robots.bridge.lease.fencing import Leasing
+from robots.bridge.lease.fencing import FenceStore
 from robots.bridge.server.flood_limits import Budget
 from robots.bridge.server.link_server import Link
-from robots.bridge.topics.inspector_client import Inspection
+from robots.bridge.topics.inspector_client import InspectorClient
 
 log = logging.getLogger(__name__)
 
@@ -37,10 +37,10 @@ _FAULT = wire.Refusal(
 )
 
 
-class Reception:
+class LinkHandler:
     """The door of one bridge."""
 
-    def __init__(self, core: Core, leasing: Leasing, inspection: Inspection) -> None:
+    def __init__(self, core: Core, leasing: FenceStore, inspection: InspectorClient) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
         self._leasing = leasing

@@ -14,7 +14,7 @@ TOLD_S = 0.2  # people are told only of what may cost them a command, which live
 KEPT_S = 5.0  # for so long after it, people are told
 
 
-class Lateness:
+class LoopLateness:
     """How late the loop of one process (`part`) was in the last seconds. Each time that begins and ends is logged."""
 
     def __init__(self, part: OverloadedPart) -> None:

@@ -25,17 +25,17 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.lease.fencing import Leasing
-from robots.bridge.lease.state_store import AlreadyRunning, Persisted, Store
-from robots.bridge.link_handler import Reception
-from robots.bridge.maps.map_fetch import Maps
+from robots.bridge.lease.fencing import FenceStore
+from robots.bridge.lease.state_store import AlreadyRunning, Persisted, StateStore
+from robots.bridge.link_handler import LinkHandler
+from robots.bridge.maps.map_fetch import MapFetcher
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.server.link_server import LinkServer
-from robots.bridge.topics.inspector_client import Inspection
-from robots.bridge.watchdog.beats import Beats
+from robots.bridge.topics.inspector_client import InspectorClient
+from robots.bridge.watchdog.beats import WatchdogClient
 from robots.bridge.watchdog.config import lane_path
-from robots.bridge.watchdog.rules import Beat, Press
+from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.processes.scheduling import Garbage, prefer_this_thread
 from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
 from robots.stop.pending_stops import PendingStops, Waiting, name_of
@@ -54,7 +54,7 @@ END_S = 4.0  # from being told to end, whatever hangs: the database, the disk
 class Bridge:
     """Everything of one bridge process."""
 
-    def __init__(self, config: BridgeConfig, sink: RecordSink, store: Store) -> None:
+    def __init__(self, config: BridgeConfig, sink: RecordSink, store: StateStore) -> None:
         left, presses = heeding(_pending_stops(config), store.load(config.last_fence))
         self._base = RosBase(config)
         self._records = Records(sink)
@@ -62,7 +62,7 @@ class Bridge:
         self._sonars = config.topics.sonars
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000
-        self._inspection = Inspection(config, self._publishing_lost)
+        self._inspection = InspectorClient(config, self._publishing_lost)
         self._core = Core(
             config,
             self._base,
@@ -77,11 +77,11 @@ class Bridge:
             on_news=lambda: self._soon(self._prepare),
         )
         self._core.know(presses)
-        self._maps = Maps(config, self._records.keep_map)
-        self._leasing = Leasing(self._core, store, left.fence, lambda: self._beat(time.monotonic()))
-        door = Reception(self._core, self._leasing, self._inspection)
+        self._maps = MapFetcher(config, self._records.keep_map)
+        self._leasing = FenceStore(self._core, store, left.fence, lambda: self._beat(time.monotonic()))
+        door = LinkHandler(self._core, self._leasing, self._inspection)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
-        self._beats = Beats(lane_path(config), self._pressed)
+        self._beats = WatchdogClient(lane_path(config), self._pressed)
         self._ended = False
         self._rests = True
         self._wake = asyncio.Event()
@@ -181,7 +181,7 @@ class Bridge:
     def _beat(self, now_s: float) -> None:
         """Tell the watchdog that this loop runs, and what it does."""
         stop = self._core.stop_state
-        beat = Beat(
+        beat = Heartbeat(
             publishing=self._core.publishing(now_s) and self._base.listeners > 0,
             latched=stop.state != "clear",
             by=stop.by or "",
@@ -191,7 +191,7 @@ class Bridge:
         self._beats.beat(beat, now_s)
         self._core.alone = self._beats.missing(now_s)
 
-    def _pressed(self, press: Press) -> None:
+    def _pressed(self, press: StopPress) -> None:
         """A stop that the watchdog heard. It is the watchdog's until it is on disk."""
         self._core.stopped_elsewhere(press.by, press.reason, press.press, time.monotonic(), press.at_s)
         loop = asyncio.get_running_loop()
@@ -306,7 +306,7 @@ def heeding(pending: Sequence[Waiting], left: Persisted) -> tuple[Persisted, lis
 
 def run(config: BridgeConfig, sink: RecordSink) -> int:
     """Be the bridge of one robot; returns the exit code."""
-    store = Store(Path(config.state_dir), config.robot_id)
+    store = StateStore(Path(config.state_dir), config.robot_id)
     try:
         store.lock()
     except AlreadyRunning as error:

@@ -13,14 +13,14 @@ from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import Hold, Kind, Obstacles, Pose, Velocity, Verdict
-from robots.bridge.tasks.tasks import Orders
+from robots.bridge.tasks.tasks import Tasks
 from robots.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
 DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
 
 
-class Standing(NamedTuple):
+class StateInputs(NamedTuple):
     """How things stand by the bridge's rules, and what the robot told of itself."""
 
     phase: wire.Phase
@@ -41,7 +41,7 @@ class Standing(NamedTuple):
 
 
 def state(
-    standing: Standing, gate: Gate, orders: Orders, now_s: float, watchers: list[str], watchers_more: int
+    standing: StateInputs, gate: Gate, orders: Tasks, now_s: float, watchers: list[str], watchers_more: int
 ) -> wire.State:
     """The robot as it is now."""
     grant, skew_s = standing.grant, standing.skew_s

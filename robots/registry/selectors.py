@@ -15,7 +15,7 @@ from django.shortcuts import get_object_or_404
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, Topics, What
-from robots.bridge.drive.input_filters import in_words
+from robots.bridge.drive.input_filters import describe
 from robots.bridge.gate.values import GateProfile
 from robots.bridge.tasks.denylist import admissible
 from robots.registry import robot_config
@@ -189,7 +189,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
         has_head=known is not None and known.topics.head is not None,
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
-        stick=in_words(known.stick if known else ()),
+        stick=describe(known.stick if known else ()),
     )
 
 

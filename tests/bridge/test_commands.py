@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.bridge.drive.drive_input import AgeEstimator, Stick, velocity_of
+from robots.bridge.drive.drive_input import AgeEstimator, DriveInput, velocity_of
 from robots.bridge.gate.values import STILL, Limits
 from robots.wire import Drive
 
@@ -30,7 +30,7 @@ def test_a_network_that_became_slower_for_good_is_accepted_after_a_minute():
 
 
 def test_a_burst_after_a_stall_is_dropped_and_not_replayed():
-    stick = Stick()
+    stick = DriveInput()
     assert stick.take(drive(1, 0.0), 10.0) is None
     held_up = [stick.take(drive(2 + n, 0.02 * (n + 1)), 11.01) for n in range(40)]
     assert [refusal.code for refusal in held_up if refusal] == ["too_old"] * 35
@@ -38,7 +38,7 @@ def test_a_burst_after_a_stall_is_dropped_and_not_replayed():
 
 
 def test_a_command_lives_from_when_it_was_sent_and_not_from_when_it_came():
-    stick = Stick()
+    stick = DriveInput()
     stick.take(drive(1, 0.0), 10.0)
     stick.take(drive(2, 0.1), 10.3)  # 0.2 s late
     assert stick.current(10.39) is not None
@@ -46,7 +46,7 @@ def test_a_command_lives_from_when_it_was_sent_and_not_from_when_it_came():
 
 
 def test_a_command_that_was_overtaken_is_dropped():
-    stick = Stick()
+    stick = DriveInput()
     stick.take(drive(5, 0.1), 10.0)
     refusal = stick.take(drive(4, 0.1), 10.0)
     assert refusal is not None

@@ -14,7 +14,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.topics import inspector_client, line_process
-from robots.bridge.topics.inspector_client import MOST_ASKED, Inspection
+from robots.bridge.topics.inspector_client import MOST_ASKED, InspectorClient
 from tests.bridge.support import CONFIG
 
 PATIENCE_S = 20.0
@@ -95,12 +95,12 @@ def question(seq: int, name: str = "/a") -> wire.LinkQuery:
 
 
 @pytest.fixture
-async def make() -> AsyncIterator[Callable[..., Inspection]]:
+async def make() -> AsyncIterator[Callable[..., InspectorClient]]:
     made = []
 
-    def build(**changes: Any) -> Inspection:
+    def build(**changes: Any) -> InspectorClient:
         changes = {"lost": lambda: None, "command": (sys.executable, "-c", PROGRAM)} | changes
-        made.append(Inspection(CONFIG, **changes))
+        made.append(InspectorClient(CONFIG, **changes))
         return made[-1]
 
     yield build
@@ -109,8 +109,8 @@ async def make() -> AsyncIterator[Callable[..., Inspection]]:
 
 
 @pytest.fixture
-def relay(make) -> Inspection:
-    built: Inspection = make()
+def relay(make) -> InspectorClient:
+    built: InspectorClient = make()
     return built
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.topics import inspector_client, line_process
-from robots.bridge.topics.inspector_messages import Question, TooLate
+from robots.bridge.topics.inspector_messages import InspectorQuery, TooLate
 from tests.bridge.test_inspection import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
 from tests.bridge.test_publishings import bench, note, settled
 
@@ -191,7 +191,7 @@ async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_an
     before_s = time.monotonic()
     relay.ask(ear, question(1))
     await ear.answer(1)
-    asked = msgspec.convert(await ear.hears("inspect"), Question)
+    asked = msgspec.convert(await ear.hears("inspect"), InspectorQuery)
     assert before_s + 3.0 <= asked.until_s <= time.monotonic() + 3.0
     asked.require_time()
     with pytest.raises(TooLate):

@@ -10,11 +10,11 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.bridge.lease.fencing import Leasing
+from robots.bridge.lease.fencing import FenceStore
 from robots.bridge.lease.state_store import Persisted
-from robots.bridge.link_handler import Reception
+from robots.bridge.link_handler import LinkHandler
 from robots.bridge.server.link_server import LinkServer
-from robots.bridge.topics.inspector_client import Inspection
+from robots.bridge.topics.inspector_client import InspectorClient
 from robots.link.client import BridgeLink
 from tests.bridge.support import Bench, Wire
 from tests.bridge.test_link import Follower
@@ -53,7 +53,7 @@ def core():
 
 @pytest.fixture
 def leasing(core, disk):
-    leasing = Leasing(core, disk, 0)
+    leasing = FenceStore(core, disk, 0)
     yield leasing
     disk.free.set()
     leasing.close()
@@ -166,7 +166,7 @@ async def test_a_number_that_cannot_be_written_is_not_given(leasing, core, disk)
 
 
 async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(leasing, core, disk, tmp_path):
-    door = Reception(core, leasing, Inspection(core.config, lambda: None))
+    door = LinkHandler(core, leasing, InspectorClient(core.config, lambda: None))
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -15,7 +15,7 @@ from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.gate.values import Pose
 from robots.bridge.maps import map_fetch
-from robots.bridge.maps.map_fetch import AGAIN_S, FRESH_S, Maps, MapWanted, NoMap
+from robots.bridge.maps.map_fetch import AGAIN_S, FRESH_S, MapFetcher, MapWanted, NoMap
 from tests.bridge.support import CONFIG
 from tests.script.support import until
 
@@ -28,7 +28,7 @@ def with_map(topic: Topic | None) -> BridgeConfig:
 
 
 class Taker:
-    """`Maps`, and a process that notes what it is asked and gives the answer of now."""
+    """`MapFetcher`, and a process that notes what it is asked and gives the answer of now."""
 
     def __init__(self, folder: Path, topic: Topic | None = MAP) -> None:
         self.kept: list[TakenMap] = []
@@ -42,7 +42,7 @@ class Taker:
             "sys.stdout.buffer.write(answer.read_bytes())\n"
         )
         command = (sys.executable, "-S", "-c", script, str(self._asked), str(self._answer))
-        self.maps = Maps(with_map(topic), self.kept.append, command)
+        self.maps = MapFetcher(with_map(topic), self.kept.append, command)
 
     def answers(self, answer: TakenMap | NoMap | bytes) -> None:
         raw = answer if isinstance(answer, bytes) else msgspec.msgpack.encode(answer)
@@ -136,7 +136,7 @@ def hangs() -> bool:
 async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
     caplog.set_level(logging.INFO, map_fetch.__name__)
     monkeypatch.setattr(map_fetch, "END_S", 0.2)
-    hanging = Maps(with_map(MAP), lambda taken: None, HANGS)
+    hanging = MapFetcher(with_map(MAP), lambda taken: None, HANGS)
     hanging.look(7, 0.0)
     await settled()
     assert "failed" in caplog.text
@@ -144,7 +144,7 @@ async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
 
 
 async def test_a_bridge_that_ends_waits_for_no_map():
-    hanging = Maps(with_map(MAP), lambda taken: None, HANGS)
+    hanging = MapFetcher(with_map(MAP), lambda taken: None, HANGS)
     hanging.look(7, 0.0)
     await asyncio.to_thread(until, hangs, "the process", 10.0)
     await asyncio.wait_for(hanging.close(), 5.0)
@@ -153,7 +153,7 @@ async def test_a_bridge_that_ends_waits_for_no_map():
 
 async def test_a_process_that_cannot_be_started_harms_nobody(caplog):
     caplog.set_level(logging.INFO, map_fetch.__name__)
-    broken = Maps(with_map(MAP), lambda taken: None, ("/nowhere/nothing",))
+    broken = MapFetcher(with_map(MAP), lambda taken: None, ("/nowhere/nothing",))
     broken.look(7, 0.0)
     await settled()
     assert "failed" in caplog.text

@@ -3,7 +3,7 @@
 import pytest
 
 from robots.bridge.config import DepthSource, ScanSource, Topic, Topics
-from robots.bridge.tasks.denylist import COUNTERFEITED, names_set, why_never, why_never_sent
+from robots.bridge.tasks.denylist import COUNTERFEITED, names_set, why_denied, why_fields_denied
 from robots.wire import Field
 
 TEXT = "std_msgs/String"
@@ -58,19 +58,19 @@ CALLED = words("""
 
 @pytest.mark.parametrize("name", OVERRIDING + CHAIN)
 def test_names_that_mean_what_the_chain_rests_on(name):
-    assert why_never("publish", name, TEXT, PLAIN)
-    assert why_never("call", name, "std_srvs/Empty", PLAIN)
-    assert why_never("set", name, "", PLAIN)
+    assert why_denied("publish", name, TEXT, PLAIN)
+    assert why_denied("call", name, "std_srvs/Empty", PLAIN)
+    assert why_denied("set", name, "", PLAIN)
 
 
 @pytest.mark.parametrize("type_name", SENT)
 def test_types_that_mean_it_whatever_the_topic_is_called(type_name):
-    assert why_never("publish", "/notes", type_name, PLAIN)
+    assert why_denied("publish", "/notes", type_name, PLAIN)
 
 
 @pytest.mark.parametrize("type_name", CALLED)
 def test_services_that_undo_it_whatever_they_are_called(type_name):
-    assert why_never("call", "/notes", type_name, PLAIN)
+    assert why_denied("call", "/notes", type_name, PLAIN)
 
 
 @pytest.mark.parametrize(
@@ -84,22 +84,24 @@ def test_services_that_undo_it_whatever_they_are_called(type_name):
 )
 @pytest.mark.parametrize("what", ["publish", "call", "set"])
 def test_names_that_ros_would_resolve_to_another_or_that_only_look_like_one(what, name):
-    assert why_never(what, name, TEXT, PLAIN) == "it is no full ROS name"
+    assert why_denied(what, name, TEXT, PLAIN) == "it is no full ROS name"
 
 
 def test_what_is_within_a_message_counts_as_much_as_what_it_is_called():
     twist = Field("how", "geometry_msgs/Twist", -1)
-    assert why_never_sent("lab_msgs/Order", [Field("why", "string"), twist]) == why_never_sent(TWIST, [])
-    assert why_never_sent("lab_msgs/Plan", [Field("steps", "lab_msgs/Order", fields=[twist])])
+    assert why_fields_denied("lab_msgs/Order", [Field("why", "string"), twist]) == why_fields_denied(
+        TWIST, []
+    )
+    assert why_fields_denied("lab_msgs/Plan", [Field("steps", "lab_msgs/Order", fields=[twist])])
     assert (
-        why_never_sent("lab_msgs/Note", [Field("at", "std_msgs/Header", fields=[Field("seq", "uint32")])])
+        why_fields_denied("lab_msgs/Note", [Field("at", "std_msgs/Header", fields=[Field("seq", "uint32")])])
         is None
     )
 
 
 @pytest.mark.parametrize("type_name", COUNTERFEITED)
 def test_what_is_looked_for_under_other_names_is_refused_under_its_own(type_name):
-    assert why_never_sent(type_name, [])
+    assert why_fields_denied(type_name, [])
 
 
 def test_what_a_value_sets_and_what_it_replaces_are_named():
@@ -107,24 +109,24 @@ def test_what_a_value_sets_and_what_it_replaces_are_named():
 
 
 def test_what_is_chosen_for_driving_has_passed_the_gate_and_may_be_called_a_velocity():
-    assert why_never("choose", "/nav_vel", TWIST, PLAIN, "drive") is None
+    assert why_denied("choose", "/nav_vel", TWIST, PLAIN, "drive") is None
 
 
 @pytest.mark.parametrize("name", OVERRIDING)
 def test_what_is_chosen_wins_over_no_lock_and_no_joystick(name):
-    assert why_never("choose", name, TWIST, PLAIN, "drive")
+    assert why_denied("choose", name, TWIST, PLAIN, "drive")
 
 
 @pytest.mark.parametrize("name", OVERRIDING + CHAIN)
 def test_texts_are_said_where_nothing_else_listens(name):
     speaking = Topics(drive=PLAIN.drive, odometry=PLAIN.odometry, speech=Topic("/say", TEXT))
-    assert why_never("choose", name, TEXT, speaking, "speech")
+    assert why_denied("choose", name, TEXT, speaking, "speech")
 
 
 def test_what_is_chosen_has_the_defaults_type_and_a_use_that_the_robot_has():
-    assert "TwistStamped" in why_never("choose", "/nav_vel", f"{TWIST}Stamped", PLAIN, "drive")
-    assert why_never("choose", "/voice", TTS, PLAIN, "speech")
-    assert why_never("choose", "/voice", TTS, PLAIN, "")
+    assert "TwistStamped" in why_denied("choose", "/nav_vel", f"{TWIST}Stamped", PLAIN, "drive")
+    assert why_denied("choose", "/voice", TTS, PLAIN, "speech")
+    assert why_denied("choose", "/voice", TTS, PLAIN, "")
 
 
 def test_what_the_robots_description_names_takes_no_other_input():
@@ -138,8 +140,8 @@ def test_what_the_robots_description_names_takes_no_other_input():
         cancel_on_stop=["/fetch"],
     )
     for name in ("/drive", "/place", "/left_eye", "/right_eye", "/brow", "/brow_info", "/say", "/fetch"):
-        assert why_never("publish", name, TEXT, topics)
-        assert (why_never("choose", name, TWIST, topics, "drive") is None) == (name == "/drive")
+        assert why_denied("publish", name, TEXT, topics)
+        assert (why_denied("choose", name, TWIST, topics, "drive") is None) == (name == "/drive")
 
 
 @pytest.mark.parametrize(
@@ -159,10 +161,10 @@ def test_what_the_robots_description_names_takes_no_other_input():
     ],
 )
 def test_other_words_mean_nothing_of_the_kind(name):
-    assert why_never("publish", name, TEXT, PLAIN) is None
+    assert why_denied("publish", name, TEXT, PLAIN) is None
 
 
 def test_where_a_motion_goes_is_set_by_nobody():
-    assert why_never("set", "/play_motion/motions/wave/points", "", PLAIN)
-    assert why_never("set", "/play_motion_2", "", PLAIN)
-    assert why_never("call", "/play_motion/list_motions", "", PLAIN) is None
+    assert why_denied("set", "/play_motion/motions/wave/points", "", PLAIN)
+    assert why_denied("set", "/play_motion_2", "", PLAIN)
+    assert why_denied("call", "/play_motion/list_motions", "", PLAIN) is None

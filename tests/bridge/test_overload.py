@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robots.bridge.gate.values import STILL
-from robots.bridge.overload import KEPT_S, Lateness
+from robots.bridge.overload import KEPT_S, LoopLateness
 from robots.wire import Overload
 from tests.bridge.support import Bench
 
@@ -77,7 +77,7 @@ def test_a_tick_in_time_says_nothing(bench):
 
 
 def test_a_short_delay_alarms_nobody_and_still_clears_the_operator():
-    lateness = Lateness("bridge")
+    lateness = LoopLateness("bridge")
     lateness.observe(0.15, now_s=1.0)
     assert lateness.told(1.0) is None
     assert lateness.since(0.9) == 0.15

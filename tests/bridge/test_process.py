@@ -9,7 +9,7 @@ import pytest
 from msgspec import structs
 
 from robots.bridge.config import LinkAddress
-from robots.bridge.lease.state_store import Persisted, Store
+from robots.bridge.lease.state_store import Persisted, StateStore
 from robots.bridge.process import TICK_S, Bridge
 from robots.wire import Grant
 from tests.bridge.support import CONFIG, MemorySink
@@ -17,7 +17,7 @@ from tests.bridge.support import CONFIG, MemorySink
 
 @pytest.fixture
 async def bridge(tmp_path):
-    store = Store(tmp_path, CONFIG.robot_id)
+    store = StateStore(tmp_path, CONFIG.robot_id)
     store.lock()
     store.save(Persisted(False, "", "", 0))
     config = structs.replace(CONFIG, link=LinkAddress(unix_path=str(tmp_path / "bridge.sock")))

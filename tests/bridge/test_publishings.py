@@ -10,12 +10,12 @@ import pytest
 
 from robots import wire
 from robots.bridge.audit.record_sink import Holder
-from robots.bridge.audit.records import Asker
+from robots.bridge.audit.records import Requester
 from robots.bridge.config import Allowed
 from robots.bridge.drive.drive_input import stick_of, velocity_of
 from robots.bridge.drive.twists import velocity_from
 from robots.bridge.gate.values import STILL, Limits, Velocity
-from robots.bridge.tasks.publishing import Publishings
+from robots.bridge.tasks.publishing import Publications
 from robots.wire import Refusal
 from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome
 
@@ -443,8 +443,8 @@ def test_what_comes_on_record_while_that_is_looked_for_is_sent_a_tick_later():
     number, publisher, answers = Arriving(), MemoryPublisher(lambda: 0.0), []
     number.set_result(1)
     records = SimpleNamespace(request=lambda *_told: number, outcome=lambda *_told: None)
-    publishings = Publishings(publisher, records)
-    publishings.begin(note(), Asker(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
+    publishings = Publications(publisher, records)
+    publishings.begin(note(), Requester(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
     for now_s in (0.05, 0.1):
         publishings.tick(lambda _asker, _now_s: None, now_s)
     assert (publisher.published, answers) == ([note()], [None])

@@ -12,11 +12,11 @@ import pytest
 
 from robots import wire
 from robots.bridge.gate.values import STILL
-from robots.bridge.lease.fencing import Leasing
-from robots.bridge.lease.state_store import Store
-from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, Reception
-from robots.bridge.tasks.tasks import Orders
-from robots.bridge.topics.inspector_client import Inspection
+from robots.bridge.lease.fencing import FenceStore
+from robots.bridge.lease.state_store import StateStore
+from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
+from robots.bridge.tasks.tasks import Tasks
+from robots.bridge.topics.inspector_client import InspectorClient
 from tests.bridge.support import Bench, Wire
 from tests.bridge.test_leasing import GRANT
 
@@ -30,8 +30,8 @@ def bench():
 
 @pytest.fixture
 def door(bench, tmp_path):
-    leasing = Leasing(bench.core, Store(tmp_path, "robot"), 0)
-    yield Reception(bench.core, leasing, Inspection(bench.core.config, lambda: None))
+    leasing = FenceStore(bench.core, StateStore(tmp_path, "robot"), 0)
+    yield LinkHandler(bench.core, leasing, InspectorClient(bench.core.config, lambda: None))
     leasing.close()
 
 
@@ -157,7 +157,7 @@ async def test_a_link_that_closes_stops_what_was_driven_through_it_at_once(door,
 
 async def test_nothing_else_that_comes_of_a_closed_link_is_before_the_stop(door, bench):
     link = await driven(door, bench)
-    with patch.object(Inspection, "forget", side_effect=BrokenPipeError), pytest.raises(BrokenPipeError):
+    with patch.object(InspectorClient, "forget", side_effect=BrokenPipeError), pytest.raises(BrokenPipeError):
         door.closed(link)
     assert bench.last == STILL
 
@@ -176,7 +176,7 @@ async def test_every_order_gets_one_answer_with_its_number(door):
 
 async def test_an_order_that_breaks_is_refused_and_the_link_goes_on(door, bench, caplog):
     link = await driven(door, bench)
-    with patch.object(Orders, "_end", side_effect=OverflowError("cannot convert float infinity to integer")):
+    with patch.object(Tasks, "_end", side_effect=OverflowError("cannot convert float infinity to integer")):
         await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
     refused = link.reports[-1]
     assert (refused.of, refused.seq, refused.refusal.code) == ("say_cancel", 7, "bridge_fault")

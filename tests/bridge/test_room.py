@@ -7,7 +7,7 @@ import pytest
 
 from robots.bridge.gate.geometry.footprint import Disc
 from robots.bridge.gate.values import Obstacles
-from robots.bridge.tasks.arm_clearance import BESIDE_ARM_M, LATELY_S, Room
+from robots.bridge.tasks.arm_clearance import BESIDE_ARM_M, LATELY_S, ArmClearance
 
 SPACE = ((0.8, 0.0, 0.5),)
 HAND = (0.6, 0.0, 0.09)
@@ -27,7 +27,7 @@ class Scene:
             footprint=Disc(0.27),
             arm_discs=(),
         )
-        self.room = Room(gate, SimpleNamespace(arm=lambda: self.lies))
+        self.room = ArmClearance(gate, SimpleNamespace(arm=lambda: self.lies))
 
     def obstacles(self, _now_s):
         points = [point for kind in KINDS for point in self.seen.get(kind, [])]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robots.bridge.drive.drive_input import Stick
+from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.input_filters import (
     COMMAND_LIFE_S,
     DEFAULT,
@@ -19,20 +19,20 @@ from robots.bridge.drive.input_filters import (
     DeadZone,
     Mean,
     OneEuro,
-    Position,
     Scale,
     Snap,
+    StickPosition,
     StickStep,
-    shaped,
+    apply_filters,
 )
 from robots.wire import Drive
 from tests.bridge.support import CONFIG, Bench
 
 PERIOD_S = 0.05
-CENTRE = Position(0.0, 0.0, 0.0)
+CENTRE = StickPosition(0.0, 0.0, 0.0)
 
 axes = st.floats(-1.0, 1.0)
-positions = st.builds(Position, axes, axes, axes)
+positions = st.builds(StickPosition, axes, axes, axes)
 gaps_s = st.floats(0.0, 1.0)
 steps: dict[type, st.SearchStrategy[StickStep]] = {
     Scale: st.builds(Scale, *[st.floats(0.0, 1.0)] * 3),
@@ -51,18 +51,18 @@ chains = (
 hands = st.lists(st.tuples(positions, gaps_s), min_size=1, max_size=30)
 
 
-def through(chain: tuple[StickStep, ...], hand: list[tuple[Position, float]]) -> list[Position]:
+def through(chain: tuple[StickStep, ...], hand: list[tuple[StickPosition, float]]) -> list[StickPosition]:
     """What the chain makes of a hand: positions, each with the time since the one before."""
     memory, given = None, []
     for position, gap_s in hand:
-        position, memory = shaped(chain, memory, position, gap_s)
+        position, memory = apply_filters(chain, memory, position, gap_s)
         given.append(position)
     return given
 
 
 def steadily(chain: tuple[StickStep, ...], values: list[float]) -> list[float]:
     """The forward axis alone, 20 times a second."""
-    return [p.x for p in through(chain, [(Position(value, 0.0, 0.0), PERIOD_S) for value in values])]
+    return [p.x for p in through(chain, [(StickPosition(value, 0.0, 0.0), PERIOD_S) for value in values])]
 
 
 # --- what no chain does --------------------------------------------------------------------------
@@ -113,7 +113,7 @@ def test_after_a_gap_of_a_commands_life_nothing_is_remembered(chain, before, han
 @given(steadying, st.floats(0.01, 1.0), st.floats(0.01, 0.3))
 def test_a_hand_that_rests_is_given_as_it_is_in_the_end(step, value, gap_s):
     assume(not isinstance(step, OneEuro) or step.min_hz >= 0.5)
-    assert through((step,), [(Position(value, 0.0, 0.0), gap_s)] * 400)[-1].x == pytest.approx(
+    assert through((step,), [(StickPosition(value, 0.0, 0.0), gap_s)] * 400)[-1].x == pytest.approx(
         value, abs=1e-3
     )
 
@@ -122,32 +122,32 @@ def test_a_hand_that_rests_is_given_as_it_is_in_the_end(step, value, gap_s):
 
 
 def test_scale_makes_less_of_each_axis():
-    assert Scale(0.5, 0.0, 1.0)(Position(1.0, 1.0, -1.0)) == Position(0.5, 0.0, -1.0)
+    assert Scale(0.5, 0.0, 1.0)(StickPosition(1.0, 1.0, -1.0)) == StickPosition(0.5, 0.0, -1.0)
 
 
 def test_a_dead_zone_swallows_the_middle_and_leaves_the_rim():
     zone = DeadZone(0.1)
-    assert zone(Position(0.1, -0.05, 0.0)) == CENTRE
-    assert zone(Position(1.0, -1.0, 0.55)) == pytest.approx((1.0, -1.0, 0.5))
+    assert zone(StickPosition(0.1, -0.05, 0.0)) == CENTRE
+    assert zone(StickPosition(1.0, -1.0, 0.55)) == pytest.approx((1.0, -1.0, 0.5))
 
 
 def test_a_dead_zone_begins_without_a_jump():
-    assert DeadZone(0.1)(Position(0.101, 0.0, 0.0)).x == pytest.approx(0.0, abs=2e-3)
+    assert DeadZone(0.1)(StickPosition(0.101, 0.0, 0.0)).x == pytest.approx(0.0, abs=2e-3)
 
 
 def test_a_curve_is_finer_in_the_middle_and_full_at_the_rim():
-    assert Curve(2.0)(Position(0.5, -0.5, 1.0)) == pytest.approx((0.25, -0.25, 1.0))
-    assert Curve()(Position(0.3, 0.0, -0.7)) == Position(0.3, 0.0, -0.7)
+    assert Curve(2.0)(StickPosition(0.5, -0.5, 1.0)) == pytest.approx((0.25, -0.25, 1.0))
+    assert Curve()(StickPosition(0.3, 0.0, -0.7)) == StickPosition(0.3, 0.0, -0.7)
 
 
 @pytest.mark.parametrize(
     ("held", "given"),
     [
-        (Position(0.1, 0.0, 0.9), Position(0.0, 0.0, 0.225)),
-        (Position(-0.1, 0.0, -0.8), Position(0.0, 0.0, -0.2)),
-        (Position(0.5, 0.0, 0.5), Position(0.5, 0.0, 0.5)),
-        (Position(0.9, 0.0, 0.0), Position(0.9, 0.0, 0.0)),
-        (Position(0.0, 0.4, 0.9), Position(0.0, 0.4, 0.9)),
+        (StickPosition(0.1, 0.0, 0.9), StickPosition(0.0, 0.0, 0.225)),
+        (StickPosition(-0.1, 0.0, -0.8), StickPosition(0.0, 0.0, -0.2)),
+        (StickPosition(0.5, 0.0, 0.5), StickPosition(0.5, 0.0, 0.5)),
+        (StickPosition(0.9, 0.0, 0.0), StickPosition(0.9, 0.0, 0.0)),
+        (StickPosition(0.0, 0.4, 0.9), StickPosition(0.0, 0.4, 0.9)),
     ],
 )
 def test_a_stick_held_sideways_turns_on_the_spot_at_a_quarter(held, given):
@@ -182,7 +182,7 @@ def drive(seq: int, x: float) -> Drive:
 
 
 def test_a_command_is_shaped_once_however_often_it_is_looked_at():
-    stick = Stick((OneEuro(),))
+    stick = DriveInput((OneEuro(),))
     stick.take(drive(1, 0.2), 1.0)
     stick.take(drive(2, 0.6), 1.05)
     first = stick.current(1.06)
@@ -191,7 +191,7 @@ def test_a_command_is_shaped_once_however_often_it_is_looked_at():
 
 
 def test_a_command_that_is_refused_leaves_no_trace():
-    told, untold = Stick((OneEuro(),)), Stick((OneEuro(),))
+    told, untold = DriveInput((OneEuro(),)), DriveInput((OneEuro(),))
     for stick in (told, untold):
         stick.take(drive(5, 0.2), 1.0)
     assert told.take(drive(4, 1.0), 1.02) is not None

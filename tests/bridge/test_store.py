@@ -7,12 +7,12 @@ from unittest.mock import patch
 
 import pytest
 
-from robots.bridge.lease.state_store import AlreadyRunning, Persisted, Store
+from robots.bridge.lease.state_store import AlreadyRunning, Persisted, StateStore
 
 
 @pytest.fixture
 def store(tmp_path):
-    return Store(tmp_path, "robot")
+    return StateStore(tmp_path, "robot")
 
 
 def test_latch_and_number_come_back(store):
@@ -82,8 +82,8 @@ def test_a_folder_that_cannot_be_synced_takes_nothing_away(store):
 def test_a_second_bridge_on_this_machine_is_refused(store, tmp_path):
     store.lock()
     with pytest.raises(AlreadyRunning):
-        Store(tmp_path, "robot").lock()
+        StateStore(tmp_path, "robot").lock()
     store.unlock()
-    again = Store(tmp_path, "robot")
+    again = StateStore(tmp_path, "robot")
     again.lock()
     again.unlock()

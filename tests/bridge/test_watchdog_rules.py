@@ -4,110 +4,110 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.watchdog.rules import QUIET_AFTER_S, SILENT_S, Beat, Press, Rules
+from robots.bridge.watchdog.rules import QUIET_AFTER_S, SILENT_S, Heartbeat, StopPress, StopRules
 
-DRIVING = Beat(publishing=True, drive="/key_vel")
-STOPPED = Beat(publishing=True, latched=True, by="Ann", reason="smoke", drive="/key_vel")
+DRIVING = Heartbeat(publishing=True, drive="/key_vel")
+STOPPED = Heartbeat(publishing=True, latched=True, by="Ann", reason="smoke", drive="/key_vel")
 
 
 @pytest.fixture
-def rules() -> Rules:
+def rules() -> StopRules:
     """A bridge is there that drives, at second 10."""
-    rules = Rules(first=100)
+    rules = StopRules(first=100)
     rules.bridge_came(10.0)
     rules.beat(DRIVING, 10.0)
     return rules
 
 
-def test_a_bridge_that_lives_and_is_not_stopped_is_left_alone(rules: Rules) -> None:
+def test_a_bridge_that_lives_and_is_not_stopped_is_left_alone(rules: StopRules) -> None:
     assert not rules.zeros(10.05) and not rules.cancel(10.05)
 
 
-def test_a_press_gives_zeros_and_cancels_at_once_until_the_bridge_has_latched_it(rules: Rules) -> None:
+def test_a_press_gives_zeros_and_cancels_at_once_until_the_bridge_has_latched_it(rules: StopRules) -> None:
     press = rules.press("Ann", "smoke")
     assert rules.zeros(10.0) and rules.cancel(10.0)
     assert rules.beat(DRIVING, 10.05) == press, "the bridge must be told again"
-    assert rules.beat(Beat(publishing=True, latched=True, heard=press.number), 10.1) is None
+    assert rules.beat(Heartbeat(publishing=True, latched=True, heard=press.number), 10.1) is None
     assert rules.zeros(10.1) and not rules.cancel(10.1), "now the bridge cancels"
 
 
-def test_the_latch_ends_when_the_bridge_clears_it(rules: Rules) -> None:
+def test_the_latch_ends_when_the_bridge_clears_it(rules: StopRules) -> None:
     press = rules.press("Ann", "smoke")
-    rules.beat(Beat(publishing=True, latched=True, heard=press.number), 10.1)
-    rules.beat(Beat(publishing=True, heard=press.number), 10.2)
+    rules.beat(Heartbeat(publishing=True, latched=True, heard=press.number), 10.1)
+    rules.beat(Heartbeat(publishing=True, heard=press.number), 10.2)
     assert not rules.zeros(10.2)
 
 
-def test_a_bridge_that_has_not_heard_of_a_stop_does_not_clear_it(rules: Rules) -> None:
+def test_a_bridge_that_has_not_heard_of_a_stop_does_not_clear_it(rules: StopRules) -> None:
     first = rules.press("Ann", "")
     rules.press("Ben", "")
-    rules.beat(Beat(publishing=True, heard=first.number), 10.1)
+    rules.beat(Heartbeat(publishing=True, heard=first.number), 10.1)
     assert rules.latched
 
 
-def test_a_silent_bridge_that_drove_gives_zeros_for_a_moment(rules: Rules) -> None:
+def test_a_silent_bridge_that_drove_gives_zeros_for_a_moment(rules: StopRules) -> None:
     assert not rules.zeros(10.0 + 0.9 * SILENT_S)
     assert rules.zeros(10.0 + SILENT_S + 0.01)
     assert rules.zeros(10.0 + SILENT_S + QUIET_AFTER_S - 0.01)
     assert not rules.zeros(10.0 + SILENT_S + QUIET_AFTER_S + 0.01)
 
 
-def test_a_bridge_that_ends_is_silent_at_once(rules: Rules) -> None:
+def test_a_bridge_that_ends_is_silent_at_once(rules: StopRules) -> None:
     rules.bridge_gone(10.01)
     assert rules.zeros(10.01)
 
 
-def test_a_bridge_that_did_not_drive_may_fall_silent(rules: Rules) -> None:
-    rules.beat(Beat(publishing=False), 10.1)
+def test_a_bridge_that_did_not_drive_may_fall_silent(rules: StopRules) -> None:
+    rules.beat(Heartbeat(publishing=False), 10.1)
     assert not rules.zeros(10.1 + SILENT_S + 0.01)
 
 
-def test_a_stop_that_a_frozen_bridge_had_latched_stays_latched(rules: Rules) -> None:
+def test_a_stop_that_a_frozen_bridge_had_latched_stays_latched(rules: StopRules) -> None:
     rules.beat(STOPPED, 10.1)
     assert rules.zeros(500.0) and rules.cancel(500.0)
 
 
-def test_a_stop_of_a_bridge_that_died_stays_and_the_next_bridge_is_told_of_it(rules: Rules) -> None:
+def test_a_stop_of_a_bridge_that_died_stays_and_the_next_bridge_is_told_of_it(rules: StopRules) -> None:
     rules.beat(STOPPED, 10.1)
     rules.bridge_gone(10.2)
     assert rules.zeros(500.0) and rules.cancel(500.0)
     rules.bridge_came(600.0)
-    told = rules.beat(Beat(), 600.0)
+    told = rules.beat(Heartbeat(), 600.0)
     assert told is not None and (told.by, told.reason) == ("Ann", "smoke")
-    assert rules.beat(Beat(latched=True, heard=told.number), 600.1) is None
+    assert rules.beat(Heartbeat(latched=True, heard=told.number), 600.1) is None
 
 
 def test_a_stop_that_was_heard_while_no_bridge_lived_is_told_to_the_next() -> None:
-    rules = Rules(first=100)
+    rules = StopRules(first=100)
     press = rules.press("Ann", "smoke")
     assert rules.zeros(1.0) and rules.cancel(1.0)
     rules.bridge_came(2.0)
-    assert rules.beat(Beat(), 2.0) == press
+    assert rules.beat(Heartbeat(), 2.0) == press
 
 
-def test_a_bridge_that_does_not_reach_the_robot_does_not_cancel_for_the_watchdog(rules: Rules) -> None:
-    rules.beat(Beat(publishing=False, latched=True), 10.1)
+def test_a_bridge_that_does_not_reach_the_robot_does_not_cancel_for_the_watchdog(rules: StopRules) -> None:
+    rules.beat(Heartbeat(publishing=False, latched=True), 10.1)
     assert rules.cancel(10.1)
 
 
 def test_a_stop_whose_number_is_below_what_the_bridge_heard_is_not_taken_for_heard() -> None:
     """The clock was set back between two watchdogs."""
-    rules = Rules(first=50)
+    rules = StopRules(first=50)
     press = rules.press("Ann", "smoke")
     rules.bridge_came(2.0)
-    assert rules.beat(Beat(heard=100), 2.0) == press
+    assert rules.beat(Heartbeat(heard=100), 2.0) == press
     assert rules.latched
 
 
 def test_a_latch_that_the_state_file_tells_of_holds_until_a_bridge_says_otherwise() -> None:
-    rules = Rules(first=100, before=Beat(latched=True, by="Ann", reason="smoke"))
+    rules = StopRules(first=100, before=Heartbeat(latched=True, by="Ann", reason="smoke"))
     assert rules.zeros(500.0) and rules.cancel(500.0)
     rules.bridge_came(600.0)
-    assert rules.beat(Beat(), 600.0) is None, "it was cleared meanwhile, and must not come back"
+    assert rules.beat(Heartbeat(), 600.0) is None, "it was cleared meanwhile, and must not come back"
     assert not rules.latched
 
 
 def test_a_watchdog_that_begins_goes_on_with_the_stop_that_was_kept() -> None:
-    rules = Rules(first=100, kept=Press(250, "Ann"))
+    rules = StopRules(first=100, kept=StopPress(250, "Ann"))
     assert rules.zeros(0.0)
     assert rules.press("Ben", "").number > 250

@@ -12,29 +12,29 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge.lease.state_store import Persisted, Store
-from robots.bridge.watchdog.beats import MISSING_S, Beats
-from robots.bridge.watchdog.kept import Kept
-from robots.bridge.watchdog.lane import Heard, Lane
-from robots.bridge.watchdog.rules import Beat, Press
+from robots.bridge.lease.state_store import Persisted, StateStore
+from robots.bridge.watchdog.beats import MISSING_S, WatchdogClient
+from robots.bridge.watchdog.kept import StopFile
+from robots.bridge.watchdog.lane import ReceivedMessage, WatchdogSocket
+from robots.bridge.watchdog.rules import Heartbeat, StopPress
 
 PATIENCE_S = 10.0
 
 
 @pytest.fixture
-def open_lane(tmp_path: Path) -> Iterator[Callable[[], Lane]]:
+def open_lane(tmp_path: Path) -> Iterator[Callable[[], WatchdogSocket]]:
     """Open a lane at the robot's path."""
-    opened: list[Lane] = []
+    opened: list[WatchdogSocket] = []
 
-    def begin() -> Lane:
-        opened.append(Lane(str(tmp_path / "robot.stop")))
+    def begin() -> WatchdogSocket:
+        opened.append(WatchdogSocket(str(tmp_path / "robot.stop")))
         return opened[-1]
 
     yield begin
     opened[-1].close()
 
 
-async def said(lane: Lane) -> Heard:
+async def said(lane: WatchdogSocket) -> ReceivedMessage:
     """The next message."""
     while not (heard := await asyncio.to_thread(lane.wait, PATIENCE_S)):
         pass
@@ -42,7 +42,7 @@ async def said(lane: Lane) -> Heard:
 
 
 def test_a_watchdog_that_ends_late_leaves_the_socket_of_the_next_one_alone(
-    tmp_path: Path, open_lane: Callable[[], Lane]
+    tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     first, _next = open_lane(), open_lane()
     first.close()
@@ -50,54 +50,54 @@ def test_a_watchdog_that_ends_late_leaves_the_socket_of_the_next_one_alone(
 
 
 def test_a_watchdog_that_ends_removes_its_socket(tmp_path: Path) -> None:
-    Lane(str(tmp_path / "robot.stop")).close()
+    WatchdogSocket(str(tmp_path / "robot.stop")).close()
     assert not (tmp_path / "robot.stop").exists()
 
 
 async def test_stops_of_a_watchdog_with_lower_numbers_than_the_last_are_heard(
-    tmp_path: Path, open_lane: Callable[[], Lane]
+    tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     """The clock was set back meanwhile."""
-    presses: asyncio.Queue[Press] = asyncio.Queue()
-    beats = Beats(str(tmp_path / "robot.stop"), presses.put_nowait)
+    presses: asyncio.Queue[StopPress] = asyncio.Queue()
+    beats = WatchdogClient(str(tmp_path / "robot.stop"), presses.put_nowait)
     for number in (100, 50):
         lane = open_lane()
         while not beats.connected:
-            beats.beat(Beat(), 0.0)
+            beats.beat(Heartbeat(), 0.0)
         connection, _ = await said(lane)
-        lane.send(connection, wire.encode(Press(number, "Ann")))
+        lane.send(connection, wire.encode(StopPress(number, "Ann")))
         press = await asyncio.wait_for(presses.get(), PATIENCE_S)
         assert press.number == number
         beats.heard(number)
-        beats.beat(Beat(), 0.0)
+        beats.beat(Heartbeat(), 0.0)
         _, message = await said(lane)
-        assert message is not None and msgspec.json.decode(message, type=Beat).heard == number
+        assert message is not None and msgspec.json.decode(message, type=Heartbeat).heard == number
         if number == 100:
             lane.close()
-            beats.beat(Beat(), 0.0)  # it cannot be sent
+            beats.beat(Heartbeat(), 0.0)  # it cannot be sent
             assert not beats.connected
     beats.close()
 
 
 async def test_a_stop_at_which_the_bridge_broke_is_told_again(
-    tmp_path: Path, open_lane: Callable[[], Lane]
+    tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     """Else the watchdog would hold the robot for ever, and no bridge would know why."""
-    presses: asyncio.Queue[Press] = asyncio.Queue()
+    presses: asyncio.Queue[StopPress] = asyncio.Queue()
     broken = asyncio.Event()
 
-    def hear(press: Press) -> None:
+    def hear(press: StopPress) -> None:
         if not broken.is_set():
             broken.set()
             raise RuntimeError("broken")
         presses.put_nowait(press)
 
     asyncio.get_running_loop().set_exception_handler(lambda *_: None)
-    beats, lane = Beats(str(tmp_path / "robot.stop"), hear), open_lane()
-    beats.beat(Beat(), 0.0)
+    beats, lane = WatchdogClient(str(tmp_path / "robot.stop"), hear), open_lane()
+    beats.beat(Heartbeat(), 0.0)
     connection, _ = await said(lane)
     for _ in range(2):
-        lane.send(connection, wire.encode(Press(100, "Ann")))
+        lane.send(connection, wire.encode(StopPress(100, "Ann")))
         await asyncio.wait_for(broken.wait(), PATIENCE_S)
     assert (await asyncio.wait_for(presses.get(), PATIENCE_S)).number == 100
     beats.close()
@@ -105,42 +105,42 @@ async def test_a_stop_at_which_the_bridge_broke_is_told_again(
 
 def test_a_stop_that_is_kept_outlives_its_watchdog_and_a_damaged_file_is_one_as_well(tmp_path: Path) -> None:
     robot = uuid4()
-    kept = Kept(str(tmp_path), robot)
+    kept = StopFile(str(tmp_path), robot)
     kept.start()
-    kept.keep(Press(100, "Ann", "smoke"))
+    kept.keep(StopPress(100, "Ann", "smoke"))
     end_s = time.monotonic() + PATIENCE_S
     while not (found := list(tmp_path.glob("*.pressed"))):
         assert time.monotonic() < end_s
         time.sleep(0.01)
-    assert Kept(str(tmp_path), robot).load() == Press(100, "Ann", "smoke")
+    assert StopFile(str(tmp_path), robot).load() == StopPress(100, "Ann", "smoke")
     found[0].write_bytes(b"\0" * 100)
-    damaged = Kept(str(tmp_path), robot).load()
+    damaged = StopFile(str(tmp_path), robot).load()
     assert damaged is not None and damaged.by == "somebody"
 
 
 def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_heard(tmp_path: Path) -> None:
     robot = uuid4()
-    Store(tmp_path, str(robot)).save(Persisted(True, "Ann", "smoke", 3))
-    kept = Kept(str(tmp_path), robot)
+    StateStore(tmp_path, str(robot)).save(Persisted(True, "Ann", "smoke", 3))
+    kept = StopFile(str(tmp_path), robot)
     assert kept.load() is None
-    assert kept.before() == Beat(latched=True, by="Ann", reason="smoke")
+    assert kept.before() == Heartbeat(latched=True, by="Ann", reason="smoke")
 
 
 async def test_a_watchdog_that_takes_no_beats_for_some_seconds_is_missing(
-    tmp_path: Path, open_lane: Callable[[], Lane]
+    tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
-    beats = Beats(str(tmp_path / "robot.stop"), lambda _: None)
+    beats = WatchdogClient(str(tmp_path / "robot.stop"), lambda _: None)
     assert not beats.missing(0.0)  # nothing was asked of it yet
-    beats.beat(Beat(), 100.0)  # none is there
+    beats.beat(Heartbeat(), 100.0)  # none is there
     assert not beats.missing(100.0 + MISSING_S)
     assert beats.missing(100.1 + MISSING_S)
     lane = open_lane()
-    beats.beat(Beat(), 110.0)
+    beats.beat(Heartbeat(), 110.0)
     assert not beats.missing(110.0 + MISSING_S)
     now_s = 110.0
     while not beats.missing(now_s):  # it is frozen: what waits for it has an end
         assert now_s < 200.0
         now_s += 0.05
-        beats.beat(Beat(), now_s)
+        beats.beat(Heartbeat(), now_s)
     lane.close()
     beats.close()

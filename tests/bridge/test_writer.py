@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from robots.bridge.audit.record_sink import BadRecord, RecordError
-from robots.bridge.audit.record_writer import Writer
+from robots.bridge.audit.record_writer import RecordWriter
 
 
 class Log:
@@ -46,28 +46,28 @@ def log() -> Log:
 
 
 @pytest.fixture
-def writer(log: Log) -> Iterator[Writer]:
-    writer = Writer(log.pulse)
+def writer(log: Log) -> Iterator[RecordWriter]:
+    writer = RecordWriter(log.pulse)
     yield writer
     log.answers.set()
     writer.close()
 
 
-def written(writer: Writer) -> None:
+def written(writer: RecordWriter) -> None:
     """Wait until the worker has done what it can."""
     done = threading.Event()
     writer.aside(done.set)
     assert done.wait(10)
 
 
-def ticks(writer: Writer, from_s: float, to_s: float, *, watched: bool = False) -> None:
+def ticks(writer: RecordWriter, from_s: float, to_s: float, *, watched: bool = False) -> None:
     """The control loop's periods between two times, with a worker that keeps up."""
     for tenth in range(round(from_s * 10), round(to_s * 10)):
         writer.tick(tenth / 10, watched)
         written(writer)
 
 
-def test_what_is_asked_for_is_told_once_it_is_written(writer: Writer, log: Log) -> None:
+def test_what_is_asked_for_is_told_once_it_is_written(writer: RecordWriter, log: Log) -> None:
     told = threading.Event()
     writer.on_done = told.set
     assert writer.ask(log.row("a"), 0.0).result(10) == "a"
@@ -75,7 +75,7 @@ def test_what_is_asked_for_is_told_once_it_is_written(writer: Writer, log: Log) 
 
 
 def test_what_is_asked_for_while_the_database_is_away_is_refused_and_never_written(
-    writer: Writer, log: Log
+    writer: RecordWriter, log: Log
 ) -> None:
     log.away = "the disk is full"
     asked = writer.ask(log.row("a"), 0.0)
@@ -88,7 +88,7 @@ def test_what_is_asked_for_while_the_database_is_away_is_refused_and_never_writt
 
 
 def test_what_happened_meanwhile_is_written_in_order_when_the_database_is_back(
-    writer: Writer, log: Log
+    writer: RecordWriter, log: Log
 ) -> None:
     log.away = "locked"
     begun = writer.keep(log.row("begun"), 0.0)
@@ -102,7 +102,7 @@ def test_what_happened_meanwhile_is_written_in_order_when_the_database_is_back(
     assert writer.trouble is None
 
 
-def test_what_is_asked_for_comes_after_what_has_happened_before(writer: Writer, log: Log) -> None:
+def test_what_is_asked_for_comes_after_what_has_happened_before(writer: RecordWriter, log: Log) -> None:
     log.away = "locked"
     writer.keep(log.row("happened"), 0.0)
     written(writer)
@@ -111,7 +111,7 @@ def test_what_is_asked_for_comes_after_what_has_happened_before(writer: Writer, 
     assert log.rows == ["happened", "asked"]
 
 
-def test_nothing_follows_what_was_refused(writer: Writer, log: Log) -> None:
+def test_nothing_follows_what_was_refused(writer: RecordWriter, log: Log) -> None:
     log.away = "locked"
     start = writer.ask(log.row("start"), 0.0)
     end = writer.keep(log.row("end"), 0.1, of=start)
@@ -124,7 +124,7 @@ def test_nothing_follows_what_was_refused(writer: Writer, log: Log) -> None:
 
 @pytest.mark.parametrize("error", [BadRecord("no JSON"), KeyError("a mistake of ours")])
 def test_a_record_that_can_never_be_written_is_logged_and_holds_up_no_other(
-    writer: Writer, log: Log, caplog: pytest.LogCaptureFixture, error: Exception
+    writer: RecordWriter, log: Log, caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:
     def bad() -> None:
         raise error
@@ -135,14 +135,16 @@ def test_a_record_that_can_never_be_written_is_logged_and_holds_up_no_other(
     assert writer.ask(log.row("next"), 0.1).result(10) == "next"
 
 
-def test_a_pulse_comes_every_half_second_while_it_is_watched_and_not_else(writer: Writer, log: Log) -> None:
+def test_a_pulse_comes_every_half_second_while_it_is_watched_and_not_else(
+    writer: RecordWriter, log: Log
+) -> None:
     ticks(writer, 0.0, 2.0)
     assert log.pulses == 0
     ticks(writer, 2.0, 4.0, watched=True)
     assert log.pulses == 4
 
 
-def test_it_is_overdue_when_nothing_could_be_written_for_two_seconds(writer: Writer, log: Log) -> None:
+def test_it_is_overdue_when_nothing_could_be_written_for_two_seconds(writer: RecordWriter, log: Log) -> None:
     ticks(writer, 0.0, 1.0, watched=True)
     log.away = "locked"
     ticks(writer, 1.0, 3.0, watched=True)
@@ -154,14 +156,16 @@ def test_it_is_overdue_when_nothing_could_be_written_for_two_seconds(writer: Wri
     assert writer.overdue(4.5) is None
 
 
-def test_one_failure_among_successes_is_not_overdue(writer: Writer, log: Log) -> None:
+def test_one_failure_among_successes_is_not_overdue(writer: RecordWriter, log: Log) -> None:
     for second in range(6):
         log.away = "locked" if second % 2 else None
         ticks(writer, second, second + 1, watched=True)
         assert writer.overdue(second + 1) is None
 
 
-def test_a_database_that_does_not_answer_is_overdue_too_and_is_asked_once(writer: Writer, log: Log) -> None:
+def test_a_database_that_does_not_answer_is_overdue_too_and_is_asked_once(
+    writer: RecordWriter, log: Log
+) -> None:
     log.answers.clear()
     for tenth in range(25):
         writer.tick(tenth / 10, watched=True)
@@ -174,7 +178,7 @@ def test_a_database_that_does_not_answer_is_overdue_too_and_is_asked_once(writer
 
 
 def test_after_trouble_the_database_is_tried_until_it_is_back_though_nobody_watches(
-    writer: Writer, log: Log
+    writer: RecordWriter, log: Log
 ) -> None:
     log.away = "locked"
     writer.ask(log.row("a"), 0.0)
@@ -186,7 +190,7 @@ def test_after_trouble_the_database_is_tried_until_it_is_back_though_nobody_watc
 
 
 def test_what_could_not_be_written_before_the_end_is_told(log: Log, caplog: pytest.LogCaptureFixture) -> None:
-    writer = Writer(log.pulse)
+    writer = RecordWriter(log.pulse)
     log.away = "locked"
     writer.keep(log.row("a"), 0.0)
     with caplog.at_level(logging.ERROR):

@@ -12,7 +12,7 @@ from django.urls import reverse
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.bridge.config import Allowed, Topic
-from robots.bridge.tasks.denylist import why_never
+from robots.bridge.tasks.denylist import why_denied
 from robots.registry.models import Allowance, Robot, RobotProfile, Role
 from robots.registry.robot_config import profile_topics
 from robots.registry.selectors import allowed_on, bridge_config
@@ -73,7 +73,7 @@ def complaint(owner: Robot | RobotProfile, staff: User, **fields: Any) -> dict[s
     ],
 )
 def test_no_allow_list_has_names_that_go_around_the_chain_or_blind_it(tiago: RobotProfile, name: str) -> None:
-    assert why_never("publish", name, "std_msgs/String", profile_topics(tiago))
+    assert why_denied("publish", name, "std_msgs/String", profile_topics(tiago))
 
 
 @pytest.mark.parametrize(
@@ -100,15 +100,15 @@ def test_no_allow_list_has_names_that_go_around_the_chain_or_blind_it(tiago: Rob
     ],
 )
 def test_nor_types_whatever_the_topic_is_called(tiago: RobotProfile, type_name: str) -> None:
-    assert why_never("publish", "/demo/notes", type_name, profile_topics(tiago))
+    assert why_denied("publish", "/demo/notes", type_name, profile_topics(tiago))
 
 
 def test_what_the_robots_own_description_names_is_not_published_whatever_it_is_called(
     tiago: RobotProfile,
 ) -> None:
     tiago.topics["battery"] = {"name": "/juice", "type": "std_msgs/Float32"}
-    assert why_never("publish", "/juice", "std_msgs/Float32", profile_topics(tiago))
-    assert why_never("publish", "/squash", "std_msgs/Float32", profile_topics(tiago)) is None
+    assert why_denied("publish", "/juice", "std_msgs/Float32", profile_topics(tiago))
+    assert why_denied("publish", "/squash", "std_msgs/Float32", profile_topics(tiago)) is None
 
 
 @pytest.mark.parametrize(
@@ -127,12 +127,12 @@ def test_what_the_robots_own_description_names_is_not_published_whatever_it_is_c
     ],
 )
 def test_much_else_may_be_on_it(tiago: RobotProfile, what: str, name: str, type_name: str, use: str) -> None:
-    assert why_never(what, name, type_name, profile_topics(tiago), use) is None
+    assert why_denied(what, name, type_name, profile_topics(tiago), use) is None
 
 
 @pytest.mark.parametrize("name", ["/joy_vel", "/rviz_joy_vel", "/tab_vel", "/mobile_base_controller/cmd_vel"])
 def test_input_goes_nowhere_that_wins_over_joystick_and_locks(tiago: RobotProfile, name: str) -> None:
-    assert why_never("choose", name, "geometry_msgs/Twist", profile_topics(tiago), "drive")
+    assert why_denied("choose", name, "geometry_msgs/Twist", profile_topics(tiago), "drive")
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_input_goes_nowhere_that_wins_over_joystick_and_locks(tiago: RobotProfil
 def test_nor_is_the_chain_undone_by_a_service_or_a_parameter(
     tiago: RobotProfile, what: str, name: str, type_name: str
 ) -> None:
-    assert why_never(what, name, type_name, profile_topics(tiago))
+    assert why_denied(what, name, type_name, profile_topics(tiago))
 
 
 # --- entries -------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from sensor_msgs.msg import Range
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.core import Core
-from robots.bridge.lease.state_store import Store
+from robots.bridge.lease.state_store import StateStore
 from robots.bridge.process import Bridge
 from robots.bridge.ros.node import RosBase
 from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
@@ -127,7 +127,7 @@ def test_a_bridge_without_its_supervisor_stops_the_robot_and_goes(ros, hand, bri
 
 
 def test_a_bridge_that_ends_leaves_the_robot_at_zero_whatever_else_fails(rosmaster, tmp_path):
-    bridge = Bridge(tiago_config(rosmaster, tmp_path), MemorySink(), Store(tmp_path, "robot"))
+    bridge = Bridge(tiago_config(rosmaster, tmp_path), MemorySink(), StateStore(tmp_path, "robot"))
     with (
         patch.object(Core, "close", side_effect=RuntimeError("broken")),
         patch.object(RosBase, "stop") as stop,

@@ -29,7 +29,14 @@ from robots.bridge.ros.inspector.answers import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.looks import rate_hz
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.topics.inspector_client import COMMAND
-from robots.bridge.topics.inspector_messages import Alive, Check, Done, Question, Ready, Silence
+from robots.bridge.topics.inspector_messages import (
+    Check,
+    Done,
+    HaltPublishing,
+    InspectorQuery,
+    KeepAlive,
+    Ready,
+)
 from robots.bridge.topics.inspector_messages import Report as InspectorReport
 from tests.ros.bridge_support import tiago_config
 from tests.ros.meddling import CUT_SHORT, meddled
@@ -92,7 +99,7 @@ class InspectorProcess:
     def ask(self, question: Any, until_s: float | None = None) -> Any:
         """Its answer. `until_s`: when its asker is told that there is none."""
         self._number += 1
-        self.send(Question(self._number, question, until_s))
+        self.send(InspectorQuery(self._number, question, until_s))
         return _answer.decode(
             self._reply(lambda r: isinstance(r, wire.LinkAnswer) and r.seq == self._number).answer
         )
@@ -129,7 +136,7 @@ class InspectorProcess:
         """Signs of life."""
         while not self._ended.wait(0.1):
             with suppress(ValueError, OSError):  # it ends, or did
-                self.send(Alive())
+                self.send(KeepAlive())
 
     def stop(self) -> int:
         assert self.process.stdin is not None and self.process.stdout is not None
@@ -550,7 +557,7 @@ def test_no_parameter_is_set_while_it_is_not_known_what_would_be_lost(inspector,
     with meddled(rosmaster) as master:
         master.spoiled["getParam"] = CUT_SHORT
         lame = Inspector(tiago_config(master, tmp_path, allowed=ALLOWED), answers.put)
-        lame.hear(msgspec.json.encode(Question(1, wire.SetParameter("/greeting", "after"))))
+        lame.hear(msgspec.json.encode(InspectorQuery(1, wire.SetParameter("/greeting", "after"))))
         assert b"robot_offline" in answers.get(timeout=PATIENCE_S)
     assert rospy.get_param("/greeting") == "before"
 
@@ -613,7 +620,7 @@ def test_a_nested_message_is_published_at_a_rate_until_it_is_told_to_stop(inspec
         assert inspector.done(lambda number: Check(number, goal)) is None
         inspector.send(goal)
         first, second = goals.next(), goals.next()
-        assert inspector.done(lambda number: Silence(number, "/visit_pose")) is None
+        assert inspector.done(lambda number: HaltPublishing(number, "/visit_pose")) is None
         goals.drain()
         with pytest.raises(AssertionError):
             goals.next(0.3)

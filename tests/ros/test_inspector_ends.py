@@ -26,7 +26,7 @@ from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks.publishing import heard_by
 from robots.bridge.topics.inspector_client import SILENCE_S
-from robots.bridge.topics.inspector_messages import Alive, Check, Question, Silence
+from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
 from tests.ros.bridge_support import tiago_config
 from tests.ros.support import PATIENCE_S, Inbox, until
 from tests.ros.test_bridge import serves_deaf
@@ -66,7 +66,7 @@ def heard(inspector: InspectorProcess, notes: Inbox) -> str:
     """The next note, while the bridge lives."""
 
     def attempt() -> Any:
-        inspector.send(Alive())
+        inspector.send(KeepAlive())
         with suppress(AssertionError):
             return notes.next(0.2).data
 
@@ -78,7 +78,7 @@ def test_a_message_that_waits_for_its_listeners_is_not_sent_after_a_halt(inspect
     with ros.listen(NOTES, String) as notes:
         inspector.send(note("before"))
         inspector.send(note("before, at a rate", 20.0))
-        assert inspector.done(lambda number: Silence(number)) is None
+        assert inspector.done(lambda number: HaltPublishing(number)) is None
         inspector.send(note("after"))
         assert notes.next().data == "after"
         assert notes.drain() == []
@@ -89,9 +89,9 @@ def test_a_halt_ends_what_is_published_at_a_rate(inspector, ros):
     with ros.listen(NOTES, String) as notes:
         inspector.send(note("on and on", 50.0))
         heard(inspector, notes)
-        assert inspector.done(lambda number: Silence(number)) is None
+        assert inspector.done(lambda number: HaltPublishing(number)) is None
         notes.drain()
-        inspector.send(Alive())
+        inspector.send(KeepAlive())
         with pytest.raises(AssertionError):
             notes.next(0.3)
 
@@ -107,11 +107,11 @@ def test_who_reads_nothing_is_cut_off_and_holds_up_neither_the_others_nor_a_halt
         node = master.node_uri(name)
         with connect_to_publisher(NOTES, node, "/deaf"):
             until(lambda: serves_deaf(node), "the deaf listener among the connections")
-            until(lambda: inspector.send(Alive()) or not serves_deaf(node), "its end")
+            until(lambda: inspector.send(KeepAlive()) or not serves_deaf(node), "its end")
         notes.drain()
         heard(inspector, notes)
         began_s = time.monotonic()
-        assert inspector.done(lambda number: Silence(number)) is None
+        assert inspector.done(lambda number: HaltPublishing(number)) is None
         assert time.monotonic() - began_s < SILENCE_S
 
 
@@ -125,7 +125,7 @@ def test_without_a_sign_of_life_nothing_is_published_at_a_rate(inspector, ros):
             while time.monotonic() < until_s:
                 notes.next(0.3)
         assert heard(inspector, notes) == "I live"
-        assert inspector.done(lambda number: Silence(number)) is None
+        assert inspector.done(lambda number: HaltPublishing(number)) is None
 
 
 def test_what_nobody_waits_for_any_more_is_not_carried_out(inspector):
@@ -152,9 +152,9 @@ def test_a_call_for_which_it_gets_too_late_on_the_way_is_not_sent(rosmaster, ros
 
     late = threading.Event()
     monkeypatch.setattr(answers.services, "find", find_late)
-    monkeypatch.setattr(Question, "require_time", lambda _: late.is_set() and _too_late())
+    monkeypatch.setattr(InspectorQuery, "require_time", lambda _: late.is_set() and _too_late())
     with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
-        inspector.hear(wire.encode(Question(1, wire.CallService("/lamp", {"data": True}), 0.0)))
+        inspector.hear(wire.encode(InspectorQuery(1, wire.CallService("/lamp", {"data": True}), 0.0)))
         assert b"too_old" in said.get(timeout=PATIENCE_S)
     assert calls == []
 
@@ -167,7 +167,7 @@ def test_an_answer_that_is_longer_than_a_line_may_be_is_refused_in_words(rosmast
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path), said.put)
     monkeypatch.setattr(answers, "LARGEST_ANSWER", 100)
-    inspector.hear(wire.encode(Question(1, wire.Describe("std_msgs/String"))))
+    inspector.hear(wire.encode(InspectorQuery(1, wire.Describe("std_msgs/String"))))
     assert b"too_large" in said.get(timeout=PATIENCE_S)
 
 

@@ -15,7 +15,7 @@ from robots.bridge.config import ArmSource
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.ros.sensors import arm_posture
 from robots.bridge.ros.sensors.arm_posture import PostureTopics
-from robots.bridge.tasks.arm_clearance import Room
+from robots.bridge.tasks.arm_clearance import ArmClearance
 from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.joint_table import HOME
@@ -52,7 +52,7 @@ class Robot:
         self.topics = PostureTopics(ARM, self.looker.gate.observe_posture)
         self.topics.describe(description)
         arm = SimpleNamespace(arm=lambda: self.topics.arm(self.looker.now_s))
-        self.room = Room(self.looker.gate, arm)
+        self.room = ArmClearance(self.looker.gate, arm)
         self.at = FOLDED
 
     def stay(self, seconds):

@@ -14,9 +14,9 @@ import robots.bridge.ros.watchdog as ros_watchdog
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.watchdog.config import WatchdogConfig
-from robots.bridge.watchdog.lane import Lane
+from robots.bridge.watchdog.lane import WatchdogSocket
 from robots.bridge.watchdog.process import Watchdog
-from robots.bridge.watchdog.rules import Beat, Press, Rules
+from robots.bridge.watchdog.rules import Heartbeat, StopPress, StopRules
 
 
 class Robot:
@@ -36,9 +36,9 @@ class Kept:
     """What would be on disk."""
 
     def __init__(self) -> None:
-        self.press: Press | None = None
+        self.press: StopPress | None = None
 
-    def keep(self, press: Press | None) -> None:
+    def keep(self, press: StopPress | None) -> None:
         self.press = press
 
 
@@ -50,21 +50,21 @@ def config(tmp_path: Path) -> WatchdogConfig:
 
 
 @pytest.fixture
-def lane(config: WatchdogConfig) -> Iterator[Lane]:
-    lane = Lane(config.lane)
+def lane(config: WatchdogConfig) -> Iterator[WatchdogSocket]:
+    lane = WatchdogSocket(config.lane)
     yield lane
     lane.close()
 
 
 def test_a_latch_of_a_bridge_that_ended_holds_and_is_left_to_its_state_file(
-    config: WatchdogConfig, lane: Lane
+    config: WatchdogConfig, lane: WatchdogSocket
 ) -> None:
     """Kept here as well, it would come back after it was cleared while no watchdog was there."""
-    rules, kept = Rules(first=100), Kept()
+    rules, kept = StopRules(first=100), Kept()
     watchdog = Watchdog(config, rules, kept, lane, Robot())  # type: ignore[arg-type]
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bridge:
         bridge.connect(config.lane)
-        bridge.send(wire.encode(Beat(publishing=True, latched=True, by="Ann")))
+        bridge.send(wire.encode(Heartbeat(publishing=True, latched=True, by="Ann")))
         while not rules.latched:
             watchdog.step(lane.wait(1.0), 10.0)
     while rules.own is None:
@@ -73,8 +73,8 @@ def test_a_latch_of_a_bridge_that_ended_holds_and_is_left_to_its_state_file(
     assert kept.press is None
 
 
-def test_a_stop_that_no_bridge_has_taken_is_kept(config: WatchdogConfig, lane: Lane) -> None:
-    rules, kept = Rules(first=100), Kept()
+def test_a_stop_that_no_bridge_has_taken_is_kept(config: WatchdogConfig, lane: WatchdogSocket) -> None:
+    rules, kept = StopRules(first=100), Kept()
     watchdog = Watchdog(config, rules, kept, lane, Robot())  # type: ignore[arg-type]
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as pressing:
         pressing.connect(config.lane)
@@ -83,11 +83,11 @@ def test_a_stop_that_no_bridge_has_taken_is_kept(config: WatchdogConfig, lane: L
             watchdog.step(lane.wait(1.0), 10.0)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bridge:
         bridge.connect(config.lane)
-        bridge.send(wire.encode(Beat(publishing=True, latched=True, by="Ann")))
+        bridge.send(wire.encode(Heartbeat(publishing=True, latched=True, by="Ann")))
         watchdog.step(lane.wait(1.0), 10.1)
         watchdog.step(lane.wait(1.0), 10.1)
         assert kept.press is not None, "the bridge has not written it yet"
-        bridge.send(wire.encode(Beat(publishing=True, latched=True, by="Ann", heard=kept.press.number)))
+        bridge.send(wire.encode(Heartbeat(publishing=True, latched=True, by="Ann", heard=kept.press.number)))
         while kept.press is not None:
             watchdog.step(lane.wait(1.0), 10.2)
     assert rules.own is None

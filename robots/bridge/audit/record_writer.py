@@ -41,7 +41,7 @@ class _Job:
     done: Future[Any] = field(default_factory=Future)
 
 
-class Writer:
+class RecordWriter:
     """Hands calls of a sink to the worker. Its methods are called on the control loop's thread, and none waits."""
 
     def __init__(self, pulse: Callable[[], None]) -> None:

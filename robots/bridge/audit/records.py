@@ -12,13 +12,13 @@ from functools import partial
 from typing import NamedTuple, TypeVar
 
 from robots.bridge.audit.record_sink import Holder, Parameters, RecordSink, TakenMap
-from robots.bridge.audit.record_writer import Writer
+from robots.bridge.audit.record_writer import RecordWriter
 from robots.wire import Refusal
 
 Reply = Callable[[Refusal | None], None]  # to what was asked: why not, or None once it is on its way
 
 
-class Asker(NamedTuple):
+class Requester(NamedTuple):
     """Who asked for something, through which link, and how they are told whether it is done."""
 
     holder: Holder
@@ -27,10 +27,10 @@ class Asker(NamedTuple):
 
 
 @dataclass(eq=False)
-class Asked:
+class RecordedTask:
     """Something that was asked for, and since when; it is done once it is on record, and then has a number there."""
 
-    asker: Asker
+    asker: Requester
     number: Future[int]
     since_s: float
 
@@ -43,17 +43,17 @@ class Asked:
         return Refusal("not_recorded", f"It was not done, for it cannot be recorded ({error}).", "audit")
 
 
-A = TypeVar("A", bound=Asked)
+A = TypeVar("A", bound=RecordedTask)
 
 
-def taken_due(waiting: list[A]) -> list[A]:
+def pop_due(waiting: list[A]) -> list[A]:
     """Take out of `waiting` what is on record by now, or cannot be."""
     due = [asked for asked in waiting if asked.number.done()]
     waiting[:] = [asked for asked in waiting if asked not in due]
     return due
 
 
-class Records(Writer):
+class Records(RecordWriter):
     """The records of one bridge."""
 
     def __init__(self, sink: RecordSink) -> None:
@@ -69,7 +69,9 @@ class Records(Writer):
         """Put on record what is asked of the robot besides driving; its number, once it is committed."""
         return self.ask(lambda: self.sink.request(holder, kind, parameters), now_s)
 
-    def outcome(self, asked: Asked, kind: str, outcome: str, parameters: Parameters, now_s: float) -> None:
+    def outcome(
+        self, asked: RecordedTask, kind: str, outcome: str, parameters: Parameters, now_s: float
+    ) -> None:
         """Put on record what came of it; of what is not on record itself nothing came."""
         number, holder = asked.number, asked.asker.holder
         self.keep(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
-from robots.bridge.drive.input_filters import COMMAND_LIFE_S, Memory, Position, StickStep, shaped
+from robots.bridge.drive.input_filters import COMMAND_LIFE_S, Memory, StickPosition, StickStep, apply_filters
 from robots.bridge.gate.values import STILL, Limits, Velocity
 from robots.wire import Drive, NeutralNeeded, Refusal
 
@@ -35,7 +35,7 @@ class AgeEstimator:
         return offset_s - min(self._best)
 
 
-class Stick:
+class DriveInput:
     """The newest command of one source (a page, its holder's tools), its stick position passed through `steps`.
 
     A command lives `COMMAND_LIFE_S` from when it can have been sent at the earliest. After a stop that the operator did
@@ -94,8 +94,8 @@ class Stick:
 
     def _shaped(self, drive: Drive, now_s: float) -> Drive:
         """The command with what the steps make of its position: once for each, whatever the ticks."""
-        position = Position(drive.x, drive.y, drive.w)
-        position, self._memory = shaped(self._steps, self._memory, position, now_s - self._taken_s)
+        position = StickPosition(drive.x, drive.y, drive.w)
+        position, self._memory = apply_filters(self._steps, self._memory, position, now_s - self._taken_s)
         self._taken_s = now_s
         return replace(drive, x=position.x, y=position.y, w=position.w)
 
@@ -116,13 +116,13 @@ def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering
     return STILL if velocity == STILL else velocity
 
 
-def stick_of(velocity: Velocity, limits: Limits, max_share: float, reverse_steering: str) -> Position:
+def stick_of(velocity: Velocity, limits: Limits, max_share: float, reverse_steering: str) -> StickPosition:
     """The stick position that asks for `velocity` at share 1, or for as much of it as is allowed."""
     forward = limits.forward_mps * max_share
     x = _axis(velocity.vx, forward if velocity.vx >= 0 else min(forward, limits.reverse_mps))
     y = _axis(velocity.vy, limits.lateral_mps * max_share)
     w = _axis(velocity.w, limits.turn_radps * max_share)
-    return Position(x, y, -w if x < 0 and reverse_steering == "car" else w)
+    return StickPosition(x, y, -w if x < 0 and reverse_steering == "car" else w)
 
 
 def _axis(speed: float, full: float) -> float:

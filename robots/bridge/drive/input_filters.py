@@ -22,7 +22,7 @@ Hertz = Annotated[float, Meta(gt=0.0, le=20.0)]
 AxisMemory = tuple[float, ...]  # of a steadying step; the first is what it gave last
 
 
-class Position(NamedTuple):
+class StickPosition(NamedTuple):
     """A stick position: forward, left, turn left; each -1..1."""
 
     x: float
@@ -43,9 +43,9 @@ class Scale(Struct, frozen=True, tag_field="step", tag="scale"):
     y: Factor = 1.0
     w: Factor = 1.0
 
-    def __call__(self, position: Position) -> Position:
+    def __call__(self, position: StickPosition) -> StickPosition:
         """The position, scaled."""
-        return Position(position.x * self.x, position.y * self.y, position.w * self.w)
+        return StickPosition(position.x * self.x, position.y * self.y, position.w * self.w)
 
 
 class DeadZone(Struct, frozen=True, tag_field="step", tag="dead_zone"):
@@ -53,9 +53,9 @@ class DeadZone(Struct, frozen=True, tag_field="step", tag="dead_zone"):
 
     width: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.03
 
-    def __call__(self, position: Position) -> Position:
+    def __call__(self, position: StickPosition) -> StickPosition:
         """The position, its small values at zero."""
-        return Position(*(self._beyond(axis) for axis in position))
+        return StickPosition(*(self._beyond(axis) for axis in position))
 
     def _beyond(self, axis: float) -> float:
         size = (abs(axis) - self.width) / (1.0 - self.width)
@@ -67,9 +67,9 @@ class Curve(Struct, frozen=True, tag_field="step", tag="curve"):
 
     exponent: Annotated[float, Meta(ge=1.0, le=4.0)] = 1.0
 
-    def __call__(self, position: Position) -> Position:
+    def __call__(self, position: StickPosition) -> StickPosition:
         """The position, bent."""
-        return Position(*(math.copysign(abs(axis) ** self.exponent, axis) for axis in position))
+        return StickPosition(*(math.copysign(abs(axis) ** self.exponent, axis) for axis in position))
 
 
 class Snap(Struct, frozen=True, tag_field="step", tag="snap"):
@@ -81,12 +81,12 @@ class Snap(Struct, frozen=True, tag_field="step", tag="snap"):
     within_deg: Annotated[float, Meta(gt=0.0, le=45.0)] = 15.0
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
 
-    def __call__(self, position: Position) -> Position:
+    def __call__(self, position: StickPosition) -> StickPosition:
         """The position, or the turn alone."""
         from_sideways = math.atan2(abs(position.x), abs(position.w))
         if position.w == 0.0 or position.y != 0.0 or from_sideways > math.radians(self.within_deg):
             return position
-        return Position(0.0, 0.0, position.w * self.share)
+        return StickPosition(0.0, 0.0, position.w * self.share)
 
 
 # --- steadying steps -----------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def _weight(cutoff_hz: float, dt_s: float) -> float:
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff_hz * dt_s))
 
 
-def steadied(step: OneEuro | Mean, memory: Memory | None, position: Position, dt_s: float) -> Memory:
+def smoothed(step: OneEuro | Mean, memory: Memory | None, position: StickPosition, dt_s: float) -> Memory:
     """What `step` gives for `position`, the first of each axis, and remembers; past it at zero and at reversal."""
     if memory is None or dt_s > COMMAND_LIFE_S:
         return step.begin(position.x), step.begin(position.y), step.begin(position.w)
@@ -165,23 +165,23 @@ STEPS = {str(step.__struct_config__.tag): step for step in (Scale, DeadZone, Cur
 DEFAULT: tuple[StickStep, ...] = (DeadZone(), Curve(), OneEuro())
 
 
-def shaped(
-    steps: Sequence[StickStep], memory: Memory | None, position: Position, dt_s: float
-) -> tuple[Position, Memory | None]:
+def apply_filters(
+    steps: Sequence[StickStep], memory: Memory | None, position: StickPosition, dt_s: float
+) -> tuple[StickPosition, Memory | None]:
     """What the chain makes of a position that came `dt_s` after the last, and what its steadying step remembers.
 
     `memory` None: nothing came before. There is at most one steadying step (`stick_problems`).
     """
     for step in steps:
         if isinstance(step, STEADYING):
-            memory = steadied(step, memory, position, dt_s)
-            position = Position(*(axis[0] for axis in memory))
+            memory = smoothed(step, memory, position, dt_s)
+            position = StickPosition(*(axis[0] for axis in memory))
         else:
             position = step(position)
     return position, memory
 
 
-def in_words(steps: Sequence[StickStep]) -> str:
+def describe(steps: Sequence[StickStep]) -> str:
     """What an operator may want to know of the chain."""
     return ", ".join(filter(None, map(_words, steps))) or "as it is"
 

@@ -27,21 +27,21 @@ Message = Grant | Revoke | Pause
 _Waiting = deque[tuple[Link, Message]]
 
 
-class Saves(Protocol):
-    """The state file (`robots.bridge.lease.state_store.Store`)."""
+class StateWriter(Protocol):
+    """The state file (`robots.bridge.lease.state_store.StateStore`)."""
 
     def save(self, state: Persisted) -> None:
         """Write durably, or raise OSError."""
 
 
-class Leasing:
+class FenceStore:
     """Control of one robot, as its links give and take it. Runs on the event loop; one thread writes the state file.
 
     `on_latch` is called when a stop was pressed or cleared, before anybody is told that it was.
     """
 
     def __init__(
-        self, core: Core, store: Saves, fence_on_disk: int, on_latch: Callable[[], None] = lambda: None
+        self, core: Core, store: StateWriter, fence_on_disk: int, on_latch: Callable[[], None] = lambda: None
     ) -> None:
         self._on_latch = on_latch
         self._core = core

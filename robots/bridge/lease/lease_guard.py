@@ -8,7 +8,7 @@ from robots.wire import Grant, Refusal
 
 
 @dataclass
-class Grants:
+class LeaseGuard:
     """The grant in force and the highest fencing number ever seen."""
 
     highest: int

@@ -28,7 +28,7 @@ class AlreadyRunning(Exception):
     """Another process on this machine is this robot's bridge."""
 
 
-class Store:
+class StateStore:
     """One robot's state file. A lost or spoilt file counts as a pressed stop."""
 
     def __init__(self, directory: Path, robot_id: str) -> None:

@@ -44,7 +44,7 @@ class NoMap(Struct, frozen=True, tag=True):
 _answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
 
 
-class Maps:
+class MapFetcher:
     """Lives on the event loop. `keep` is handed each map that was taken, and must not wait."""
 
     def __init__(

@@ -31,17 +31,17 @@ LATELY_S = 1.0
 BESIDE_ARM_M = 0.10
 
 
-class Arm(Protocol):
+class ArmModel(Protocol):
     """Who knows where the arm is."""
 
     def arm(self) -> tuple[Disc, ...] | None:
         """The discs that it covers now, by its joints; None if they, or the robot's description, do not tell."""
 
 
-class Room:
+class ArmClearance:
     """The room about one robot's arm. While a motion runs it is to be asked every period."""
 
-    def __init__(self, gate: Gate, arm: Arm) -> None:
+    def __init__(self, gate: Gate, arm: ArmModel) -> None:
         self._gate = gate
         self._arm = arm
         # where the arm was, while it moves

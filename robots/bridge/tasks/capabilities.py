@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
-from robots.bridge.tasks.input_routing import Choices
+from robots.bridge.tasks.input_routing import InputRouting
 
 
-class Catalogue:
+class Capabilities:
     """The newest offers of one robot. `announce` hands them to every link."""
 
     def __init__(
-        self, config: BridgeConfig, choices: Choices, announce: Callable[[wire.Offers], None]
+        self, config: BridgeConfig, choices: InputRouting, announce: Callable[[wire.Offers], None]
     ) -> None:
         self._languages = config.topics.languages if config.topics.speech else []
         publishable = [allowed for allowed in config.allowed if allowed.what == "publish"]

@@ -84,7 +84,7 @@ COUNTERFEITED = (
 )
 
 
-def why_never(what: str, name: str, type: str, topics: Topics, use: str = "") -> str | None:
+def why_denied(what: str, name: str, type: str, topics: Topics, use: str = "") -> str | None:
     """Why no allow-list of this robot admits it, in words; None if one may.
 
     `what`: choose (input of `use` goes there), publish, call, set. `type` "" where it is not known.
@@ -92,11 +92,11 @@ def why_never(what: str, name: str, type: str, topics: Topics, use: str = "") ->
     if not FULL_NAME.fullmatch(name):
         return "it is no full ROS name"
     if what == "choose":
-        return _why_never_chosen(name, type, topics, use)
+        return _why_topic_denied(name, type, topics, use)
     return next(_reasons(what, name, type, topics), None)
 
 
-def why_never_sent(type: str, fields: Iterable[Field]) -> str | None:
+def why_fields_denied(type: str, fields: Iterable[Field]) -> str | None:
     """Why nobody publishes a message of this definition, for what it is or what is within it; None if one may."""
     return next(_by_parts(type, fields), None)
 
@@ -112,11 +112,13 @@ def names_set(name: str, *values: object) -> Iterator[str]:
 def admissible(allowed: Iterable[Allowed], topics: Topics) -> tuple[Allowed, ...]:
     """Those entries of an allow-list that may be on it."""
     return tuple(
-        entry for entry in allowed if why_never(entry.what, entry.name, entry.type, topics, entry.use) is None
+        entry
+        for entry in allowed
+        if why_denied(entry.what, entry.name, entry.type, topics, entry.use) is None
     )
 
 
-def _why_never_chosen(name: str, type: str, topics: Topics, use: str) -> str | None:
+def _why_topic_denied(name: str, type: str, topics: Topics, use: str) -> str | None:
     """What is chosen takes input that has passed the chain, but must not win over a person's joystick or a lock."""
     default: Topic | None = getattr(topics, use) if use in USE_TYPES else None
     if default is None:

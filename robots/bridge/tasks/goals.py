@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 from uuid import uuid4
 
-from robots.bridge.audit.records import Asked, Asker, Records
+from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
@@ -24,7 +24,7 @@ What = TypeVar("What")
 
 
 @dataclass(eq=False)
-class Goal(Asked, Generic[What]):
+class Goal(RecordedTask, Generic[What]):
     """Something that was asked for; it has an id once it is sent."""
 
     what: What
@@ -75,7 +75,7 @@ class Goals(ABC, Generic[What]):
         return self._current is not None and self._current.id is not None
 
     @property
-    def waiting(self) -> Asker | None:
+    def waiting(self) -> Requester | None:
         """Who asked for what has not been sent yet, and was not cancelled."""
         goal = self._current
         return goal.asker if goal is not None and goal.id is None and goal.cancelled is None else None

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from robots import wire
-from robots.bridge.audit.records import Asked, Asker, Records
+from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.bridge.config import BridgeConfig, Topic
 from robots.wire import Refusal, Role, Use
 
@@ -22,11 +22,11 @@ PARTING_S = 1.0  # zeros go to a chosen drive topic for at most so long after it
 PATIENCE_S = 3.0  # what is not connected by then may be asked for anew
 
 
-class Switch(Protocol):
+class InputSwitch(Protocol):
     """What connects to the robot's topics."""
 
     def attend(self, use: Use, topics: frozenset[str]) -> None:
-        """Be connected to these topics of that use and no others. Returns at once; `Choices.attended` follows."""
+        """Be connected to these topics of that use and no others. Returns at once; `InputRouting.attended` follows."""
 
     def drive_to(self, topic: str) -> None:
         """Velocities go to this one of the attended topics from now on."""
@@ -35,10 +35,10 @@ class Switch(Protocol):
         """Ask the robot for its motions. Returns at once; `Catalogue.read` follows for each action."""
 
 
-class Rules(Protocol):
+class RoutingRules(Protocol):
     """What choices must know of the robot, and do to it: `Core`."""
 
-    def why_not_begin(self, asker: Asker, now_s: float) -> Refusal | None:
+    def why_not_begin(self, asker: Requester, now_s: float) -> Refusal | None:
         """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
 
     def why_not_still(self, now_s: float) -> Refusal | None:
@@ -49,17 +49,19 @@ class Rules(Protocol):
 
 
 @dataclass(eq=False)
-class _Choice(Asked):
+class _Route(RecordedTask):
     """A topic that was asked for, or chosen."""
 
     topic: str
     begun: bool = False  # it is on record, and being connected
 
 
-class Choices:
+class InputRouting:
     """The topics of one robot that take a holder's input, by use; an action's name where the type is an action's."""
 
-    def __init__(self, config: BridgeConfig, switch: Switch, records: Records, rules: Rules) -> None:
+    def __init__(
+        self, config: BridgeConfig, switch: InputSwitch, records: Records, rules: RoutingRules
+    ) -> None:
         topics = config.topics
         offered: dict[Use, Topic | None] = {
             "drive": topics.drive,
@@ -67,7 +69,7 @@ class Choices:
             "motions": topics.motions,
         }
         self.gone: dict[Use, wire.ChoiceEnd] = {}  # by use: what ended by itself, until the next choice
-        self._made: dict[Use, _Choice] = {}  # other than the default
+        self._made: dict[Use, _Route] = {}  # other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
         self._switch = switch
         self._records = records
@@ -79,14 +81,14 @@ class Choices:
         if "motions" in self._roles and topics.arm and topics.arm.postures:
             self._roles["motions"].clear()  # the default action's motions tell where the arm is, no other's
         self._listened: Mapping[str, str] | None = None
-        self._asked: dict[Use, _Choice] = {}
+        self._asked: dict[Use, _Route] = {}
         self._always = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
         if "motions" in self._always:
             # What a motion action performs that a bridge gave up, or left when it was killed, must be heard of.
             self._always["motions"] |= self._roles["motions"].keys()
         self._wanted = dict(self._always)
         self._connected: dict[Use, Collection[str]] = dict(self._wanted)
-        self._unanswered = Counter[Use]()  # of `Switch.attend`, by use
+        self._unanswered = Counter[Use]()  # of `InputSwitch.attend`, by use
         self._parted_s: float | None = None  # since then nobody answers for the chosen drive topic
 
     # --- where input goes -----------------------------------------------------------------------------
@@ -128,7 +130,7 @@ class Choices:
 
     # --- choosing -------------------------------------------------------------------------------------
 
-    def take(self, order: wire.Choose, asker: Asker, now_s: float) -> None:
+    def take(self, order: wire.Choose, asker: Requester, now_s: float) -> None:
         """Begin to choose. Its asker is answered once, when it is done or will not be."""
         use = order.use
         refusal = self.refuse(use, order.topic) if order.topic or use not in self._defaults else None
@@ -143,7 +145,7 @@ class Choices:
             return
         parameters = {"use": use, "from": self.topic(use), "to": name}
         number = self._records.request(asker.holder, "topic.choose", parameters, now_s)
-        self._asked[use] = _Choice(asker, number, now_s, name)
+        self._asked[use] = _Route(asker, number, now_s, name)
 
     def tick(self, busy: Mapping[Use, Collection[str]], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
@@ -206,7 +208,7 @@ class Choices:
         if self._rules.why_not_still(now_s) is None or now_s - since_s > PARTING_S:
             self._go_back("drive", "control_ended", "control ended", now_s)
 
-    def _recorded(self, use: Use, choice: _Choice, now_s: float) -> None:
+    def _recorded(self, use: Use, choice: _Route, now_s: float) -> None:
         """Connect, unless something came in between."""
         refusal = choice.unrecorded or self._why_not_now(use, choice.asker, now_s)
         if refusal is None:
@@ -225,11 +227,11 @@ class Choices:
             self._make(use, choice, f"input goes to {choice.topic} now", now_s)
         self._tell(use, choice, refusal, now_s)
 
-    def _why_not_now(self, use: Use, asker: Asker, now_s: float) -> Refusal | None:
+    def _why_not_now(self, use: Use, asker: Requester, now_s: float) -> Refusal | None:
         refusal = self._rules.why_not_begin(asker, now_s)
         return refusal or (self._rules.why_not_still(now_s) if use == "drive" else None)
 
-    def _make(self, use: Use, choice: _Choice, why: str, now_s: float) -> None:
+    def _make(self, use: Use, choice: _Route, why: str, now_s: float) -> None:
         """From now on input goes there."""
         self._send_to(use, choice.topic, why, now_s)
         self._made.pop(use, None)
@@ -271,7 +273,7 @@ class Choices:
         if asked := self._asked.pop(use, None):
             self._tell(use, asked, refusal, now_s)
 
-    def _tell(self, use: Use, choice: _Choice, refusal: Refusal | None, now_s: float) -> None:
+    def _tell(self, use: Use, choice: _Route, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
         choice.asker.answer(refusal)
         outcome = refusal.code if refusal else "chosen"
@@ -293,7 +295,7 @@ class Choices:
         return Refusal("wrong_type", text, "robot", {**figures, "found": found})
 
 
-def _silent(choice: _Choice) -> Refusal:
+def _silent(choice: _Route) -> Refusal:
     text = f"{choice.topic} was not connected in time: ask again."
     return Refusal("robot_silent", text, "robot", {"topic": choice.topic, "limit_s": PATIENCE_S})
 

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import Asker, Records
+from robots.bridge.audit.records import Records, Requester
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
@@ -116,7 +116,7 @@ def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
     )
 
 
-class Player(Protocol):
+class MotionPlayer(Protocol):
     """What performs motions."""
 
     def play(self, goal_id: str, motion: str, action: str) -> None:
@@ -127,7 +127,7 @@ class Player(Protocol):
 
 
 @dataclass
-class Piece:
+class MotionGoal:
     """What is performed: a motion, and the space that its arm sweeps; None: the robot has not told yet."""
 
     name: str
@@ -144,10 +144,10 @@ class _Left:
     outcome: str = "unheard"  # until the robot says how it ended
 
 
-class Motions(Goals[Piece]):
+class Motions(Goals[MotionGoal]):
     """The motion under way, if any."""
 
-    def __init__(self, player: Player, records: Records) -> None:
+    def __init__(self, player: MotionPlayer, records: Records) -> None:
         super().__init__(records, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
@@ -168,14 +168,14 @@ class Motions(Goals[Piece]):
             return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
         return None
 
-    def begin(self, name: str, title: str, action: str, asker: Asker, now_s: float) -> Goal[Piece]:
+    def begin(self, name: str, title: str, action: str, asker: Requester, now_s: float) -> Goal[MotionGoal]:
         """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
         number = self._records.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._current = Goal(asker, number, now_s, Piece(name, title), action)
+        self._current = Goal(asker, number, now_s, MotionGoal(name, title), action)
         return self._current
 
     def told(
-        self, goal: Goal[Piece], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
+        self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
     ) -> None:
         """What the arm sweeps by the points that the robot has now; None: it has no such motion, maybe for `why`."""
         if goal is not self._current:
@@ -275,10 +275,10 @@ class Motions(Goals[Piece]):
         """Put on record what came of cancelling it."""
         self._records.was_cancelled(self._left.pop(goal_id).record, outcome, now_s)
 
-    def _tell(self, goal: Goal[Piece], outcome: str, text: str) -> None:
+    def _tell(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)
 
-    def _record(self, goal: Goal[Piece], outcome: str, text: str, now_s: float) -> None:
+    def _record(self, goal: Goal[MotionGoal], outcome: str, text: str, now_s: float) -> None:
         duration_s = round(now_s - goal.since_s, 2)
         figures: Parameters = {"motion": goal.what.name, "duration_s": duration_s, "text": text}
         self._records.outcome(goal, "motion.end", outcome, figures, now_s)

@@ -10,7 +10,7 @@ import msgspec
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import Asked, Asker, Records, taken_due
+from robots.bridge.audit.records import RecordedTask, Records, Requester, pop_due
 from robots.wire import Refusal
 
 NOT_SENT = Refusal(
@@ -41,20 +41,20 @@ class Publisher(Protocol):
 
 
 @dataclass(eq=False)
-class _Publishing(Asked):
+class _Publication(RecordedTask):
     order: wire.Publish
 
 
-class Publishings:
+class Publications:
     """What is published for the holder, by topic."""
 
     def __init__(self, publisher: Publisher, records: Records) -> None:
         self._publisher = publisher
         self._records = records
-        self._waiting: list[_Publishing] = []  # for their records
-        self._running: dict[str, _Publishing] = {}  # at a rate
+        self._waiting: list[_Publication] = []  # for their records
+        self._running: dict[str, _Publication] = {}  # at a rate
 
-    def begin(self, order: wire.Publish, asker: Asker, now_s: float) -> None:
+    def begin(self, order: wire.Publish, asker: Requester, now_s: float) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
         parameters: Parameters = {
             "topic": order.topic,
@@ -63,11 +63,11 @@ class Publishings:
             "fields": msgspec.json.encode(order.fields).decode(),
         }
         number = self._records.request(asker.holder, "publish.start", parameters, now_s)
-        self._waiting.append(_Publishing(asker, number, now_s, order))
+        self._waiting.append(_Publication(asker, number, now_s, order))
 
-    def tick(self, why_not: Callable[[Asker, float], Refusal | None], now_s: float) -> None:
+    def tick(self, why_not: Callable[[Requester, float], Refusal | None], now_s: float) -> None:
         """Send what is on record now; what could not be recorded, or may not begin any more, is not sent."""
-        for publishing in taken_due(self._waiting):
+        for publishing in pop_due(self._waiting):
             refusal = publishing.unrecorded or why_not(publishing.asker, now_s)
             refusal = refusal or self._send(publishing, now_s)
             publishing.asker.answer(refusal)
@@ -111,7 +111,7 @@ class Publishings:
             for topic, publishing in self._running.items()
         ]
 
-    def _send(self, publishing: _Publishing, now_s: float) -> Refusal | None:
+    def _send(self, publishing: _Publication, now_s: float) -> Refusal | None:
         topic = publishing.order.topic
         self._end(topic, "replaced", now_s)
         if not self._publisher.publish(publishing.order):
@@ -128,7 +128,7 @@ class Publishings:
             self._publisher.publish_stop(topic)
             self._tell_end(publishing, outcome, now_s)
 
-    def _tell_end(self, publishing: _Publishing, outcome: str, now_s: float) -> None:
+    def _tell_end(self, publishing: _Publication, outcome: str, now_s: float) -> None:
         """Put it on record."""
         figures: Parameters = {
             "topic": publishing.order.topic,

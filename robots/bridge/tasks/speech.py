@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge.audit.record_sink import Parameters
-from robots.bridge.audit.records import Asker, Records
+from robots.bridge.audit.records import Records, Requester
 from robots.bridge.tasks.goals import Goal, Goals
 from robots.wire import Refusal
 
@@ -79,7 +79,7 @@ class Utterance(Struct, frozen=True):
     topic: str
 
 
-class Voice(Protocol):
+class SpeechOutput(Protocol):
     """What speaks."""
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
@@ -90,7 +90,7 @@ class Voice(Protocol):
 
 
 @dataclass
-class _Saying:
+class _SpeechGoal:
     """A text, and how far the robot is with it."""
 
     utterance: Utterance
@@ -98,10 +98,10 @@ class _Saying:
     word: tuple[int, int] | None = None
 
 
-class Speaking(Goals[_Saying]):
+class SpeechTasks(Goals[_SpeechGoal]):
     """The text that is being said, if any."""
 
-    def __init__(self, voice: Voice, records: Records) -> None:
+    def __init__(self, voice: SpeechOutput, records: Records) -> None:
         super().__init__(records, voice.hush)
         self._voice = voice
         self._sent: dict[str, float] = {}  # to topics that tell nothing: when
@@ -123,12 +123,12 @@ class Speaking(Goals[_Saying]):
             return Refusal("speaking", "The robot says something that others asked for: wait.", "robot")
         return None
 
-    def begin(self, utterance: Utterance, asker: Asker, now_s: float) -> None:
+    def begin(self, utterance: Utterance, asker: Requester, now_s: float) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
         number = self._records.request(asker.holder, "speech.start", parameters, now_s)
-        self._current = Goal(asker, number, now_s, _Saying(utterance), topic)
+        self._current = Goal(asker, number, now_s, _SpeechGoal(utterance), topic)
 
     def start(self, connected: Collection[str], now_s: float) -> None:
         """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
@@ -175,10 +175,10 @@ class Speaking(Goals[_Saying]):
             saying = goal.what
             saying.word = word_said(saying.utterance.text, said, saying.word[1] if saying.word else 0)
 
-    def _tell(self, goal: Goal[_Saying], outcome: str, text: str) -> None:
+    def _tell(self, goal: Goal[_SpeechGoal], outcome: str, text: str) -> None:
         self.last = wire.SpeechEnd(goal.number.result(), outcome, text)
 
-    def _record(self, goal: Goal[_Saying], outcome: str, text: str, now_s: float) -> None:
+    def _record(self, goal: Goal[_SpeechGoal], outcome: str, text: str, now_s: float) -> None:
         figures: Parameters = {"text": text, "duration_s": round(now_s - goal.since_s, 2)}
         self._records.outcome(goal, "speech.end", outcome, figures, now_s)
 

@@ -13,23 +13,23 @@ from msgspec import structs
 
 from robots import wire
 from robots.bridge.audit.record_sink import Holder
-from robots.bridge.audit.records import Asked, Asker, Records, Reply, taken_due
+from robots.bridge.audit.records import RecordedTask, Records, Reply, Requester, pop_due
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drive import twists
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.values import STILL, Velocity
-from robots.bridge.lease.lease_guard import Grants
+from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.tasks import input_routing
-from robots.bridge.tasks.arm_clearance import Arm, Room
-from robots.bridge.tasks.capabilities import Catalogue
+from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
+from robots.bridge.tasks.capabilities import Capabilities
 from robots.bridge.tasks.denylist import admissible
 from robots.bridge.tasks.head import Aim, Head
-from robots.bridge.tasks.input_routing import Choices, Switch
-from robots.bridge.tasks.motions import Motions, Player
-from robots.bridge.tasks.publishing import HALTED, Publisher, Publishings
-from robots.bridge.tasks.speech import Speaking, Utterance, Voice, own_language, why_not_speakable
+from robots.bridge.tasks.input_routing import InputRouting, InputSwitch
+from robots.bridge.tasks.motions import MotionPlayer, Motions
+from robots.bridge.tasks.publishing import HALTED, Publications, Publisher
+from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, own_language, why_not_speakable
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
@@ -41,10 +41,10 @@ OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a 
 Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
-class Rules(input_routing.Rules, Protocol):
+class TaskRules(input_routing.RoutingRules, Protocol):
     """What orders must know of the robot besides: `Core`."""
 
-    grants: Grants
+    grants: LeaseGuard
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
@@ -53,7 +53,7 @@ class Rules(input_routing.Rules, Protocol):
         """A velocity from the holder's tools: as if the stick had asked for it."""
 
 
-class Performer(Player, Voice, Switch, Arm, Protocol):
+class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Protocol):
     """What orders do to the robot."""
 
     def aim_head(self, aim: Aim) -> None:
@@ -63,39 +63,39 @@ class Performer(Player, Voice, Switch, Arm, Protocol):
         """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them.
 
         Returns at once. Where the points are others than those of the list, the list is read again. Where nobody took
-        the action's goals at the last survey, `Choices.surveyed` hears first who does now.
+        the action's goals at the last survey, `InputRouting.surveyed` hears first who does now.
         """
 
 
-class Orders:
+class Tasks:
     """The orders of one robot's holder."""
 
     def __init__(
         self,
         config: BridgeConfig,
-        performer: Performer,
+        performer: TaskPerformer,
         gate: Gate,
         records: Records,
-        rules: Rules,
+        rules: TaskRules,
         publisher: Publisher,
         announce: Callable[[wire.Offers], None],
     ) -> None:
         config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
         self.motions = Motions(performer, records)
-        self.speaking = Speaking(performer, records)
-        self.choices = Choices(config, performer, records, rules)
-        self.catalogue = Catalogue(config, self.choices, announce)
-        self.publishings = Publishings(publisher, records)
+        self.speaking = SpeechTasks(performer, records)
+        self.choices = InputRouting(config, performer, records, rules)
+        self.catalogue = Capabilities(config, self.choices, announce)
+        self.publishings = Publications(publisher, records)
         self._config = config
         self._publisher = publisher
         self._performer = performer
-        self._room = Room(gate, performer)
+        self._room = ArmClearance(gate, performer)
         self._records = records
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
         self._gate = gate
         # what is being put on record, to be done at once then; and the rules that may forbid it, beside those of all
-        self._asked: dict[str, list[Asked]] = {"head.look_ahead": [], "memory.forget": []}
+        self._asked: dict[str, list[RecordedTask]] = {"head.look_ahead": [], "memory.forget": []}
         self._why_not = {"head.look_ahead": self._why_no_look, "memory.forget": self._why_not_forget}
 
     def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
@@ -105,7 +105,7 @@ class Orders:
         if refusal is not None or grant is None:
             answer(refusal)
             return
-        asker = Asker(holder_of(grant), link, answer)
+        asker = Requester(holder_of(grant), link, answer)
         match order:
             case wire.Publish():
                 self._publish(order, grant, asker, now_s)
@@ -218,14 +218,14 @@ class Orders:
 
     # --- what is done at once -------------------------------------------------------------------------
 
-    def _ask(self, kind: str, asker: Asker, now_s: float) -> None:
+    def _ask(self, kind: str, asker: Requester, now_s: float) -> None:
         """Put it on record; it is done, and the question answered, once that is there."""
         refusal = self._rules.why_not_begin(asker, now_s) or self._why_not[kind](now_s)
         if refusal is not None:
             asker.answer(refusal)
             return
         number = self._records.request(asker.holder, kind, {}, now_s)
-        self._asked[kind].append(Asked(asker, number, now_s))
+        self._asked[kind].append(RecordedTask(asker, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """What is not on record yet will not be done."""
@@ -234,7 +234,7 @@ class Orders:
             for asked in denied:
                 self._tell(kind, asked, refusal, now_s)
 
-    def _tell(self, kind: str, asked: Asked, refusal: Refusal | None, now_s: float) -> None:
+    def _tell(self, kind: str, asked: RecordedTask, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
         asked.asker.answer(refusal)
         self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
@@ -242,7 +242,7 @@ class Orders:
     def _granted(self, kind: str, now_s: float) -> bool:
         """Answer what is on record now. Whether something was asked for that nothing forbids."""
         granted = False
-        for asked in taken_due(self._asked[kind]):
+        for asked in pop_due(self._asked[kind]):
             refusal = asked.unrecorded or self._rules.why_not_begin(asked.asker, now_s)
             refusal = refusal or self._why_not[kind](now_s)
             granted = granted or refusal is None
@@ -282,7 +282,7 @@ class Orders:
 
     # --- publishing -----------------------------------------------------------------------------------
 
-    def _publish(self, order: wire.Publish, grant: Grant, asker: Asker, now_s: float) -> None:
+    def _publish(self, order: wire.Publish, grant: Grant, asker: Requester, now_s: float) -> None:
         if order.type in twists.TYPES:
             asker.answer(self._twist(order, grant, now_s))
             return
@@ -325,7 +325,7 @@ class Orders:
 
     # --- motions --------------------------------------------------------------------------------------
 
-    def _play(self, order: wire.Play, asker: Asker, now_s: float) -> None:
+    def _play(self, order: wire.Play, asker: Requester, now_s: float) -> None:
         """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
         refusal = self.motions.refuse(now_s) or self._why_no_motion(asker, None, now_s)
         # Who listened at the last survey is seconds old: a robot that has just come may have joined since.
@@ -347,7 +347,7 @@ class Orders:
             return None
         return Refusal("no_motion", "No motion that was started here runs.", "robot")
 
-    def _why_no_motion(self, asker: Asker, action: str | None, now_s: float) -> Refusal | None:
+    def _why_no_motion(self, asker: Requester, action: str | None, now_s: float) -> Refusal | None:
         """The first rule that keeps the arm where it is; other motions and the arm's space apart."""
         return (
             self._rules.why_not_begin(asker, now_s)
@@ -371,7 +371,7 @@ class Orders:
 
     # --- speech ---------------------------------------------------------------------------------------
 
-    def _say(self, order: wire.Say, asker: Asker, now_s: float) -> None:
+    def _say(self, order: wire.Say, asker: Requester, now_s: float) -> None:
         refusal = why_not_speakable(order.text) or self._rules.why_not_begin(asker, now_s)
         refusal = refusal or self.choices.refuse("speech", order.topic) or self.speaking.refuse(now_s)
         if refusal is not None:

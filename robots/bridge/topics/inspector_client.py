@@ -21,16 +21,16 @@ from msgspec import Struct
 from robots import wire
 from robots.bridge.config import BridgeConfig
 from robots.bridge.topics.inspector_messages import (
-    Alive,
     Check,
     Done,
-    Question,
+    HaltPublishing,
+    InspectorQuery,
+    KeepAlive,
     Ready,
     Report,
     Request,
-    Silence,
 )
-from robots.bridge.topics.line_process import Helper
+from robots.bridge.topics.line_process import LineProcess
 from robots.wire import MOST_SUBSCRIPTIONS, Refusal
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ _NOT_KNOWN = Refusal(
 )
 
 
-class Viewer(Protocol):
+class InspectorViewer(Protocol):
     """Who looks: a `Link`."""
 
     def report(self, message: Struct) -> None:
@@ -69,7 +69,7 @@ class _Waiting:
 
     def __init__(
         self,
-        viewer: Viewer | None,
+        viewer: InspectorViewer | None,
         answer: Callable[[Any], None],
         timer: asyncio.TimerHandle,
         silence: Refusal,
@@ -80,7 +80,7 @@ class _Waiting:
         self.silence = silence  # the answer if there is none
 
 
-class Inspection:
+class InspectorClient:
     """The inspector of one robot. Lives on the event loop; `lost` is called when what was published ended by itself."""
 
     def __init__(
@@ -90,10 +90,10 @@ class Inspection:
         command: Sequence[str] = COMMAND,
         linger_s: float = LINGER_S,
     ) -> None:
-        self._helper = Helper(command, msgspec.json.encode(config), self)
+        self._helper = LineProcess(command, msgspec.json.encode(config), self)
         self._lost = lost
         self._linger_s = linger_s
-        self._looks: dict[Viewer, Mapping[str, float]] = {}
+        self._looks: dict[InspectorViewer, Mapping[str, float]] = {}
         self._talking: set[str] = set()  # topics that are published on at a rate
         self._has_published = False  # since the last halt: it may still wait there
         self._waiting: dict[int, _Waiting] = {}
@@ -112,7 +112,7 @@ class Inspection:
 
     # --- who looks -----------------------------------------------------------------------------------
 
-    def ask(self, viewer: Viewer, inspect: wire.LinkQuery) -> None:
+    def ask(self, viewer: InspectorViewer, inspect: wire.LinkQuery) -> None:
         """A question; its answer is reported to the viewer within `ANSWER_S`."""
 
         def answer(given: msgspec.Raw | Refusal) -> None:
@@ -128,9 +128,9 @@ class Inspection:
         acts = isinstance(inspect.ask, wire.SetParameter | wire.CallService)
         within_s = self._patience_s
         number = self._expect(viewer, answer, within_s, _NOT_KNOWN if acts else _SILENT)
-        self._ask(number, Question(number, inspect.ask, time.monotonic() + within_s))
+        self._ask(number, InspectorQuery(number, inspect.ask, time.monotonic() + within_s))
 
-    def look_at(self, viewer: Viewer, topics: Mapping[str, float]) -> None:
+    def look_at(self, viewer: InspectorViewer, topics: Mapping[str, float]) -> None:
         """Exactly these topics are looked at through this viewer now, each at so many messages a second."""
         before = self._wanted()
         self._looks[viewer] = topics
@@ -138,7 +138,7 @@ class Inspection:
         for topic in topics.keys() - self._wanted().keys():
             viewer.see(topic, _not_shown(topic))
 
-    def forget(self, viewer: Viewer) -> None:
+    def forget(self, viewer: InspectorViewer) -> None:
         """The viewer is gone."""
         before = self._wanted()
         self._looks.pop(viewer, None)
@@ -167,7 +167,7 @@ class Inspection:
     def keep_alive(self) -> None:
         """What is published at a rate may go on for `LIFE_S` of the inspector's."""
         if self._talking:
-            self._send(Alive())
+            self._send(KeepAlive())
 
     def publish_stop(self, topic: str) -> None:
         """Send no more there. A process that does not say so in time is killed."""
@@ -185,7 +185,7 @@ class Inspection:
     def _silence(self, topic: str | None) -> None:
         if self._helper.lives:
             number = self._expect(None, self._silent, SILENCE_S)
-            self._send(Silence(number, topic))
+            self._send(HaltPublishing(number, topic))
 
     def _silent(self, given: Refusal | None) -> None:
         if given is not None:
@@ -236,7 +236,7 @@ class Inspection:
 
     def _expect(
         self,
-        viewer: Viewer | None,
+        viewer: InspectorViewer | None,
         answer: Callable[[Any], None],
         within_s: float,
         silence: Refusal = _SILENT,
@@ -274,7 +274,7 @@ class Inspection:
             self._need()
             self._send(wire.LinkSubscribe(wanted))  # one that is not there yet is told when it starts
 
-    def _ask(self, number: int, request: Question | Check) -> None:
+    def _ask(self, number: int, request: InspectorQuery | Check) -> None:
         """Send it now, or once there is a process."""
         if self._helper.listens:
             self._send(request)

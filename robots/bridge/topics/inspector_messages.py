@@ -14,7 +14,7 @@ class TooLate(Exception):
     """Nobody waits for the answer any more: what was asked for must not be done."""
 
 
-class Question(Struct, frozen=True, tag_field="t", tag="inspect"):
+class InspectorQuery(Struct, frozen=True, tag_field="t", tag="inspect"):
     """A viewer's question, until its asker is told that there is no answer. Answer: `wire.LinkAnswer`."""
 
     seq: int
@@ -34,18 +34,18 @@ class Check(Struct, frozen=True, tag_field="t", tag="check"):
     order: wire.Publish
 
 
-class Silence(Struct, frozen=True, tag_field="t", tag="silence"):
+class HaltPublishing(Struct, frozen=True, tag_field="t", tag="silence"):
     """Publish no more there; None: nothing of what was given until now, also of what waits. Answer: `Done`."""
 
     number: int
     topic: str | None = None
 
 
-class Alive(Struct, frozen=True, tag_field="t", tag="alive"):
+class KeepAlive(Struct, frozen=True, tag_field="t", tag="alive"):
     """The bridge is there: go on with what is published at a rate."""
 
 
-Request = Question | wire.LinkSubscribe | Check | wire.Publish | Silence | Alive
+Request = InspectorQuery | wire.LinkSubscribe | Check | wire.Publish | HaltPublishing | KeepAlive
 
 
 class Ready(Struct, frozen=True, tag_field="t", tag="ready"):

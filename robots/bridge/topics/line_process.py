@@ -19,7 +19,7 @@ LARGEST_LINE = 4 * 1024 * 1024  # bytes
 LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
 
 
-class Partner(Protocol):
+class LineProcessOwner(Protocol):
     """Who speaks with it."""
 
     def needed(self) -> bool:
@@ -35,10 +35,10 @@ class Partner(Protocol):
         """It has ended, and with it whatever it was told."""
 
 
-class Helper:
+class LineProcess:
     """Lives on the event loop. Each process is told `first_line` first."""
 
-    def __init__(self, command: Sequence[str], first_line: bytes, partner: Partner) -> None:
+    def __init__(self, command: Sequence[str], first_line: bytes, partner: LineProcessOwner) -> None:
         self._command = command
         self._first_line = first_line
         self._partner = partner

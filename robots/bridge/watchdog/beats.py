@@ -12,19 +12,19 @@ from msgspec import structs
 
 from robots import wire
 from robots.bridge.watchdog.lane import LARGEST
-from robots.bridge.watchdog.rules import Beat, Press
+from robots.bridge.watchdog.rules import Heartbeat, StopPress
 
 log = logging.getLogger(__name__)
 
 MISSING_S = 5.0  # one that ended is back within about a second
 
-_decoder = msgspec.json.Decoder(Press)
+_decoder = msgspec.json.Decoder(StopPress)
 
 
-class Beats:
+class WatchdogClient:
     """Connects whenever a watchdog is there. `on_press` is told each stop that the watchdog heard, once."""
 
-    def __init__(self, path: str, on_press: Callable[[Press], None]) -> None:
+    def __init__(self, path: str, on_press: Callable[[StopPress], None]) -> None:
         self._path = path
         self._on_press = on_press
         self._socket: socket.socket | None = None
@@ -43,7 +43,7 @@ class Beats:
         """Whether no watchdog took a beat for `MISSING_S`: none is there, or it is frozen."""
         return now_s - max(self._taken_s, self._since_s) > MISSING_S
 
-    def beat(self, beat: Beat, now_s: float) -> None:
+    def beat(self, beat: Heartbeat, now_s: float) -> None:
         """Say what the bridge does now."""
         self._since_s = min(self._since_s, now_s)
         if self._socket is None:

@@ -10,42 +10,42 @@ from uuid import UUID
 
 import msgspec
 
-from robots.bridge.lease.state_store import Store
-from robots.bridge.watchdog.rules import Beat, Press
+from robots.bridge.lease.state_store import StateStore
+from robots.bridge.watchdog.rules import Heartbeat, StopPress
 
 log = logging.getLogger(__name__)
 
 
-class Kept:
+class StopFile:
     """Written on a thread of its own: no disk that hangs holds up zeros."""
 
     def __init__(self, state_dir: str, robot_id: UUID) -> None:
         self._path = Path(state_dir) / f"{robot_id.hex[:12]}.pressed"
-        self._bridge = Store(Path(state_dir), str(robot_id))
-        self._newest: Press | None = None
+        self._bridge = StateStore(Path(state_dir), str(robot_id))
+        self._newest: StopPress | None = None
         self._news = threading.Event()
 
-    def load(self) -> Press | None:
+    def load(self) -> StopPress | None:
         """The stop that the last watchdog left to a bridge, if any. A file that makes no sense is a stop as well."""
         try:
-            self._newest = msgspec.json.decode(self._path.read_bytes(), type=Press)
+            self._newest = msgspec.json.decode(self._path.read_bytes(), type=StopPress)
         except FileNotFoundError:
             return None
         except (OSError, msgspec.DecodeError) as error:
             log.error("%s cannot be read: %s", self._path, error)
-            self._newest = Press(1, "somebody", "the file of this stop is damaged")
+            self._newest = StopPress(1, "somebody", "the file of this stop is damaged")
         return self._newest
 
-    def before(self) -> Beat:
+    def before(self) -> Heartbeat:
         """What the bridge did by its state file. It need not be told of a stop that it has written there."""
         left = self._bridge.load(0)
-        return Beat(latched=left.latched, by=left.by, reason=left.reason)
+        return Heartbeat(latched=left.latched, by=left.by, reason=left.reason)
 
     def start(self) -> None:
         """Begin to write."""
         threading.Thread(target=self._write, name="kept", daemon=True).start()
 
-    def keep(self, press: Press | None) -> None:
+    def keep(self, press: StopPress | None) -> None:
         """Write this stop, or that there is none. Returns at once."""
         if press != self._newest:
             self._newest = press
@@ -61,7 +61,7 @@ class Kept:
             except OSError as error:
                 log.error("a stop was not written: %s", error)
 
-    def _write_one(self, press: Press | None) -> None:
+    def _write_one(self, press: StopPress | None) -> None:
         if press is None:
             self._path.unlink(missing_ok=True)
             return

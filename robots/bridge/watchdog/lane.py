@@ -14,14 +14,14 @@ MOST = 100  # connections; beyond it the one that came first is closed
 BACKLOG = 32
 
 
-class Heard(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """A message; None: the other end is gone."""
 
     connection: socket.socket
     message: bytes | None
 
 
-class Lane:
+class WatchdogSocket:
     """Server of a SEQPACKET Unix socket that only its owner can open. Nothing here blocks, apart from `wait`."""
 
     def __init__(self, path: str, life_line: int | None = None) -> None:
@@ -46,9 +46,9 @@ class Lane:
             os.set_blocking(life_line, False)
             self._selector.register(life_line, selectors.EVENT_READ)
 
-    def wait(self, timeout_s: float) -> list[Heard]:
+    def wait(self, timeout_s: float) -> list[ReceivedMessage]:
         """Everything that came meanwhile; waits for it at most so long."""
-        heard: list[Heard] = []
+        heard: list[ReceivedMessage] = []
         for key, _ in self._selector.select(max(timeout_s, 0.0)):
             if key.fileobj is self._listener:
                 self._accept()
@@ -92,9 +92,9 @@ class Lane:
         self._connections[connection] = None
         self._selector.register(connection, selectors.EVENT_READ)
 
-    def _read(self, connection: socket.socket) -> list[Heard]:
+    def _read(self, connection: socket.socket) -> list[ReceivedMessage]:
         """All that waits there: a beat that is queued up is no silence."""
-        heard: list[Heard] = []
+        heard: list[ReceivedMessage] = []
         while connection in self._connections:
             try:
                 message = connection.recv(LARGEST)
@@ -102,7 +102,7 @@ class Lane:
                 break
             except OSError:
                 message = b""
-            heard.append(Heard(connection, message or None))
+            heard.append(ReceivedMessage(connection, message or None))
             if not message:
                 self.drop(connection)
         return heard

@@ -16,9 +16,9 @@ from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.watchdog import RosStops
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.watchdog.config import WatchdogConfig
-from robots.bridge.watchdog.kept import Kept
-from robots.bridge.watchdog.lane import Heard, Lane
-from robots.bridge.watchdog.rules import Beat, Rules
+from robots.bridge.watchdog.kept import StopFile
+from robots.bridge.watchdog.lane import ReceivedMessage, WatchdogSocket
+from robots.bridge.watchdog.rules import Heartbeat, StopRules
 from robots.processes.shutdown import leave_within
 from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
@@ -31,10 +31,10 @@ END_S = 3.0
 MOST_BYTES = 512 * 1024 * 1024  # it needs a fifth of that
 
 _OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire")
-_decoder: msgspec.json.Decoder[LinkStop | Beat] = msgspec.json.Decoder(LinkStop | Beat)
+_decoder: msgspec.json.Decoder[LinkStop | Heartbeat] = msgspec.json.Decoder(LinkStop | Heartbeat)
 
 
-class Robot(Protocol):
+class RobotOutput(Protocol):
     """What the watchdog may do to the robot."""
 
     def zero(self) -> int:
@@ -50,7 +50,14 @@ class Robot(Protocol):
 class Watchdog:
     """One robot's watchdog; everything here runs on one thread."""
 
-    def __init__(self, config: WatchdogConfig, rules: Rules, kept: Kept, lane: Lane, robot: Robot) -> None:
+    def __init__(
+        self,
+        config: WatchdogConfig,
+        rules: StopRules,
+        kept: StopFile,
+        lane: WatchdogSocket,
+        robot: RobotOutput,
+    ) -> None:
         self._config = config
         self._rules = rules
         self._kept = kept
@@ -69,7 +76,7 @@ class Watchdog:
             if self._lane.ended:
                 end_s = min(end_s, time.monotonic() + LAST_S)
 
-    def step(self, heard: list[Heard], now_s: float) -> None:
+    def step(self, heard: list[ReceivedMessage], now_s: float) -> None:
         """Everything that came is judged before silence is: what waits in a queue was said."""
         for connection, message in heard:
             self._hear(connection, message, now_s)
@@ -87,7 +94,7 @@ class Watchdog:
         match _understood(message):
             case LinkStop() as said:
                 self._stop(connection, said, now_s)
-            case Beat() as said:
+            case Heartbeat() as said:
                 self._beat(connection, said, now_s)
             case None:
                 self._lane.drop(connection)
@@ -114,7 +121,7 @@ class Watchdog:
         self._act(now_s)
         self._kept.keep(press)
 
-    def _beat(self, connection: socket.socket, beat: Beat, now_s: float) -> None:
+    def _beat(self, connection: socket.socket, beat: Heartbeat, now_s: float) -> None:
         if connection is not self._bridge:
             log.info("a bridge is there")
             self._bridge = connection
@@ -144,7 +151,7 @@ class Watchdog:
         self._unanswered.clear()
 
 
-def _understood(message: bytes) -> LinkStop | Beat | None:
+def _understood(message: bytes) -> LinkStop | Heartbeat | None:
     """None: it is neither. A stop is never refused for its form."""
     try:
         return _decoder.decode(message)
@@ -162,10 +169,10 @@ def run(config: WatchdogConfig) -> int:
     logging.getLogger("robots").setLevel(logging.INFO)
     limit_memory(MOST_BYTES)
     sys.setswitchinterval(0.001)  # zeros wait less for rospy's threads
-    kept = Kept(config.state_dir, config.robot_id)
-    rules = Rules(time.time_ns() // 1_000_000, kept.load(), kept.before())
+    kept = StopFile(config.state_dir, config.robot_id)
+    rules = StopRules(time.time_ns() // 1_000_000, kept.load(), kept.before())
     kept.start()
-    lane = Lane(config.lane, sys.stdin.fileno())
+    lane = WatchdogSocket(config.lane, sys.stdin.fileno())
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
     robot = RosStops(config)

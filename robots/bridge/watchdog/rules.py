@@ -15,18 +15,18 @@ SILENT_S = 0.15  # three beats of the bridge: it is dead, frozen, or its loop is
 QUIET_AFTER_S = 1.0  # zeros are repeated this long for a robot that was driven and is not stopped
 
 
-class Beat(Struct, frozen=True, tag_field="t", tag="beat"):
+class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
     """Bridge to watchdog, with each tick: what the bridge does now."""
 
     publishing: bool = False  # twists reach the robot: for control, a stop, or the moment after
     latched: bool = False  # its stop, `by` whom and for what `reason`
     by: str = ""
     reason: str = ""
-    heard: int = 0  # number of the `Press` that was latched there and written to its state file last
+    heard: int = 0  # number of the `StopPress` that was latched there and written to its state file last
     drive: str = ""  # the topic in use
 
 
-class Press(Struct, frozen=True, tag_field="t", tag="press"):
+class StopPress(Struct, frozen=True, tag_field="t", tag="press"):
     """Watchdog to bridge: a stop that the watchdog heard. No two have one number, also not of two watchdogs."""
 
     number: int
@@ -36,21 +36,21 @@ class Press(Struct, frozen=True, tag_field="t", tag="press"):
     at_s: float | None = None  # of this computer's monotonic clock: when it was heard
 
 
-class Rules:
+class StopRules:
     """One robot's latch. Presses are numbered from `first` on.
 
     `kept` is a stop that no bridge has taken yet, `before` what the last bridge did as far as its state file tells.
     """
 
-    def __init__(self, first: int, kept: Press | None = None, before: Beat | None = None) -> None:
+    def __init__(self, first: int, kept: StopPress | None = None, before: Heartbeat | None = None) -> None:
         self._number = max(first, kept.number if kept else 0)
         self._own = kept
-        self._beat = before or Beat()
+        self._beat = before or Heartbeat()
         self._beat_s = float("-inf")
         self._bridge_lives = False
 
     @property
-    def own(self) -> Press | None:
+    def own(self) -> StopPress | None:
         """The newest stop that no bridge has taken yet."""
         return self._own
 
@@ -64,10 +64,10 @@ class Rules:
         """The drive topic that the bridge used last; empty: none was told."""
         return self._beat.drive
 
-    def press(self, by: str, reason: str, press: UUID | None = None, at_s: float | None = None) -> Press:
+    def press(self, by: str, reason: str, press: UUID | None = None, at_s: float | None = None) -> StopPress:
         """Somebody stops the robot. Returns what the bridge must be told."""
         self._number += 1
-        self._own = Press(self._number, by, reason, press, at_s)
+        self._own = StopPress(self._number, by, reason, press, at_s)
         return self._own
 
     def bridge_came(self, now_s: float) -> None:
@@ -83,7 +83,7 @@ class Rules:
             self.press(self._beat.by, self._beat.reason)
         self._beat = structs.replace(self._beat, latched=False)
 
-    def beat(self, beat: Beat, now_s: float) -> Press | None:
+    def beat(self, beat: Heartbeat, now_s: float) -> StopPress | None:
         """The bridge lives. Returns a stop that it must still be told."""
         self._beat, self._beat_s = beat, now_s
         if self._own is not None and beat.heard == self._own.number:

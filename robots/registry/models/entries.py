@@ -9,7 +9,7 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from robots.bridge.config import Topics
-from robots.bridge.tasks.denylist import why_never
+from robots.bridge.tasks.denylist import why_denied
 from robots.registry import phrases, profile_schema, robot_config
 from robots.registry.models.registry import Robot, RobotProfile, Role, topic_name
 
@@ -219,7 +219,7 @@ class Allowance(OfProfileOrRobot):
         if self.what in self.TYPED and not self.type:
             return gettext("it names no type")
         topics = self._topics()
-        return (topics and why_never(self.what, self.name, self.type, topics, self.use)) or ""
+        return (topics and why_denied(self.what, self.name, self.type, topics, self.use)) or ""
 
     def _topics(self) -> Topics | None:
         """Of its owner; of one whose own entry is wrong, nothing can be said."""

@@ -24,15 +24,15 @@ from robots.bridge.ros.inspector.publishing import Leave
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.network.tcpros import Conversation, Header, first_told
-from robots.bridge.tasks.denylist import COUNTERFEITED, admissible, names_set, why_never, why_never_sent
+from robots.bridge.tasks.denylist import COUNTERFEITED, admissible, names_set, why_denied, why_fields_denied
 from robots.bridge.topics.inspector_messages import (
-    Alive,
     Check,
     Done,
-    Question,
+    HaltPublishing,
+    InspectorQuery,
+    KeepAlive,
     Report,
     Request,
-    Silence,
     TooLate,
 )
 
@@ -66,7 +66,7 @@ class Inspector:
         """One request. Never waits for long, so that a halt and the end of stdin are always heard."""
         self._leave.heard()
         match _request.decode(line):
-            case Question() as question:
+            case InspectorQuery() as question:
                 self._aside(partial(self._answer, question))
             case Check(number=number, order=order):
                 self._aside(partial(self._check, number, order))
@@ -74,11 +74,11 @@ class Inspector:
                 self._work.put(partial(self._look_at, topics))
             case wire.Publish() as order:
                 self._work.put(partial(self._publish, order, self._leave))
-            case Silence(number=number, topic=None):
+            case HaltPublishing(number=number, topic=None):
                 self._halt(number)
-            case Silence(number=number, topic=str(topic)):
+            case HaltPublishing(number=number, topic=str(topic)):
                 self._work.put(partial(self._silence, number, topic))
-            case Alive():
+            case KeepAlive():
                 pass  # that it came says it all
 
     def run(self) -> None:
@@ -157,7 +157,7 @@ class Inspector:
         else:
             log.warning("more than %s questions at once: one is not answered", MOST_QUESTIONS)
 
-    def _answer(self, question: Question) -> None:
+    def _answer(self, question: InspectorQuery) -> None:
         ask = question.ask
         try:
             answer = wire.encode(self._answered(question))
@@ -168,7 +168,7 @@ class Inspector:
             answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
         self._report(wire.LinkAnswer(question.seq, msgspec.Raw(answer)))
 
-    def _answered(self, question: Question) -> wire.TopicAnswer:
+    def _answered(self, question: InspectorQuery) -> wire.TopicAnswer:
         question.require_time()
         match question.ask:
             case wire.ListTopics(seq=seq):
@@ -202,7 +202,7 @@ class Inspector:
     def _require_admissible(self, name: str, value: object) -> None:
         """No branch is set, or overwritten, that holds what no allow-list admits."""
         for inner in names_set(name, value, self._master.parameter(name)):
-            if why := why_never("set", inner, "", self._config.topics):
+            if why := why_denied("set", inner, "", self._config.topics):
                 raise Declined("not_allowed", f"Nobody may set {inner}: {why}.", name=inner)
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
@@ -259,9 +259,9 @@ def _refusal(error: Exception) -> wire.Refusal:
 
 def _require_harmless(definition: Definition) -> None:
     """Whatever types are called: a twist within it, or a twist's bytes anywhere in it, make it one."""
-    why = why_never_sent(definition.type, definition.fields)
+    why = why_fields_denied(definition.type, definition.fields)
     if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
-        why = why_never_sent(twin, ())
+        why = why_fields_denied(twin, ())
     if why:
         text = f"Nobody may publish {definition.type}, for what its messages hold: {why}."
         raise Declined("not_allowed", text, type=definition.type)
