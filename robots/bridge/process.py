@@ -33,7 +33,7 @@ from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limi
 from robots.bridge.ros.node import RosBase
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
-from robots.bridge.watchdog.beats import WatchdogClient
+from robots.bridge.watchdog.client import WatchdogClient
 from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.processes.scheduling import Garbage, prefer_this_thread

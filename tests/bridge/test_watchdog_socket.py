@@ -13,9 +13,9 @@ import pytest
 
 from robots import wire
 from robots.bridge.lease.state_store import Persisted, StateStore
-from robots.bridge.watchdog.beats import MISSING_S, WatchdogClient
-from robots.bridge.watchdog.kept import StopFile
-from robots.bridge.watchdog.lane import ReceivedMessage, WatchdogSocket
+from robots.bridge.watchdog.client import MISSING_S, WatchdogClient
+from robots.bridge.watchdog.stop_file import StopFile
+from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 
 PATIENCE_S = 10.0

@@ -11,7 +11,7 @@ import msgspec
 from msgspec import structs
 
 from robots import wire
-from robots.bridge.watchdog.lane import LARGEST
+from robots.bridge.watchdog.socket import LARGEST
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 
 log = logging.getLogger(__name__)
