@@ -108,7 +108,7 @@ class Core:
         on_news: Callable[[], None] = lambda: None,
     ) -> None:
         self.config = config
-        self.grants = LeaseGuard(left.fence)
+        self.lease = LeaseGuard(left.fence)
         self.stop_state = StopState("clear", number=stops_before)
         if left.latched:  # whether the robot stands, nobody has seen yet
             self.stop_state = StopState("stopping", left.by or None, left.reason, number=stops_before)
@@ -148,27 +148,27 @@ class Core:
         self._reported = Reported()
         self._run = 0  # of the robot
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
-        self.orders = Tasks(config, base, gate, records, self, publisher, announce)
+        self.tasks = Tasks(config, base, gate, records, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
 
     def grant(self, grant: Grant, link: int, now_s: float) -> None:
         """Put a checked grant in force. A new holder, or a page that came back, starts with a neutral stick."""
-        current = self.grants.current
+        current = self.lease.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
             self._count_anew()
             self._owe_neutral("control_taken", "you have just taken control")
-        elif self._page_gone_s is not None or link != self.grants.link:
+        elif self._page_gone_s is not None or link != self.lease.link:
             self._count_anew()
             self.halt("page_back", "the page came back", now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
-        self.grants.take(grant, link, now_s)
+        self.lease.take(grant, link, now_s)
 
     def revoke(self, fence: int, reason: str, now_s: float) -> None:
         """End control under `fence`."""
-        if self.grants.current and self.grants.current.fence == fence:
+        if self.lease.current and self.lease.current.fence == fence:
             self._end_control(reason, now_s)
 
     def hold(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
@@ -176,22 +176,22 @@ class Core:
 
         By another link than the grant's it is late news: the page is back, by that one.
         """
-        if self.grants.current is None or (self.grants.current.fence, self.grants.link) != (fence, link):
+        if self.lease.current is None or (self.lease.current.fence, self.lease.link) != (fence, link):
             return
         self._page_gone_s = now_s
         self._count_anew()
         self.halt(code, reason, now_s)
-        self.orders.page_left(now_s)
+        self.tasks.page_left(now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:
         """A web process is gone. If control came through it, zero now; the grant runs out by itself."""
-        if self.grants.current:
+        if self.lease.current:
             reason = "the console lost its link to the robot"
-            self.hold(self.grants.current.fence, reason, link, now_s, "link_lost")
+            self.hold(self.lease.current.fence, reason, link, now_s, "link_lost")
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """A stick position: publish at once what the gate allows of it. Returns why nothing of it was, if so."""
-        refusal = self.grants.refuse_drive(drive.fence, link, now_s) or self._stick.take(drive, now_s)
+        refusal = self.lease.refuse_drive(drive.fence, link, now_s) or self._stick.take(drive, now_s)
         if refusal is None:
             refusal = self._decide(now_s)
         if refusal is not None:
@@ -231,10 +231,10 @@ class Core:
         self.halt("stopped", "the robot was stopped", now_s)
         self._cancelling = True
         self._cancel_all(now_s)
-        self.orders.stopped(by, now_s)
+        self.tasks.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
-            grant = self.grants.current
+            grant = self.lease.current
             self._records.stopped(
                 holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
             )
@@ -293,11 +293,11 @@ class Core:
         still = self._gate.standstill(now_s)
         if still is None:
             self._drives.halted("nothing new came from odometry")
-        self._records.tick(now_s, watched=self._drives.under_way or bool(self.orders.under_way))
+        self._records.tick(now_s, watched=self._drives.under_way or bool(self.tasks.under_way))
         self._drives.tick(now_s, self._passed == STILL and still is not False)
         self._watch_records(now_s)
         self._decide(now_s)
-        self.orders.tick(self._sent, self._page_gone_s, now_s)
+        self.tasks.tick(self._sent, self._page_gone_s, now_s)
         if self.stop_state.state == "stopping" and self._reported.odometry:
             self._see_standstill(still, self._reported.odometry[0])
         self._repeat_cancel(now_s)
@@ -316,12 +316,12 @@ class Core:
         """A record is in: what waited for it need not wait for the next tick."""
         self._expire(now_s)
         self._decide(now_s)
-        self.orders.tick(self._sent, self._page_gone_s, now_s)
+        self.tasks.tick(self._sent, self._page_gone_s, now_s)
 
     @property
     def hurries(self) -> bool:
         """Whether what sensors tell is needed at once, and not only at the next tick. May be asked on any thread."""
-        return self.grants.current is not None or self.stop_state.state == "stopping"
+        return self.lease.current is not None or self.stop_state.state == "stopping"
 
     def publishing(self, now_s: float) -> bool:
         """Whether twists go out: for control, a stop, or the moment after."""
@@ -329,9 +329,9 @@ class Core:
 
     def close(self, now_s: float) -> None:
         """The bridge ends: nobody has control any more, and nothing begins."""
-        self.orders.close(now_s)
+        self.tasks.close(now_s)
         self._drives.end("bridge_ended", "the bridge ended", now_s)
-        self.grants.end()
+        self.lease.end()
 
     # --- what the robot says ---------------------------------------------------------------------
 
@@ -407,7 +407,7 @@ class Core:
         self._gate.prepare(now_s)
 
     def _tell_news(self) -> None:
-        if self.grants.current:
+        if self.lease.current:
             self._on_news()
 
     # --- what is told of it ------------------------------------------------------------------------
@@ -415,27 +415,27 @@ class Core:
     def persisted(self) -> Persisted:
         """What must survive a kill."""
         stop = self.stop_state
-        return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.grants.highest)
+        return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest)
 
     def hello(self) -> wire.BridgeHello:
         """First word to a web process. It needs nothing that the robot tells."""
-        return wire.BridgeHello(wire.PROTOCOL, self.config.robot_id, self.config.slug, self.grants.highest)
+        return wire.BridgeHello(wire.PROTOCOL, self.config.robot_id, self.config.slug, self.lease.highest)
 
     def headline(self, now_s: float) -> tuple[object, ...]:
         """The part of the state that is told at once when it changes."""
-        grant, orders = self.grants.current, self.orders
-        motion, speech = orders.motions.view(now_s), orders.speaking.view(now_s)
+        grant, tasks = self.lease.current, self.tasks
+        motion, speech = tasks.motions.view(now_s), tasks.speech.view(now_s)
         return (
             *self._phase(now_s),
             self.stop_state,
             grant and (grant.fence, self._neutral_needed),
             motion and motion.name,
-            orders.motions.last,
+            tasks.motions.last,
             speech and (speech.number, speech.status, speech.word),
-            orders.speaking.last,
-            orders.choices.chosen,
-            dict(orders.choices.gone),
-            orders.publishings.view,
+            tasks.speech.last,
+            tasks.routing.chosen,
+            dict(tasks.routing.gone),
+            tasks.publications.view,
         )
 
     @property
@@ -446,11 +446,11 @@ class Core:
         """The robot as it is now."""
         phase, text = self._phase(now_s)
         told = self._reported
-        standing = state_view.StateInputs(
+        inputs = state_view.StateInputs(
             phase=phase,
             text=text,
             stop=self.stop_state,
-            grant=self.grants.current,
+            grant=self.lease.current,
             seq=self._stick.seq,
             neutral_needed=self._neutral_needed,
             foreign=self._ros.foreign,
@@ -463,7 +463,7 @@ class Core:
             overload=self._late.told(now_s) or self._console_late.told(now_s),
             alone=self.alone,
         )
-        return state_view.state(standing, self._gate, self.orders, now_s, watchers, watchers_more)
+        return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
 
     # --- what orders must know (orders.Rules) ------------------------------------------------------
 
@@ -476,9 +476,9 @@ class Core:
             return Refusal("robot_offline", text, "robot")
         return self._unrecorded
 
-    def why_not_begin(self, asker: Requester, now_s: float) -> Refusal | None:
+    def why_not_begin(self, requester: Requester, now_s: float) -> Refusal | None:
         """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
-        refusal = self.grants.refuse_drive(asker.holder.fence, asker.link, now_s)
+        refusal = self.lease.refuse_drive(requester.holder.fence, requester.link, now_s)
         if refusal is None and self._page_gone_s is not None:
             refusal = Refusal("link_lost", "The console lost its link to the robot.", "lease")
         return refusal or self.why_closed(now_s)
@@ -504,7 +504,7 @@ class Core:
 
     def _decide(self, now_s: float) -> Refusal | None:
         """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
-        grant = self.grants.current
+        grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
             self._need_neutral(*self._why_silent(self._asking, now_s))
@@ -542,8 +542,8 @@ class Core:
         if why is None:
             self._unrecorded = None
         elif self._unrecorded is None:
-            self._unrecorded = unrecorded(why, self.orders.under_way)
-            self.orders.unrecorded(self._unrecorded, now_s)
+            self._unrecorded = unrecorded(why, self.tasks.under_way)
+            self.tasks.unrecorded(self._unrecorded, now_s)
 
     def _awaited(self, now_s: float) -> wire.NeutralNeeded | None:
         """The part of the robot that must be back before a stick in the middle counts, or before one that is out does.
@@ -584,8 +584,8 @@ class Core:
         """The first rule that forbids motion, lease and age apart."""
         if closed := self.why_closed(now_s):
             return closed
-        if standing := self.orders.why_stand(now_s) or self._drives.why_not:
-            return standing
+        if inputs := self.tasks.why_stand(now_s) or self._drives.why_not:
+            return inputs
         if stick.owes:
             what = (
                 "Let the stick return to the middle"
@@ -598,7 +598,7 @@ class Core:
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to others."""
-        if self.grants.current or self.stop_state.state != "clear":
+        if self.lease.current or self.stop_state.state != "clear":
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
             self._base.publish(velocity)
@@ -615,15 +615,15 @@ class Core:
 
     def _expire(self, now_s: float) -> None:
         """A grant that has run out is over, whichever comes first of the tick and what was waited for."""
-        if self.grants.expired(now_s):
+        if self.lease.expired(now_s):
             self._end_control("Control was not renewed in time.", now_s)
 
     def _end_control(self, reason: str, now_s: float) -> None:
-        ended = self.grants.end()
+        ended = self.lease.end()
         if ended is None:
             return
         self.halt("control_ended", reason, now_s)
-        self.orders.control_ended(reason, now_s)
+        self.tasks.control_ended(reason, now_s)
         self._announce(Ended(ended.fence))
 
     def _repeat_cancel(self, now_s: float) -> None:

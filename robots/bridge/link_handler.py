@@ -40,11 +40,11 @@ _FAULT = wire.Refusal(
 class LinkHandler:
     """The door of one bridge."""
 
-    def __init__(self, core: Core, leasing: FenceStore, inspection: InspectorClient) -> None:
+    def __init__(self, core: Core, leasing: FenceStore, inspector: InspectorClient) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
         self._leasing = leasing
-        self._inspection = inspection
+        self._inspector = inspector
         self._drives: dict[Link, Budget] = {}
         self._refused: dict[Link, dict[tuple[str, str], float]] = {}  # when last, by kind and code
 
@@ -58,7 +58,7 @@ class LinkHandler:
         """A web process is gone: what was controlled through it stops."""
         self._core.link_lost(link.number, time.monotonic())
         self._leasing.forget(link)
-        self._inspection.forget(link)
+        self._inspector.forget(link)
         del self._drives[link], self._refused[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
@@ -101,13 +101,13 @@ class LinkHandler:
                 self._greet(link, message, now_s)
             case wire.Refresh():
                 self._answer(link, message, None)
-                self._core.orders.refresh()
+                self._core.tasks.refresh()
             case wire.LinkQuery():
-                self._inspection.ask(link, message)
+                self._inspector.ask(link, message)
             case wire.LinkSubscribe(topics=topics):
-                self._inspection.look_at(link, topics)
+                self._inspector.look_at(link, topics)
             case wire.LinkCancel():
-                self._answer(link, message, self._core.orders.cancel(message.what, message.by))
+                self._answer(link, message, self._core.tasks.cancel(message.what, message.by))
             case order if isinstance(order, wire.TaskRequest):
                 self._take(link, order, now_s)
         return True
@@ -133,7 +133,7 @@ class LinkHandler:
                 self._answer(link, order, refusal)
 
         try:
-            self._core.orders.take(order, link.number, now_s, answer)
+            self._core.tasks.take(order, link.number, now_s, answer)
         except Exception:
             log.exception("an order broke: %s", wire.kind_of(order))
             answer(_FAULT)
@@ -173,7 +173,7 @@ class LinkHandler:
             return
         link.greeted = True
         link.report(wire.Status(self._core.state(now_s, [])))
-        link.report(self._core.orders.catalogue.now())
+        link.report(self._core.tasks.capabilities.now())
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
         """Answer, but not thirty times a second."""

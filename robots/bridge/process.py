@@ -62,7 +62,7 @@ class Bridge:
         self._sonars = config.topics.sonars
         # From the time of day on: no page that saw a stop of an earlier process clears one of this.
         stops_before = time.time_ns() // 1_000_000
-        self._inspection = InspectorClient(config, self._publishing_lost)
+        self._inspector = InspectorClient(config, self._publishing_lost)
         self._core = Core(
             config,
             self._base,
@@ -71,7 +71,7 @@ class Bridge:
             DriveLog(self._records, self._base.map_to_odom),
             left,
             self._announce,
-            self._inspection,
+            self._inspector,
             stops_before,
             on_scan=lambda: self._soon(self._view_scan),
             on_news=lambda: self._soon(self._prepare),
@@ -79,7 +79,7 @@ class Bridge:
         self._core.know(presses)
         self._maps = MapFetcher(config, self._records.keep_map)
         self._leasing = FenceStore(self._core, store, left.fence, lambda: self._beat(time.monotonic()))
-        door = LinkHandler(self._core, self._leasing, self._inspection)
+        door = LinkHandler(self._core, self._leasing, self._inspector)
         self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
         self._beats = WatchdogClient(lane_path(config), self._pressed)
         self._ended = False
@@ -111,7 +111,7 @@ class Bridge:
             self._beats.close()
             await self._maps.close()
             await asyncio.gather(
-                self._inspection.close(),
+                self._inspector.close(),
                 asyncio.to_thread(self._records.close),  # after it, no record calls the loop
             )
             await self._links.close()
@@ -172,7 +172,7 @@ class Bridge:
 
     def _tick(self, now_s: float, late_s: float) -> None:
         self._core.tick(now_s, late_s)
-        grant = self._core.grants.current
+        grant = self._core.lease.current
         self._base.look(grant is not None)
         self._maps.look(grant.fence if grant else None, now_s)
         self._soon(self._show)
@@ -186,7 +186,7 @@ class Bridge:
             latched=stop.state != "clear",
             by=stop.by or "",
             reason=stop.reason,
-            drive=self._core.orders.choices.topic("drive"),
+            drive=self._core.tasks.routing.topic("drive"),
         )
         self._beats.beat(beat, now_s)
         self._core.alone = self._beats.missing(now_s)
@@ -207,7 +207,7 @@ class Bridge:
             self._core.recorded(time.monotonic())
 
     def _collect(self) -> None:
-        self._garbage.collect(time.monotonic(), waits=self._core.grants.current is not None)
+        self._garbage.collect(time.monotonic(), waits=self._core.lease.current is not None)
 
     def _show(self) -> None:
         now_s = time.monotonic()
@@ -266,7 +266,7 @@ class Bridge:
             self._base.stop()
 
     def _publishing_lost(self) -> None:
-        self._core.orders.publishings.halt("inspector_ended", time.monotonic())
+        self._core.tasks.publications.halt("inspector_ended", time.monotonic())
 
     def _node_lost(self, name_taken: bool) -> None:
         self._exit_code = EXIT_NAME_LOST if name_taken else EXIT_NOT_JOINED

@@ -41,42 +41,42 @@ class StateInputs(NamedTuple):
 
 
 def state(
-    standing: StateInputs, gate: Gate, orders: Tasks, now_s: float, watchers: list[str], watchers_more: int
+    inputs: StateInputs, gate: Gate, tasks: Tasks, now_s: float, watchers: list[str], watchers_more: int
 ) -> wire.State:
     """The robot as it is now."""
-    grant, skew_s = standing.grant, standing.skew_s
+    grant, skew_s = inputs.grant, inputs.skew_s
     return wire.State(
-        phase=standing.phase,
-        text=standing.text,
-        stop=standing.stop,
+        phase=inputs.phase,
+        text=inputs.text,
+        stop=inputs.stop,
         # Limits are the driver's; some sensors are listened to only for one.
-        verdict=_verdict(standing.verdict, gate.limits(now_s) if grant else ()),
-        odometry=_odometry(*standing.odometry[1:]) if standing.odometry else None,
-        unseen_s=round(now_s - standing.odometry[0], 1) if standing.odometry else None,
+        verdict=_verdict(inputs.verdict, gate.limits(now_s) if grant else ()),
+        odometry=_odometry(*inputs.odometry[1:]) if inputs.odometry else None,
+        unseen_s=round(now_s - inputs.odometry[0], 1) if inputs.odometry else None,
         sensors=[wire.Sensor(*health) for health in gate.sensor_health(now_s)],
-        battery_percent=standing.battery_percent,
-        charging=standing.charging,
+        battery_percent=inputs.battery_percent,
+        charging=inputs.charging,
         holder=grant.holder if grant else None,
         fence=grant.fence if grant else None,
-        seq=standing.seq,
-        neutral_needed=standing.neutral_needed if grant else None,
-        foreign=standing.foreign,
+        seq=inputs.seq,
+        neutral_needed=inputs.neutral_needed if grant else None,
+        foreign=inputs.foreign,
         watchers=watchers,
         clock_skew_s=skew_s if skew_s and abs(skew_s) > CLOCK_SKEW_S else None,
-        refused=dict(standing.refused),
+        refused=dict(inputs.refused),
         latency_s=round(gate.latency.in_force_s(now_s), 2),
         latency_measured=gate.latency.measured_s is not None,
         arm=[(round(x, 2), round(y, 2), round(r, 2)) for x, y, r in gate.arm_discs],
         watchers_more=watchers_more,
-        motion=orders.motions.view(now_s),
-        motion_ended=orders.motions.last,
-        speech=orders.speaking.view(now_s),
-        speech_ended=orders.speaking.last,
-        chosen=orders.choices.chosen,
-        choice_ended=dict(orders.choices.gone),
-        publishing=orders.publishings.view,
-        overload=standing.overload,
-        watchdog_missing=standing.alone,
+        motion=tasks.motions.view(now_s),
+        motion_ended=tasks.motions.last,
+        speech=tasks.speech.view(now_s),
+        speech_ended=tasks.speech.last,
+        chosen=tasks.routing.chosen,
+        choice_ended=dict(tasks.routing.gone),
+        publishing=tasks.publications.view,
+        overload=inputs.overload,
+        watchdog_missing=inputs.alone,
     )
 
 

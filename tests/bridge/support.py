@@ -179,7 +179,7 @@ class MemoryBase:
         self.said.append((goal_id, utterance))
         return self.tells
 
-    def hush(self, goal_id: str, topic: str) -> None:
+    def cancel_speech(self, goal_id: str, topic: str) -> None:
         self.cancelled_goals.append(goal_id)
 
     def attend(self, use: str, topics: frozenset[str]) -> None:
@@ -370,7 +370,7 @@ class Bench:
     def ask(self, order: wire.TaskRequest, link: int = 1) -> list[Refusal | None]:
         """The one answer to what the holder's page asks besides driving: at once, or later."""
         answers: list[Refusal | None] = []
-        self.core.orders.take(order, link, self.now_s, answers.append)
+        self.core.tasks.take(order, link, self.now_s, answers.append)
         return answers
 
     def recorded(self) -> None:
@@ -431,7 +431,7 @@ class ObedientBench(Bench):
         self.recorded()
         self.core.recorded(self.now_s)
         for use, topics in self.base.attended:
-            self.core.orders.choices.attended(use, topics, self.now_s)
+            self.core.tasks.routing.attended(use, topics, self.now_s)
         self.base.attended.clear()
         self.recorded()
 

@@ -13,7 +13,7 @@ __all__ = ["bench"]  # the fixture
 def vanish(bench, *names):
     """Nobody on the robot listens to these any more."""
     left = {name: kind for name, kind in LISTENED.items() if name not in names}
-    bench.core.orders.choices.surveyed(left, bench.now_s)
+    bench.core.tasks.routing.surveyed(left, bench.now_s)
 
 
 def ended(bench):
@@ -103,7 +103,7 @@ def test_a_choice_that_is_not_made_after_all_says_why_on_record(bench, spoil, ou
 
 
 def test_pages_are_told_from_which_role_on_a_topic_is_published(bench):
-    assert bench.core.orders.catalogue.now().publishable_from == {"/notes": "operator"}
+    assert bench.core.tasks.capabilities.now().publishable_from == {"/notes": "operator"}
 
 
 def test_with_the_bridge_a_choice_ends_on_record(bench):

@@ -36,7 +36,7 @@ LISTENED = {
 @pytest.fixture
 def bench():
     bench = Bench(config=msgspec.structs.replace(CONFIG, allowed=ALLOWED)).online()
-    bench.core.orders.choices.surveyed(LISTENED, bench.now_s)
+    bench.core.tasks.routing.surveyed(LISTENED, bench.now_s)
     bench.base.sweeps = {"nod": ()}
     bench.granted().pass_time(0.3)
     return bench
@@ -56,7 +56,7 @@ def settled(bench):
 def connects(bench):
     """The robot's topics that were asked for last are connected."""
     use, topics = bench.base.attended[-1]
-    bench.core.orders.choices.attended(use, topics, bench.now_s)
+    bench.core.tasks.routing.attended(use, topics, bench.now_s)
 
 
 def choose(bench, use, topic):
@@ -107,7 +107,7 @@ def test_a_motion_is_performed_by_the_chosen_action_and_cancelled_there(bench):
 def test_every_motion_action_of_the_list_is_listened_to_from_the_first_to_the_last(bench):
     """What one of them performs that this bridge gave up, or one that was killed left, must be heard of."""
     both = {"/play_motion", "/second_play"}
-    assert bench.core.orders.choices.connected("motions") == both
+    assert bench.core.tasks.routing.connected("motions") == both
     choose(bench, "motions", "/second_play")
     bench.order(wire.Play(1, "nod"))
     settled(bench)
@@ -117,7 +117,7 @@ def test_every_motion_action_of_the_list_is_listened_to_from_the_first_to_the_la
     bench.core.revoke(1, "over", bench.now_s)
     bench.core.tick(bench.now_s)
     assert chosen(bench) == {}
-    assert bench.core.orders.choices.connected("motions") == both
+    assert bench.core.tasks.routing.connected("motions") == both
     assert "motions" not in dict(bench.base.attended)  # nothing was left, and nothing joined late
 
 
@@ -159,10 +159,10 @@ def test_what_may_not_be_chosen_is_refused_and_not_recorded(bench, use, topic, c
 
 
 def test_a_topic_that_nobody_listens_to_is_refused(bench):
-    bench.core.orders.choices.surveyed(LISTENED | {"/phone_vel": "x/Y"}, bench.now_s)
+    bench.core.tasks.routing.surveyed(LISTENED | {"/phone_vel": "x/Y"}, bench.now_s)
     [refusal] = ask(bench, "drive", "/phone_vel")
     assert refusal.text == "/phone_vel is x/Y on the robot; needed is geometry_msgs/Twist."
-    bench.core.orders.choices.surveyed({}, bench.now_s)
+    bench.core.tasks.routing.surveyed({}, bench.now_s)
     [refusal] = ask(bench, "motions", "/second_play")
     assert (refusal.code, refusal.text) == (
         "no_listener",
@@ -204,7 +204,7 @@ def test_what_comes_in_between_keeps_it_from_being_changed(bench, spoil, code, s
     spoil(bench)
     settled(bench)
     if stage == "connecting":
-        bench.core.orders.choices.attended("drive", {"/key_vel", "/phone_vel"}, bench.now_s)
+        bench.core.tasks.routing.attended("drive", {"/key_vel", "/phone_vel"}, bench.now_s)
     assert [refusal.code for refusal in answers] == [code]
     assert (bench.base.switched, chosen(bench)) == ([], {})
 
@@ -223,7 +223,7 @@ def test_what_no_allow_list_admits_is_refused_though_ours_has_it(bench):
     bench.pass_time(0.3)
     [refusal] = ask(bench, "drive", "/joy_vel")
     assert refusal.code == "not_allowed"
-    assert bench.core.orders.catalogue.now().uses["drive"].chooseable == {}
+    assert bench.core.tasks.capabilities.now().uses["drive"].chooseable == {}
 
 
 def test_where_only_the_default_actions_motions_tell_of_the_arm_no_other_action_is_chosen():
@@ -251,10 +251,10 @@ def test_a_topic_that_was_let_go_meanwhile_is_not_taken_for_connected(bench):
     answers = ask(bench, "speech", "/second_tts", fence=2)
     settled(bench)
     both, usual, again = bench.base.attended
-    bench.core.orders.choices.attended(*both, bench.now_s)
-    bench.core.orders.choices.attended(*usual, bench.now_s)
+    bench.core.tasks.routing.attended(*both, bench.now_s)
+    bench.core.tasks.routing.attended(*usual, bench.now_s)
     assert answers == []
-    bench.core.orders.choices.attended(*again, bench.now_s)
+    bench.core.tasks.routing.attended(*again, bench.now_s)
     assert answers == [None]
 
 
@@ -263,8 +263,8 @@ def test_a_topic_that_is_not_connected_in_time_is_not_chosen_later_and_may_be_as
     bench.pass_time(PATIENCE_S + 0.1)
     assert [refusal.code for refusal in answers] == ["robot_silent"]
     asked, let_go = bench.base.attended
-    bench.core.orders.choices.attended(*asked, bench.now_s)
-    bench.core.orders.choices.attended(*let_go, bench.now_s)
+    bench.core.tasks.routing.attended(*asked, bench.now_s)
+    bench.core.tasks.routing.attended(*let_go, bench.now_s)
     assert (len(answers), chosen(bench), bench.base.switched) == (1, {}, [])
     choose(bench, "drive", "/phone_vel")
 
@@ -273,17 +273,17 @@ def test_a_topic_that_could_not_be_connected_is_in_the_way_of_no_later_choice(be
     choose(bench, "speech", "/second_tts")
     answers = ask(bench, "drive", "/phone_vel")
     settled(bench)
-    bench.core.orders.choices.attended("drive", None, bench.now_s)
+    bench.core.tasks.routing.attended("drive", None, bench.now_s)
     bench.pass_time(PATIENCE_S + 0.1)
     assert [refusal.code for refusal in answers] == ["robot_silent"]
-    assert bench.core.orders.choices.connected("drive") == {"/key_vel"}
+    assert bench.core.tasks.routing.connected("drive") == {"/key_vel"}
     connects(bench)
     choose(bench, "drive", "/phone_vel")
 
 
 def test_one_press_goes_back_to_the_default_also_where_nobody_listens(bench):
     choose(bench, "speech", "/second_tts")
-    bench.core.orders.choices.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
+    bench.core.tasks.routing.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
     answers = ask(bench, "speech", None)
     settled(bench)
     assert (answers, chosen(bench)) == ([None], {})  # it is connected already
@@ -302,7 +302,7 @@ def test_a_chosen_topic_that_vanishes_halts_the_base_and_input_goes_to_the_defau
     bench.stick(0.0)
     bench.driving()
     left = {name: kind for name, kind in LISTENED.items() if name != "/phone_vel"}
-    bench.core.orders.choices.surveyed(left, bench.now_s)
+    bench.core.tasks.routing.surveyed(left, bench.now_s)
     topic, sent = bench.base.switched[-1]
     assert (topic, bench.base.sent[sent - 1]) == ("/key_vel", STILL)
     state = bench.core.state(bench.now_s, [])
@@ -335,7 +335,7 @@ def test_a_base_of_which_nothing_is_known_gets_zeros_for_a_while_and_no_longer(b
 
 
 def test_pages_are_told_what_may_be_chosen(bench):
-    offers = bench.core.orders.catalogue.now()
+    offers = bench.core.tasks.capabilities.now()
     assert offers.uses["drive"] == wire.UseOffer(
         "/key_vel", TWIST, {"/phone_vel": "operator", "/nav_vel": "supervisor"}
     )
@@ -349,13 +349,13 @@ def test_pages_are_told_beforehand_where_nobody_takes_the_input(bench):
         refusal = told(bench)[-1].uses[use].refusal
         return refusal and refusal.code
 
-    bench.core.orders.choices.surveyed({**LISTENED, "/tts/goal": f"{PLAY}Goal"}, bench.now_s)
+    bench.core.tasks.routing.surveyed({**LISTENED, "/tts/goal": f"{PLAY}Goal"}, bench.now_s)
     bench.core.tick(bench.now_s)
     assert [refused(use) for use in ("speech", "motions")] == ["wrong_type", None]
     choose(bench, "speech", "/second_tts")
     bench.core.tick(bench.now_s)
     assert refused("speech") is None
-    bench.core.orders.choices.surveyed({"/key_vel": TWIST}, bench.now_s)
+    bench.core.tasks.routing.surveyed({"/key_vel": TWIST}, bench.now_s)
     bench.core.tick(bench.now_s)
     assert [refused(use) for use in ("drive", "speech", "motions")] == [None, "no_listener", "no_listener"]
 
@@ -370,12 +370,12 @@ def told(bench):
 
 
 def test_motions_are_told_when_they_changed_and_when_somebody_asks(bench):
-    read = bench.core.orders.catalogue.read
-    assert bench.core.orders.catalogue.now().motions_text == "The robot’s motions have not been read yet."
+    read = bench.core.tasks.capabilities.read
+    assert bench.core.tasks.capabilities.now().motions_text == "The robot’s motions have not been read yet."
     read("/play_motion", [NOD], "")
     read("/play_motion", [NOD], "")
     assert [offers.motions for offers in told(bench)] == [[NOD]]
-    bench.core.orders.refresh()
+    bench.core.tasks.refresh()
     assert bench.base.readings == 1
     read("/play_motion", [NOD], "")
     assert len(told(bench)) == 2
@@ -384,10 +384,10 @@ def test_motions_are_told_when_they_changed_and_when_somebody_asks(bench):
 
 
 def test_motions_are_those_of_the_chosen_action(bench):
-    bench.core.orders.catalogue.read("/play_motion", [NOD], "")
+    bench.core.tasks.capabilities.read("/play_motion", [NOD], "")
     wave = wire.MotionOffer("wave", "Wave")
     choose(bench, "motions", "/second_play")
-    bench.core.orders.catalogue.read("/second_play", [wave], "")
+    bench.core.tasks.capabilities.read("/second_play", [wave], "")
     assert told(bench)[-1].motions == [wave]
     choose(bench, "motions", None)
     bench.core.tick(bench.now_s)
@@ -397,7 +397,7 @@ def test_motions_are_those_of_the_chosen_action(bench):
 def test_a_robot_without_motions_tells_that_when_asked():
     topics = msgspec.structs.replace(CONFIG.topics, motions=None, speech=None)
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics))
-    bench.core.orders.refresh()
+    bench.core.tasks.refresh()
     [offers] = told(bench)
     assert (offers.motions_text, offers.languages) == ("This robot has no recorded motions.", [])
     assert list(offers.uses) == ["drive"]

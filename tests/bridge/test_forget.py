@@ -55,7 +55,7 @@ def test_the_stick_need_not_return_to_the_middle(bench):
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
         (
-            lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s),
+            lambda bench: bench.core.tasks.motions.running("/play_motion", ["other"], bench.now_s),
             "motion_running",
         ),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),

@@ -41,7 +41,7 @@ def settled(bench):
 
 
 def others_play(bench):
-    bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", ["other"], bench.now_s)
 
 
 def turn(bench):
@@ -159,10 +159,10 @@ def test_while_a_motion_runs_the_head_is_left_to_it():
     bench = with_head(FOLLOWS)
     bench.driving(0.5)
     bench.base.aims.clear()
-    bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", ["other"], bench.now_s)
     turn(bench)
     assert bench.base.aims == []
-    bench.core.orders.motions.running("/play_motion", [], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", [], bench.now_s)
     bench.stick(0.0)
     turn(bench)
     assert bench.base.aims

@@ -91,7 +91,7 @@ async def test_a_revoke_behind_its_own_grant_wins(leasing, core, disk):
     leasing.hear(link, wire.Revoke(5, "taken over"))
     disk.free.set()
     await link.hears(wire.Granted(5))
-    assert core.grants.current is None
+    assert core.lease.current is None
     assert asks_to_move(core, 5).code == "no_lease"
 
 
@@ -127,7 +127,7 @@ async def test_an_older_holder_is_revoked_while_the_next_number_is_written(leasi
     disk.free.clear()
     leasing.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
     leasing.hear(link, wire.Revoke(5, "taken over"))
-    assert core.grants.current is None
+    assert core.lease.current is None
 
 
 async def test_of_two_numbers_on_their_way_to_the_disk_the_higher_one_gets_control(leasing, core, disk):
@@ -148,7 +148,7 @@ async def test_a_link_that_is_gone_gets_nothing(leasing, core, disk):
     leasing.hear(there, GRANT)
     disk.free.set()
     await there.hears(wire.Granted(5))
-    assert (core.grants.link, gone.reports) == (2, [])
+    assert (core.lease.link, gone.reports) == (2, [])
 
 
 async def test_a_number_that_cannot_be_written_is_not_given(leasing, core, disk):

@@ -28,7 +28,7 @@ def begun(bench, motion="wave"):
     settled(bench)
     goal_id, played = bench.base.played[-1]
     assert played == motion
-    bench.core.orders.motions.running("/play_motion", [goal_id], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", [goal_id], bench.now_s)
     return goal_id
 
 
@@ -61,12 +61,12 @@ def runs_out(bench):
 def passes(bench, goal_id, seconds):
     """Time in which the robot speaks of the goal."""
     for _ in range(round(seconds / 0.1)):
-        bench.core.orders.motions.running("/play_motion", [goal_id], bench.now_s)
+        bench.core.tasks.motions.running("/play_motion", [goal_id], bench.now_s)
         bench.pass_time(0.1)
 
 
 def ends(bench, goal_id, outcome="cancelled", text=""):
-    bench.core.orders.motions.ended(goal_id, outcome, text, bench.now_s)
+    bench.core.tasks.motions.ended(goal_id, outcome, text, bench.now_s)
     bench.recorded()
     kind, end = bench.sink.records[-1]
     assert kind == "motion.end"
@@ -134,7 +134,7 @@ def test_what_cannot_be_recorded_is_refused_before_its_points_come(bench):
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
         (
-            lambda bench: bench.core.orders.motions.running("/play_motion", ["other"], bench.now_s),
+            lambda bench: bench.core.tasks.motions.running("/play_motion", ["other"], bench.now_s),
             "motion_running",
         ),
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
@@ -221,18 +221,18 @@ def test_a_second_motion_is_refused_with_who_runs_which(bench):
 
 
 def test_a_motion_is_called_by_the_name_that_people_read(bench):
-    bench.core.orders.catalogue.read("/play_motion", [wire.MotionOffer("wave", "Wave the hand")], "")
+    bench.core.tasks.capabilities.read("/play_motion", [wire.MotionOffer("wave", "Wave the hand")], "")
     begun(bench)
     refusal = ask(bench, "nod")
     assert refusal.text == "The robot performs “Wave the hand”, asked for by Ann."
     assert refusal.figures == {"motion": "wave", "who": "Ann"}
-    assert bench.core.orders.under_way == ["the motion “Wave the hand”"]
+    assert bench.core.tasks.under_way == ["the motion “Wave the hand”"]
 
 
 def test_an_end_that_is_told_twice_is_one_end(bench):
     goal_id = begun(bench)
     ends(bench, goal_id, "succeeded")
-    bench.core.orders.motions.ended(goal_id, "failed", "", bench.now_s)
+    bench.core.tasks.motions.ended(goal_id, "failed", "", bench.now_s)
     bench.recorded()
     assert bench.sink.kinds == ["motion.start", "motion.end"]
     assert bench.core.state(bench.now_s, []).motion_ended.outcome == "succeeded"
@@ -306,17 +306,17 @@ def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
 
 def test_an_action_that_joined_after_the_last_survey_is_asked_and_one_that_did_not_is_told(bench):
     bench.base.asked = []
-    bench.core.orders.choices.surveyed({}, bench.now_s)
+    bench.core.tasks.routing.surveyed({}, bench.now_s)
     answers = bench.ask(wire.Play(1, "wave"))
     settled(bench)
     assert answers == []
     kind = "play_motion_msgs/PlayMotionActionGoal"
-    bench.core.orders.choices.surveyed({"/play_motion/goal": kind}, bench.now_s)
+    bench.core.tasks.routing.surveyed({"/play_motion/goal": kind}, bench.now_s)
     bench.base.asked.pop()()
     assert answers == [None]
     [(goal_id, _)] = bench.base.played
     ends(bench, goal_id, "succeeded")
-    bench.core.orders.choices.surveyed({}, bench.now_s)
+    bench.core.tasks.routing.surveyed({}, bench.now_s)
     answers = bench.ask(wire.Play(1, "a motion that only the action would know"))
     bench.base.asked.pop()()
     assert [refusal.code for refusal in answers] == ["no_listener"]
@@ -346,7 +346,7 @@ def test_points_that_come_before_the_record_wait_for_it(bench):
         (lambda bench: bench.core.link_lost(1, bench.now_s), "link_lost"),
         (lambda bench: bench.granted(link=2), "other_link"),
         (lambda bench: runs_out(bench), "no_lease"),
-        (lambda bench: bench.core.orders.choices.surveyed({}, bench.now_s), "no_listener"),
+        (lambda bench: bench.core.tasks.routing.surveyed({}, bench.now_s), "no_listener"),
         (lambda bench: bench.core.close(bench.now_s), "bridge_ended"),
     ],
 )
@@ -414,7 +414,7 @@ def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench, 
 
 def test_the_end_of_another_goal_ends_nothing_here(bench):
     goal_id = begun(bench)
-    bench.core.orders.motions.ended("another", "done", "", bench.now_s)
+    bench.core.tasks.motions.ended("another", "done", "", bench.now_s)
     assert bench.core.state(bench.now_s, []).motion.name == "wave"
     assert ends(bench, goal_id, "done").outcome == "done"
 
@@ -489,9 +489,9 @@ def test_a_goal_of_an_earlier_bridge_which_nobody_watches_is_cancelled_until_the
     assert refusal.code == "motion_running"
     assert refusal.text == "The robot performs a motion that this console left: it is being cancelled."
     bench.pass_time(2.2)
-    bench.core.orders.motions.running("/second_play", ["other"], bench.now_s)
+    bench.core.tasks.motions.running("/second_play", ["other"], bench.now_s)
     assert ask(bench).text == "The robot performs a motion that others asked for."
-    bench.core.orders.motions.running("/second_play", [], bench.now_s)
+    bench.core.tasks.motions.running("/second_play", [], bench.now_s)
     begun(bench)
 
 
@@ -506,16 +506,16 @@ def cancels(bench):
 def test_what_was_left_is_on_record_once_and_what_came_of_it(bench, heard, outcome):
     passes(bench, "fleet_bridge-left", 3.0)
     assert cancels(bench) == [("/play_motion", "fleet_bridge-left")]
-    bench.core.orders.motions.running("/play_motion", [], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", [], bench.now_s)
     if heard:
-        bench.core.orders.motions.ended("fleet_bridge-left", heard, "", bench.now_s)
+        bench.core.tasks.motions.ended("fleet_bridge-left", heard, "", bench.now_s)
     bench.pass_time(2.2)
     assert cancels(bench) == [("/play_motion", "fleet_bridge-left"), outcome]
 
 
 def test_however_many_ids_somebody_makes_up_few_are_on_record(bench):
     for number in range(20):
-        bench.core.orders.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
+        bench.core.tasks.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
         bench.pass_time(0.05)
     on_record = [("/play_motion", f"fleet_bridge-{number}") for number in range(3)]
     assert cancels(bench) == on_record
@@ -529,7 +529,7 @@ def test_however_many_ids_somebody_makes_up_few_are_on_record(bench):
 def test_nor_are_more_of_them_kept_for_a_database_that_is_away_however_long(bench, away):
     away(bench.sink)
     for number in range(20):
-        bench.core.orders.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
+        bench.core.tasks.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
         bench.pass_time(2.2)
     assert len(bench.base.cancelled_goals) == 20
     bench.sink.fails = None
@@ -544,7 +544,7 @@ def test_nor_are_more_of_them_kept_for_a_database_that_is_away_however_long(benc
 
 def test_cancelling_what_was_left_does_not_wait_for_its_record(bench):
     bench.sink.open.clear()
-    bench.core.orders.motions.running("/play_motion", ["fleet_bridge-left"], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", ["fleet_bridge-left"], bench.now_s)
     assert bench.base.cancelled_goals == ["fleet_bridge-left"]
     bench.sink.open.set()
     assert cancels(bench) == [("/play_motion", "fleet_bridge-left")]
@@ -559,8 +559,8 @@ def test_the_goals_id_names_the_record_by_which_it_was_asked_for(bench):
 
 def test_what_was_left_on_one_action_keeps_nothing_on_another_from_being_cancelled(bench):
     for _ in range(3):
-        bench.core.orders.motions.running("/play_motion", ["fleet_bridge-1"], bench.now_s)
-        bench.core.orders.motions.running("/second_play", ["fleet_bridge-2"], bench.now_s)
+        bench.core.tasks.motions.running("/play_motion", ["fleet_bridge-1"], bench.now_s)
+        bench.core.tasks.motions.running("/second_play", ["fleet_bridge-2"], bench.now_s)
         bench.pass_time(0.6)
     assert bench.base.cancelled_goals == ["fleet_bridge-1", "fleet_bridge-2"] * 3
 
@@ -610,10 +610,10 @@ def test_parameters_that_make_no_motion_leave_its_points_unknown():
 
 def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
     goal_id = begun(bench)
-    assert bench.core.orders.cancel("motion", "Sue Supervisor") is None
+    assert bench.core.tasks.cancel("motion", "Sue Supervisor") is None
     assert bench.base.cancelled_goals == [goal_id]
     assert ends(bench, goal_id).text == "Cancelled by Sue Supervisor."
-    assert bench.core.orders.cancel("motion", "Sue Supervisor").code == "no_motion"
+    assert bench.core.tasks.cancel("motion", "Sue Supervisor").code == "no_motion"
 
 
 def test_motions_are_offered_in_the_robots_own_words_with_how_long_they_take():
@@ -640,5 +640,5 @@ def test_motions_are_offered_in_the_robots_own_words_with_how_long_they_take():
 def test_an_older_word_of_the_motion_that_ended_is_nobody_elses_motion(bench):
     goal_id = begun(bench)
     ends(bench, goal_id, "succeeded")
-    bench.core.orders.motions.running("/play_motion", [goal_id], bench.now_s)
+    bench.core.tasks.motions.running("/play_motion", [goal_id], bench.now_s)
     assert ask(bench, "nod") is None

@@ -408,7 +408,7 @@ def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
 
 
 def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench, monkeypatch):
-    monkeypatch.setattr(bench.core.orders.choices, "topic", {"drive": "/phone_vel"}.get)
+    monkeypatch.setattr(bench.core.tasks.routing, "topic", {"drive": "/phone_vel"}.get)
     assert bench.order(twist(bench, 0.0, "/phone_vel")) is None
     refusal = bench.order(twist(bench, 0.3, "/key_vel"))
     assert refusal.code == "around_the_gate"
@@ -443,8 +443,8 @@ def test_what_comes_on_record_while_that_is_looked_for_is_sent_a_tick_later():
     number, publisher, answers = Arriving(), MemoryPublisher(lambda: 0.0), []
     number.set_result(1)
     records = SimpleNamespace(request=lambda *_told: number, outcome=lambda *_told: None)
-    publishings = Publications(publisher, records)
-    publishings.begin(note(), Requester(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
+    publications = Publications(publisher, records)
+    publications.begin(note(), Requester(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
     for now_s in (0.05, 0.1):
-        publishings.tick(lambda _asker, _now_s: None, now_s)
+        publications.tick(lambda _asker, _now_s: None, now_s)
     assert (publisher.published, answers) == ([note()], [None])

@@ -193,7 +193,7 @@ async def test_an_order_that_breaks_after_its_answer_gets_no_other_one(door, ben
         answer(None)
         raise OverflowError
 
-    with patch.object(bench.core.orders, "take", breaks):
+    with patch.object(bench.core.tasks, "take", breaks):
         await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
     assert link.reports[-1] == wire.Accepted("say_cancel", 7, GRANT.fence)
 
@@ -206,7 +206,7 @@ async def test_an_order_that_broke_is_not_answered_later(door, bench):
         later.append(answer)
         raise OverflowError
 
-    with patch.object(bench.core.orders, "take", breaks):
+    with patch.object(bench.core.tasks, "take", breaks):
         await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))
     refused = link.reports[-1]
     later[0](None)

@@ -99,7 +99,7 @@ def begun(bench, text="Hola a todos"):
 
 
 def told(bench, goals, topic="/tts"):
-    bench.core.orders.speaking.running(topic, goals, bench.now_s)
+    bench.core.tasks.speech.running(topic, goals, bench.now_s)
 
 
 def passes(bench, goal_id, seconds):
@@ -110,7 +110,7 @@ def passes(bench, goal_id, seconds):
 
 
 def ends(bench, goal_id, outcome="done", text=""):
-    bench.core.orders.speaking.ended(goal_id, outcome, text, bench.now_s)
+    bench.core.tasks.speech.ended(goal_id, outcome, text, bench.now_s)
     bench.recorded()
     kind, end = bench.sink.records[-1]
     assert kind == "speech.end"
@@ -167,7 +167,7 @@ def test_what_cannot_be_recorded_is_not_said_and_that_is_the_answer(bench):
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "hola", "stopped"),
         (lambda bench: setattr(bench.base, "listeners", 0), "hola", "robot_offline"),
         (lambda bench: told(bench, {"other": "speaking"}), "hola", "speaking"),
-        (lambda bench: bench.core.orders.choices.surveyed({}, bench.now_s), "hola", "no_listener"),
+        (lambda bench: bench.core.tasks.routing.surveyed({}, bench.now_s), "hola", "no_listener"),
         (lambda bench: None, "", "empty_text"),
     ],
 )
@@ -212,7 +212,7 @@ def test_pages_see_how_far_it_is(bench):
     assert shown(bench).status == "accepted"
     bench.pass_time(0.5)
     told(bench, {goal_id: "speaking"})
-    bench.core.orders.speaking.said(goal_id, "Hola a", bench.now_s)
+    bench.core.tasks.speech.said(goal_id, "Hola a", bench.now_s)
     assert shown(bench) == wire.Speech(
         number=1, text="Hola a todos", language="es-ES", topic="/tts", who="Ann", status="speaking",
         since_s=0.5, word=(5, 6),
@@ -241,7 +241,7 @@ def test_a_cancel_is_repeated_until_the_robot_obeys(bench):
 
 def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
     goal_id = begun(bench)
-    assert bench.core.orders.cancel("speech", "Sue Supervisor") is None
+    assert bench.core.tasks.cancel("speech", "Sue Supervisor") is None
     assert ends(bench, goal_id, "cancelled").text == "Cancelled by Sue Supervisor."
 
 
@@ -318,7 +318,7 @@ def test_an_older_word_of_the_text_that_ended_is_nobody_elses_text(bench):
 
 def test_the_end_of_another_goal_ends_nothing_here(bench):
     goal_id = begun(bench)
-    bench.core.orders.speaking.ended("another", "failed", "", bench.now_s)
+    bench.core.tasks.speech.ended("another", "failed", "", bench.now_s)
     assert shown(bench).text == "Hola a todos"
     assert ends(bench, goal_id).outcome == "done"
 
@@ -332,7 +332,7 @@ def test_a_text_may_go_to_the_topic_that_an_earlier_one_went_to(bench):
     assert bench.base.said == []  # it is being connected
     bench.core.tick(bench.now_s)
     assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
-    bench.core.orders.choices.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
+    bench.core.tasks.routing.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
     bench.core.tick(bench.now_s)
     [(goal_id, said)] = bench.base.said
     assert said.topic == "/second_tts"
@@ -347,7 +347,7 @@ def test_a_topic_that_tells_nothing_is_left_a_while_after_its_text(bench):
     ask(bench, topic="/second_tts")
     settled(bench)
     bench.core.tick(bench.now_s)
-    bench.core.orders.choices.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
+    bench.core.tasks.routing.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
     bench.core.tick(bench.now_s)
     assert len(bench.base.said) == 1
     assert bench.core.state(bench.now_s, []).speech_ended.outcome == "sent"

@@ -24,7 +24,7 @@ def passes(bench, seconds):
     """Time in which the robot speaks of its motion."""
     for _ in range(round(seconds / 0.1)):
         goals = [goal_id for goal_id, _ in bench.base.played]
-        bench.core.orders.motions.running("/play_motion", goals, bench.now_s)
+        bench.core.tasks.motions.running("/play_motion", goals, bench.now_s)
         bench.pass_time(0.1)
 
 
@@ -48,7 +48,7 @@ def test_motion_and_publishing_end_after_two_seconds_with_the_reason_and_their_o
         "The robot stands still: what it does cannot be recorded (disk full)."
         " Ended: the motion “wave”, publishing on /notes.",
     )
-    bench.core.orders.motions.ended(goal_id, "cancelled", "", bench.now_s)
+    bench.core.tasks.motions.ended(goal_id, "cancelled", "", bench.now_s)
     assert bench.core.state(bench.now_s, []).motion_ended.text == told.text
     bench.sink.fails = None
     bench.pass_time(0.6)
@@ -93,7 +93,7 @@ def test_a_text_is_said_to_its_end(bench):
     bench.sink.fails = "disk full"
     bench.order(wire.Play(1, "wave"))  # which notices that nothing can be recorded
     for _ in range(28):
-        bench.core.orders.speaking.running("/tts", {goal_id: "speaking"}, bench.now_s)
+        bench.core.tasks.speech.running("/tts", {goal_id: "speaking"}, bench.now_s)
         bench.pass_time(0.1)
     assert verdict(bench).code == "not_recorded"
     assert bench.base.cancelled_goals == []

@@ -14,9 +14,9 @@ import pytest
 from robots import wire
 from robots.bridge.lease.state_store import Persisted, StateStore
 from robots.bridge.watchdog.client import MISSING_S, WatchdogClient
-from robots.bridge.watchdog.stop_file import StopFile
-from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
+from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
+from robots.bridge.watchdog.stop_file import StopFile
 
 PATIENCE_S = 10.0
 

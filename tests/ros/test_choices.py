@@ -233,7 +233,7 @@ def test_whatever_a_hostile_master_answers_choices_are_told_that_nothing_was_con
     told = []
     base = RosBase(CONFIG)
     base._core = SimpleNamespace(
-        orders=SimpleNamespace(choices=SimpleNamespace(attended=lambda *how: told.append(how)))
+        tasks=SimpleNamespace(routing=SimpleNamespace(attended=lambda *how: told.append(how)))
     )
     monkeypatch.setattr(base, "_post", lambda later: later())
     monkeypatch.setattr(base, "_drive_publisher", fails)

@@ -14,9 +14,9 @@ import robots.bridge.ros.watchdog as ros_watchdog
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.watchdog.config import WatchdogConfig
-from robots.bridge.watchdog.socket import WatchdogSocket
 from robots.bridge.watchdog.process import Watchdog
 from robots.bridge.watchdog.rules import Heartbeat, StopPress, StopRules
+from robots.bridge.watchdog.socket import WatchdogSocket
 
 
 class Robot:

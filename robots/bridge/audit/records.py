@@ -30,7 +30,7 @@ class Requester(NamedTuple):
 class RecordedTask:
     """Something that was asked for, and since when; it is done once it is on record, and then has a number there."""
 
-    asker: Requester
+    requester: Requester
     number: Future[int]
     since_s: float
 
@@ -73,7 +73,7 @@ class Records(RecordWriter):
         self, asked: RecordedTask, kind: str, outcome: str, parameters: Parameters, now_s: float
     ) -> None:
         """Put on record what came of it; of what is not on record itself nothing came."""
-        number, holder = asked.number, asked.asker.holder
+        number, holder = asked.number, asked.requester.holder
         self.keep(
             lambda: self.sink.outcome(number.result(), holder, kind, outcome, parameters), now_s, of=number
         )

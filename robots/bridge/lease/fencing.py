@@ -54,11 +54,11 @@ class FenceStore:
     def hear(self, link: Link, message: Message) -> None:
         """Do what `message` says, now or once its number is on disk."""
         if isinstance(message, Grant):
-            refusal = self._core.grants.check(message)
+            refusal = self._core.lease.check(message)
             if refusal is not None:
                 link.report(Refused("grant", refusal, fence=message.fence))
                 return
-            self._core.grants.highest = message.fence
+            self._core.lease.highest = message.fence
         if message.fence <= self._on_disk or not (self._writing or isinstance(message, Grant)):
             self._do(link, message)
             return

@@ -198,10 +198,10 @@ class RosBase:
         """Pass a text on to the robot's voice. Whether the robot tells what becomes of it."""
         return self._speech is not None and self._speech.say(goal_id, utterance)
 
-    def hush(self, goal_id: str, topic: str) -> None:
+    def cancel_speech(self, goal_id: str, topic: str) -> None:
         """Cancel what is said under this goal and no other."""
         if self._speech is not None:
-            self._speech.hush(goal_id, topic)
+            self._speech.cancel_speech(goal_id, topic)
 
     def attend(self, use: Use, topics: frozenset[str]) -> None:
         """Be connected to these topics of that use and no others. Asks the master, hence elsewhere."""
@@ -290,7 +290,7 @@ class RosBase:
         if topics.head:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
         if topics.motions:
-            actions = self._core.orders.choices.connected("motions")  # all that may be chosen
+            actions = self._core.tasks.routing.connected("motions")  # all that may be chosen
             self._motions = MotionTopics(actions, topics.motions.type, self._master, self)
         if topics.speech:
             self._speech = SpeechTopics(topics.speech, self)
@@ -312,7 +312,7 @@ class RosBase:
         self._runs.begin()
         self._described = False
         self._describe()
-        self._post(self._core.orders.refresh)
+        self._post(self._core.tasks.refresh)
 
     def surveyed(self, system: SystemState) -> None:
         """Tell how the robot is; ask it for what it did not tell yet: it may have come after its master."""
@@ -324,7 +324,7 @@ class RosBase:
 
     def _tell_listened(self, system: SystemState) -> None:
         self._listened = listened = _listened(system)
-        self._post(lambda: self._core.orders.choices.surveyed(listened, time.monotonic()))
+        self._post(lambda: self._core.tasks.routing.surveyed(listened, time.monotonic()))
 
     def tell(self, status: RosStatus) -> None:
         """How the connection to the master is."""
@@ -356,7 +356,7 @@ class RosBase:
             self._connect(use, topics)
             connected = topics
         finally:
-            self._post(lambda: self._core.orders.choices.attended(use, connected, time.monotonic()))
+            self._post(lambda: self._core.tasks.routing.attended(use, connected, time.monotonic()))
 
     def _connect(self, use: Use, topics: frozenset[str]) -> None:
         if use == "drive":
@@ -476,7 +476,7 @@ class RosBase:
     def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
         """The goals under way, whoever sent them."""
         self._mail.post(
-            ("motions", action), lambda: self._core.orders.motions.running(action, goal_ids, time.monotonic())
+            ("motions", action), lambda: self._core.tasks.motions.running(action, goal_ids, time.monotonic())
         )
 
     def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
@@ -484,13 +484,13 @@ class RosBase:
         if goal_id.startswith(OURS):  # of others' goals only those under way count
             self._mail.post(
                 "motions ended",
-                lambda: self._core.orders.motions.ended(goal_id, outcome, text, time.monotonic()),
+                lambda: self._core.tasks.motions.ended(goal_id, outcome, text, time.monotonic()),
                 EVENTS_WAIT,
             )
 
     def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
         """What an action offers now."""
-        self._post(lambda: self._core.orders.catalogue.read(action, motions, text))
+        self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
 
     def motions_joined(self) -> None:
         """The robot's motions began anew, maybe with others."""
@@ -504,14 +504,14 @@ class RosBase:
     def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
         """The goals under way on a topic, whoever sent them."""
         self._mail.post(
-            ("speech", topic), lambda: self._core.orders.speaking.running(topic, goals, time.monotonic())
+            ("speech", topic), lambda: self._core.tasks.speech.running(topic, goals, time.monotonic())
         )
 
     def speech_said(self, goal_id: str, said: str) -> None:
         """A word was begun."""
         if goal_id.startswith(OURS):
             self._mail.post(
-                "said", lambda: self._core.orders.speaking.said(goal_id, said, time.monotonic()), EVENTS_WAIT
+                "said", lambda: self._core.tasks.speech.said(goal_id, said, time.monotonic()), EVENTS_WAIT
             )
 
     def speech_ended(self, goal_id: str, outcome: str, text: str) -> None:
@@ -519,7 +519,7 @@ class RosBase:
         if goal_id.startswith(OURS):
             self._mail.post(
                 "speech ended",
-                lambda: self._core.orders.speaking.ended(goal_id, outcome, text, time.monotonic()),
+                lambda: self._core.tasks.speech.ended(goal_id, outcome, text, time.monotonic()),
                 EVENTS_WAIT,
             )
 

@@ -13,13 +13,13 @@ class Capabilities:
     """The newest offers of one robot. `announce` hands them to every link."""
 
     def __init__(
-        self, config: BridgeConfig, choices: InputRouting, announce: Callable[[wire.Offers], None]
+        self, config: BridgeConfig, routing: InputRouting, announce: Callable[[wire.Offers], None]
     ) -> None:
         self._languages = config.topics.languages if config.topics.speech else []
         publishable = [allowed for allowed in config.allowed if allowed.what == "publish"]
         self._publishable = {allowed.name: allowed.type for allowed in publishable}
         self._publishable_from = {allowed.name: allowed.role for allowed in publishable}
-        self._choices = choices
+        self._routing = routing
         self._announce = announce
         self._motions: dict[str, tuple[Sequence[wire.MotionOffer], str]] = {}  # by action
         self._asked = False
@@ -49,12 +49,12 @@ class Capabilities:
 
     def now(self) -> wire.Offers:
         """What is on offer."""
-        uses = self._choices.uses
+        uses = self._routing.uses
         motions: Sequence[wire.MotionOffer] = ()
         text = "This robot has no recorded motions."
         if "motions" in uses:
             not_read = ((), "The robot’s motions have not been read yet.")
-            motions, text = self._motions.get(self._choices.topic("motions"), not_read)
+            motions, text = self._motions.get(self._routing.topic("motions"), not_read)
         return wire.Offers(
             list(motions), text, self._languages, uses, self._publishable, self._publishable_from
         )

@@ -78,7 +78,7 @@ class Goals(ABC, Generic[What]):
     def waiting(self) -> Requester | None:
         """Who asked for what has not been sent yet, and was not cancelled."""
         goal = self._current
-        return goal.asker if goal is not None and goal.id is None and goal.cancelled is None else None
+        return goal.requester if goal is not None and goal.id is None and goal.cancelled is None else None
 
     def deny(self, refusal: Refusal, now_s: float) -> None:
         """What has not been sent will not be, for this reason or the one for which it was cancelled before."""
@@ -88,7 +88,7 @@ class Goals(ABC, Generic[What]):
         refusal = goal.cancelled or refusal
         if math.isinf(goal.heard_s):
             self._current = None
-            goal.asker.answer(refusal)
+            goal.requester.answer(refusal)
             self._record(goal, refusal.code, refusal.text, now_s)
         else:  # that it is done was the answer already
             self._end(refusal.code, refusal.text, now_s)
@@ -128,7 +128,7 @@ class Goals(ABC, Generic[What]):
             return None
         if math.isinf(goal.heard_s):
             goal.heard_s = now_s
-            goal.asker.answer(None)
+            goal.requester.answer(None)
         return goal
 
     def _heard(self, topic: str, ids: Collection[str], now_s: float) -> Goal[What] | None:

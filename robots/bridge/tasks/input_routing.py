@@ -38,7 +38,7 @@ class InputSwitch(Protocol):
 class RoutingRules(Protocol):
     """What choices must know of the robot, and do to it: `Core`."""
 
-    def why_not_begin(self, asker: Requester, now_s: float) -> Refusal | None:
+    def why_not_begin(self, requester: Requester, now_s: float) -> Refusal | None:
         """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
 
     def why_not_still(self, now_s: float) -> Refusal | None:
@@ -130,22 +130,22 @@ class InputRouting:
 
     # --- choosing -------------------------------------------------------------------------------------
 
-    def take(self, order: wire.Choose, asker: Requester, now_s: float) -> None:
+    def take(self, order: wire.Choose, requester: Requester, now_s: float) -> None:
         """Begin to choose. Its asker is answered once, when it is done or will not be."""
         use = order.use
         refusal = self.refuse(use, order.topic) if order.topic or use not in self._defaults else None
-        refusal = refusal or self._why_not_now(use, asker, now_s)
+        refusal = refusal or self._why_not_now(use, requester, now_s)
         if refusal is not None:
-            asker.answer(refusal)
+            requester.answer(refusal)
             return
         self._withdraw(use, Refusal("overtaken", "Another topic was chosen meanwhile.", "robot"), now_s)
         name = order.topic or self._defaults[use].name
         if name == self.topic(use):
-            asker.answer(None)
+            requester.answer(None)
             return
         parameters = {"use": use, "from": self.topic(use), "to": name}
-        number = self._records.request(asker.holder, "topic.choose", parameters, now_s)
-        self._asked[use] = _Route(asker, number, now_s, name)
+        number = self._records.request(requester.holder, "topic.choose", parameters, now_s)
+        self._asked[use] = _Route(requester, number, now_s, name)
 
     def tick(self, busy: Mapping[Use, Collection[str]], now_s: float) -> None:
         """Go on with what is on record now. `busy`: topics where something is under way, by use."""
@@ -210,7 +210,7 @@ class InputRouting:
 
     def _recorded(self, use: Use, choice: _Route, now_s: float) -> None:
         """Connect, unless something came in between."""
-        refusal = choice.unrecorded or self._why_not_now(use, choice.asker, now_s)
+        refusal = choice.unrecorded or self._why_not_now(use, choice.requester, now_s)
         if refusal is None:
             choice.begun = True
         else:
@@ -222,13 +222,13 @@ class InputRouting:
         if choice is None or not choice.begun or choice.topic not in self._connected[use]:
             return
         del self._asked[use]
-        refusal = self._why_not_now(use, choice.asker, now_s)
+        refusal = self._why_not_now(use, choice.requester, now_s)
         if refusal is None:
             self._make(use, choice, f"input goes to {choice.topic} now", now_s)
         self._tell(use, choice, refusal, now_s)
 
-    def _why_not_now(self, use: Use, asker: Requester, now_s: float) -> Refusal | None:
-        refusal = self._rules.why_not_begin(asker, now_s)
+    def _why_not_now(self, use: Use, requester: Requester, now_s: float) -> Refusal | None:
+        refusal = self._rules.why_not_begin(requester, now_s)
         return refusal or (self._rules.why_not_still(now_s) if use == "drive" else None)
 
     def _make(self, use: Use, choice: _Route, why: str, now_s: float) -> None:
@@ -275,7 +275,7 @@ class InputRouting:
 
     def _tell(self, use: Use, choice: _Route, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
-        choice.asker.answer(refusal)
+        choice.requester.answer(refusal)
         outcome = refusal.code if refusal else "chosen"
         parameters = {"use": use, "to": choice.topic}
         self._records.outcome(choice, "topic.choose", outcome, parameters, now_s)

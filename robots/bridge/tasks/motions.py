@@ -158,7 +158,7 @@ class Motions(Goals[MotionGoal]):
         """Why the base must stand, and no other motion may begin: one runs."""
         goal = self._current
         if goal is not None:
-            who = goal.asker.holder.holder
+            who = goal.requester.holder.holder
             does = "performs" if self.begun else "is about to perform"
             text = f"The robot {does} “{goal.what.title}”, asked for by {who}."
             return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
@@ -168,10 +168,14 @@ class Motions(Goals[MotionGoal]):
             return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
         return None
 
-    def begin(self, name: str, title: str, action: str, asker: Requester, now_s: float) -> Goal[MotionGoal]:
+    def begin(
+        self, name: str, title: str, action: str, requester: Requester, now_s: float
+    ) -> Goal[MotionGoal]:
         """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
-        number = self._records.request(asker.holder, "motion.start", {"motion": name, "topic": action}, now_s)
-        self._current = Goal(asker, number, now_s, MotionGoal(name, title), action)
+        number = self._records.request(
+            requester.holder, "motion.start", {"motion": name, "topic": action}, now_s
+        )
+        self._current = Goal(requester, number, now_s, MotionGoal(name, title), action)
         return self._current
 
     def told(
@@ -253,7 +257,7 @@ class Motions(Goals[MotionGoal]):
         goal = self._current
         if goal is None:
             return None
-        return wire.Motion(goal.what.name, goal.asker.holder.holder, round(now_s - goal.since_s, 1))
+        return wire.Motion(goal.what.name, goal.requester.holder.holder, round(now_s - goal.since_s, 1))
 
     def _cancel_strays(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """What a bridge that was killed left, or this one gave up: nobody watches the space about that arm."""

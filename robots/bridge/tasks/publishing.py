@@ -54,7 +54,7 @@ class Publications:
         self._waiting: list[_Publication] = []  # for their records
         self._running: dict[str, _Publication] = {}  # at a rate
 
-    def begin(self, order: wire.Publish, asker: Requester, now_s: float) -> None:
+    def begin(self, order: wire.Publish, requester: Requester, now_s: float) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
         parameters: Parameters = {
             "topic": order.topic,
@@ -62,15 +62,15 @@ class Publications:
             "rate_hz": order.rate_hz,
             "fields": msgspec.json.encode(order.fields).decode(),
         }
-        number = self._records.request(asker.holder, "publish.start", parameters, now_s)
-        self._waiting.append(_Publication(asker, number, now_s, order))
+        number = self._records.request(requester.holder, "publish.start", parameters, now_s)
+        self._waiting.append(_Publication(requester, number, now_s, order))
 
     def tick(self, why_not: Callable[[Requester, float], Refusal | None], now_s: float) -> None:
         """Send what is on record now; what could not be recorded, or may not begin any more, is not sent."""
         for publishing in pop_due(self._waiting):
-            refusal = publishing.unrecorded or why_not(publishing.asker, now_s)
+            refusal = publishing.unrecorded or why_not(publishing.requester, now_s)
             refusal = refusal or self._send(publishing, now_s)
-            publishing.asker.answer(refusal)
+            publishing.requester.answer(refusal)
             if refusal is not None:
                 self._tell_end(publishing, refusal.code, now_s)
         if self._running:
@@ -94,7 +94,7 @@ class Publications:
         """What waits for its record will not be sent."""
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
-            publishing.asker.answer(refusal)
+            publishing.requester.answer(refusal)
             self._tell_end(publishing, why, now_s)
 
     @property

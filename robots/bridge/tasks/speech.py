@@ -85,7 +85,7 @@ class SpeechOutput(Protocol):
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Pass it on. Whether the robot tells what becomes of it."""
 
-    def hush(self, goal_id: str, topic: str) -> None:
+    def cancel_speech(self, goal_id: str, topic: str) -> None:
         """Cancel this goal and no other."""
 
 
@@ -102,7 +102,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
     """The text that is being said, if any."""
 
     def __init__(self, voice: SpeechOutput, records: Records) -> None:
-        super().__init__(records, voice.hush)
+        super().__init__(records, voice.cancel_speech)
         self._voice = voice
         self._sent: dict[str, float] = {}  # to topics that tell nothing: when
         self.last: wire.SpeechEnd | None = None  # how the last one ended, for pages
@@ -116,19 +116,19 @@ class SpeechTasks(Goals[_SpeechGoal]):
         """Why nothing else can be said: the robot speaks."""
         goal = self._current
         if goal is not None:
-            who, text = goal.asker.holder.holder, goal.what.utterance.text
+            who, text = goal.requester.holder.holder, goal.what.utterance.text
             told = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
             return Refusal("speaking", told, "robot", {"who": who, "text": text})
         if self._busy(now_s):
             return Refusal("speaking", "The robot says something that others asked for: wait.", "robot")
         return None
 
-    def begin(self, utterance: Utterance, asker: Requester, now_s: float) -> None:
+    def begin(self, utterance: Utterance, requester: Requester, now_s: float) -> None:
         """Put it on record; it is sent, and the question answered, once that is done."""
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
-        number = self._records.request(asker.holder, "speech.start", parameters, now_s)
-        self._current = Goal(asker, number, now_s, _SpeechGoal(utterance), topic)
+        number = self._records.request(requester.holder, "speech.start", parameters, now_s)
+        self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
     def start(self, connected: Collection[str], now_s: float) -> None:
         """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
@@ -155,7 +155,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
             text=saying.utterance.text,
             language=saying.utterance.language,
             topic=saying.utterance.topic,
-            who=goal.asker.holder.holder,
+            who=goal.requester.holder.holder,
             status=saying.status,
             since_s=round(now_s - goal.since_s, 1),
             word=saying.word,

@@ -44,7 +44,7 @@ Swept = Callable[[tuple[Disc, ...] | None, float], None]
 class TaskRules(input_routing.RoutingRules, Protocol):
     """What orders must know of the robot besides: `Core`."""
 
-    grants: LeaseGuard
+    lease: LeaseGuard
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
@@ -82,10 +82,10 @@ class Tasks:
     ) -> None:
         config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
         self.motions = Motions(performer, records)
-        self.speaking = SpeechTasks(performer, records)
-        self.choices = InputRouting(config, performer, records, rules)
-        self.catalogue = Capabilities(config, self.choices, announce)
-        self.publishings = Publications(publisher, records)
+        self.speech = SpeechTasks(performer, records)
+        self.routing = InputRouting(config, performer, records, rules)
+        self.capabilities = Capabilities(config, self.routing, announce)
+        self.publications = Publications(publisher, records)
         self._config = config
         self._publisher = publisher
         self._performer = performer
@@ -100,25 +100,25 @@ class Tasks:
 
     def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
         """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
-        refusal = self._rules.grants.refuse_drive(order.fence or 0, link, now_s)
-        grant = self._rules.grants.current
+        refusal = self._rules.lease.refuse_drive(order.fence or 0, link, now_s)
+        grant = self._rules.lease.current
         if refusal is not None or grant is None:
             answer(refusal)
             return
-        asker = Requester(holder_of(grant), link, answer)
+        requester = Requester(holder_of(grant), link, answer)
         match order:
             case wire.Publish():
-                self._publish(order, grant, asker, now_s)
+                self._publish(order, grant, requester, now_s)
             case wire.Play():
-                self._play(order, asker, now_s)
+                self._play(order, requester, now_s)
             case wire.LookAhead():
-                self._ask("head.look_ahead", asker, now_s)
+                self._ask("head.look_ahead", requester, now_s)
             case wire.Forget():
-                self._ask("memory.forget", asker, now_s)
+                self._ask("memory.forget", requester, now_s)
             case wire.Say():
-                self._say(order, asker, now_s)
+                self._say(order, requester, now_s)
             case wire.Choose():
-                self.choices.take(order, asker, now_s)
+                self.routing.take(order, requester, now_s)
             case _:
                 answer(self._end(order, now_s))
 
@@ -130,7 +130,7 @@ class Tasks:
             case wire.SayCancel():
                 return self._cancel_speech("Its holder cancelled it.")
             case wire.PublishStop(topic=topic):
-                return self.publishings.stop(topic, now_s)
+                return self.publications.stop(topic, now_s)
             case _:
                 return Refusal("not_offered", "This robot does not do that.", "robot")
 
@@ -141,11 +141,11 @@ class Tasks:
 
     def refresh(self) -> None:
         """Read again what the robot offers, and tell it."""
-        if "motions" in self.choices.uses:
-            self.catalogue.asked()
+        if "motions" in self.routing.uses:
+            self.capabilities.asked()
             self._performer.read_motions()
         else:
-            self.catalogue.tell(anyway=True)
+            self.capabilities.tell(anyway=True)
 
     def why_stand(self, now_s: float) -> Refusal | None:
         """Why the base must stand: a motion runs."""
@@ -154,7 +154,7 @@ class Tasks:
     @property
     def under_way(self) -> list[str]:
         """What was asked for and is not over, in words. A text that is said is not in it: it ends by itself."""
-        return self.motions.under_way + self.publishings.under_way
+        return self.motions.under_way + self.publications.under_way
 
     # --- what happens meanwhile ---------------------------------------------------------------------
 
@@ -166,12 +166,12 @@ class Tasks:
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
             why = f"The page of who asked for it was out of reach for {LINK_PATIENCE_S:.0f} s."
             self.motions.cancel("link_lost", why)
-            self.publishings.halt("link_lost", now_s)
-        self.publishings.tick(self._rules.why_not_begin, now_s)
+            self.publications.halt("link_lost", now_s)
+        self.publications.tick(self._rules.why_not_begin, now_s)
         self._watch_motion(now_s)
         self._watch_speech(now_s)
-        self.choices.tick({"speech": self.speaking.topics(now_s)}, now_s)
-        self.catalogue.tell()
+        self.routing.tick({"speech": self.speech.topics(now_s)}, now_s)
+        self.capabilities.tell()
         self._move_head(sent, now_s)
         if self._granted("memory.forget", now_s):
             self._gate.forget()
@@ -179,53 +179,53 @@ class Tasks:
     def stopped(self, by: str, now_s: float) -> None:
         """The emergency stop was pressed."""
         self._deny_asked(now_s)
-        self.publishings.halt("stopped", now_s)
+        self.publications.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
-        self.speaking.cancel("stopped", f"The robot was stopped by {by}.")
+        self.speech.cancel("stopped", f"The robot was stopped by {by}.")
 
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
         """Nothing can be recorded. A text that is being said already is said to its end."""
         self._deny_asked(now_s, refusal)
-        self.publishings.halt(refusal.code, now_s, refusal)
+        self.publications.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
-        self.speaking.deny(refusal, now_s)
-        self.choices.withdraw(refusal, now_s)
+        self.speech.deny(refusal, now_s)
+        self.routing.withdraw(refusal, now_s)
 
     def page_left(self, now_s: float) -> None:
         """Who asked is gone: what has not begun will not, whoever comes back. `tick` bears what runs for a while."""
         self._deny_asked(now_s, LEFT)
-        self.publishings.deny(LEFT.code, now_s, LEFT)
+        self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
-        self.speaking.deny(LEFT, now_s)
-        self.choices.withdraw(LEFT, now_s)
+        self.speech.deny(LEFT, now_s)
+        self.routing.withdraw(LEFT, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Nobody answers for what is under way. A text that is being said already is said to its end."""
         self._deny_asked(now_s)
-        self.publishings.halt("control_ended", now_s)
+        self.publications.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
-        if self.speaking.waiting:
-            self.speaking.cancel("cancelled", reason)
-        self.choices.control_ended(reason, now_s)
+        if self.speech.waiting:
+            self.speech.cancel("cancelled", reason)
+        self.routing.control_ended(reason, now_s)
 
     def close(self, now_s: float) -> None:
         """The bridge ends."""
         self._deny_asked(now_s, ENDED)
-        self.publishings.halt(ENDED.code, now_s, ENDED)
+        self.publications.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
-        self.speaking.close(ENDED, now_s)
-        self.choices.close(ENDED, now_s)
+        self.speech.close(ENDED, now_s)
+        self.routing.close(ENDED, now_s)
 
     # --- what is done at once -------------------------------------------------------------------------
 
-    def _ask(self, kind: str, asker: Requester, now_s: float) -> None:
+    def _ask(self, kind: str, requester: Requester, now_s: float) -> None:
         """Put it on record; it is done, and the question answered, once that is there."""
-        refusal = self._rules.why_not_begin(asker, now_s) or self._why_not[kind](now_s)
+        refusal = self._rules.why_not_begin(requester, now_s) or self._why_not[kind](now_s)
         if refusal is not None:
-            asker.answer(refusal)
+            requester.answer(refusal)
             return
-        number = self._records.request(asker.holder, kind, {}, now_s)
-        self._asked[kind].append(RecordedTask(asker, number, now_s))
+        number = self._records.request(requester.holder, kind, {}, now_s)
+        self._asked[kind].append(RecordedTask(requester, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """What is not on record yet will not be done."""
@@ -236,14 +236,14 @@ class Tasks:
 
     def _tell(self, kind: str, asked: RecordedTask, refusal: Refusal | None, now_s: float) -> None:
         """Answer, and put on record what came of it."""
-        asked.asker.answer(refusal)
+        asked.requester.answer(refusal)
         self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
 
     def _granted(self, kind: str, now_s: float) -> bool:
         """Answer what is on record now. Whether something was asked for that nothing forbids."""
         granted = False
         for asked in pop_due(self._asked[kind]):
-            refusal = asked.unrecorded or self._rules.why_not_begin(asked.asker, now_s)
+            refusal = asked.unrecorded or self._rules.why_not_begin(asked.requester, now_s)
             refusal = refusal or self._why_not[kind](now_s)
             granted = granted or refusal is None
             self._tell(kind, asked, refusal, now_s)
@@ -275,29 +275,29 @@ class Tasks:
         aim = None
         if self._granted("head.look_ahead", now_s):
             aim = self._head.ahead(now_s)
-        elif self._rules.grants.current and sent != STILL and self._why_no_look(now_s) is None:
+        elif self._rules.lease.current and sent != STILL and self._why_no_look(now_s) is None:
             aim = self._head.follow(sent, now_s)
         if aim is not None:
             self._performer.aim_head(aim)
 
     # --- publishing -----------------------------------------------------------------------------------
 
-    def _publish(self, order: wire.Publish, grant: Grant, asker: Requester, now_s: float) -> None:
+    def _publish(self, order: wire.Publish, grant: Grant, requester: Requester, now_s: float) -> None:
         if order.type in twists.TYPES:
-            asker.answer(self._twist(order, grant, now_s))
+            requester.answer(self._twist(order, grant, now_s))
             return
-        refusal = self._rules.why_not_begin(asker, now_s) or self._why_not_publish(order)
+        refusal = self._rules.why_not_begin(requester, now_s) or self._why_not_publish(order)
         if refusal is not None:
-            asker.answer(refusal)
+            requester.answer(refusal)
             return
 
         def checked(refusal: Refusal | None, now_s: float) -> None:
             # Meanwhile control may have gone elsewhere, or the stop been pressed.
-            refusal = refusal or self._rules.why_not_begin(asker, now_s)
+            refusal = refusal or self._rules.why_not_begin(requester, now_s)
             if refusal is None:
-                self.publishings.begin(order, asker, now_s)
+                self.publications.begin(order, requester, now_s)
             else:
-                asker.answer(refusal)
+                requester.answer(refusal)
 
         self._publisher.check(order, checked)
 
@@ -311,7 +311,7 @@ class Tasks:
 
     def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
         """A velocity goes through the gate, so there is one topic for it, and it must be asked for again and again."""
-        topic, type_name = self.choices.topic("drive"), self._config.topics.drive.type
+        topic, type_name = self.routing.topic("drive"), self._config.topics.drive.type
         if (order.topic, order.type) != (topic, type_name):
             text = f"Velocities go to {topic} as {type_name}, through the gate, and nowhere else."
             return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
@@ -325,19 +325,19 @@ class Tasks:
 
     # --- motions --------------------------------------------------------------------------------------
 
-    def _play(self, order: wire.Play, asker: Requester, now_s: float) -> None:
+    def _play(self, order: wire.Play, requester: Requester, now_s: float) -> None:
         """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
-        refusal = self.motions.refuse(now_s) or self._why_no_motion(asker, None, now_s)
+        refusal = self.motions.refuse(now_s) or self._why_no_motion(requester, None, now_s)
         # Who listened at the last survey is seconds old: a robot that has just come may have joined since.
         if refusal is not None and refusal.code != "no_listener":
-            asker.answer(refusal)
+            requester.answer(refusal)
             return
-        action = self.choices.topic("motions")
-        title = self.catalogue.title_of(order.motion, action)
-        goal = self.motions.begin(order.motion, title, action, asker, now_s)
+        action = self.routing.topic("motions")
+        title = self.capabilities.title_of(order.motion, action)
+        goal = self.motions.begin(order.motion, title, action, requester, now_s)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
-            self.motions.told(goal, space, now_s, self.choices.refuse("motions", action))
+            self.motions.told(goal, space, now_s, self.routing.refuse("motions", action))
             self._watch_motion(now_s)
 
         self._performer.sweep(order.motion, action, swept)
@@ -347,11 +347,11 @@ class Tasks:
             return None
         return Refusal("no_motion", "No motion that was started here runs.", "robot")
 
-    def _why_no_motion(self, asker: Requester, action: str | None, now_s: float) -> Refusal | None:
+    def _why_no_motion(self, requester: Requester, action: str | None, now_s: float) -> Refusal | None:
         """The first rule that keeps the arm where it is; other motions and the arm's space apart."""
         return (
-            self._rules.why_not_begin(asker, now_s)
-            or self.choices.refuse("motions", action)
+            self._rules.why_not_begin(requester, now_s)
+            or self.routing.refuse("motions", action)
             or self._rules.why_not_still(now_s)
         )
 
@@ -359,8 +359,8 @@ class Tasks:
         """Begin what is due, if nothing stands against it; cancel what must not go on."""
         motions = self.motions
         if motions.due:
-            if asker := motions.waiting:
-                refusal = self._why_no_motion(asker, motions.topic, now_s)
+            if requester := motions.waiting:
+                refusal = self._why_no_motion(requester, motions.topic, now_s)
                 refusal = refusal or self._room.why_none(motions.space, now_s)
                 if refusal is not None:
                     motions.deny(refusal, now_s)
@@ -371,28 +371,28 @@ class Tasks:
 
     # --- speech ---------------------------------------------------------------------------------------
 
-    def _say(self, order: wire.Say, asker: Requester, now_s: float) -> None:
-        refusal = why_not_speakable(order.text) or self._rules.why_not_begin(asker, now_s)
-        refusal = refusal or self.choices.refuse("speech", order.topic) or self.speaking.refuse(now_s)
+    def _say(self, order: wire.Say, requester: Requester, now_s: float) -> None:
+        refusal = why_not_speakable(order.text) or self._rules.why_not_begin(requester, now_s)
+        refusal = refusal or self.routing.refuse("speech", order.topic) or self.speech.refuse(now_s)
         if refusal is not None:
-            asker.answer(refusal)
+            requester.answer(refusal)
             return
         language = own_language(order.language, self._config.topics.languages)
-        utterance = Utterance(order.text, language, order.topic or self.choices.topic("speech"))
-        self.speaking.begin(utterance, asker, now_s)
+        utterance = Utterance(order.text, language, order.topic or self.routing.topic("speech"))
+        self.speech.begin(utterance, requester, now_s)
 
     def _cancel_speech(self, why: str) -> Refusal | None:
-        if self.speaking.cancel("cancelled", why):
+        if self.speech.cancel("cancelled", why):
             return None
         return Refusal("no_speech", "Nothing that was asked for here is being said.", "robot")
 
     def _watch_speech(self, now_s: float) -> None:
         """Say what is on record, if nothing has come in between."""
-        asker = self.speaking.waiting
-        if asker and (refusal := self._rules.why_not_begin(asker, now_s)):
-            self.speaking.cancel("cancelled", refusal.text)
-        self.speaking.start(self.choices.connected("speech"), now_s)
-        self.speaking.tick(now_s)
+        requester = self.speech.waiting
+        if requester and (refusal := self._rules.why_not_begin(requester, now_s)):
+            self.speech.cancel("cancelled", refusal.text)
+        self.speech.start(self.routing.connected("speech"), now_s)
+        self.speech.tick(now_s)
 
 
 def holder_of(grant: Grant) -> Holder:

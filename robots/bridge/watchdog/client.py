@@ -11,8 +11,8 @@ import msgspec
 from msgspec import structs
 
 from robots import wire
-from robots.bridge.watchdog.socket import LARGEST
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
+from robots.bridge.watchdog.socket import LARGEST
 
 log = logging.getLogger(__name__)
 

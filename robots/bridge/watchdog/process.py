@@ -16,9 +16,9 @@ from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.watchdog import RosStops
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.watchdog.config import WatchdogConfig
-from robots.bridge.watchdog.stop_file import StopFile
-from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.rules import Heartbeat, StopRules
+from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
+from robots.bridge.watchdog.stop_file import StopFile
 from robots.processes.shutdown import leave_within
 from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
 

@@ -76,7 +76,7 @@ class _Talk:
             self._news.notify()
             return not self._closed
 
-    def silence(self) -> None:
+    def stop(self) -> None:
         """Send no more, also of what waits."""
         with self._news:
             self._once.clear()
@@ -147,7 +147,7 @@ class Talks:
     def stop(self, topic: str) -> None:
         """Send no more there."""
         if topic in self._talks:
-            self._talks[topic].silence()
+            self._talks[topic].stop()
 
 
 def _message_class(definition: Definition) -> type[rospy.AnyMsg]:

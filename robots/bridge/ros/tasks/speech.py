@@ -37,10 +37,10 @@ class _Voice(Protocol):
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Pass it on. Whether the robot tells what becomes of it."""
 
-    def hush(self, goal_id: str) -> None:
+    def cancel_speech(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
 
-    def silence(self) -> None:
+    def cancel_all(self) -> None:
         """Cancel everybody's."""
 
     def close(self) -> None:
@@ -67,15 +67,15 @@ class SpeechTopics:
         """Pass it on. Whether the robot tells what becomes of it."""
         return self._voices[utterance.topic].say(goal_id, utterance)
 
-    def hush(self, goal_id: str, topic: str) -> None:
+    def cancel_speech(self, goal_id: str, topic: str) -> None:
         """Cancel this goal and no other."""
         if topic in self._voices:
-            self._voices[topic].hush(goal_id)
+            self._voices[topic].cancel_speech(goal_id)
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
         """For the emergency stop: each cancels whatever is said on one topic, whoever asked for it."""
-        return [voice.silence for voice in list(self._voices.values())]
+        return [voice.cancel_all for voice in list(self._voices.values())]
 
 
 class _ActionVoice:
@@ -95,10 +95,10 @@ class _ActionVoice:
         self._topics.send(goal)
         return True
 
-    def hush(self, goal_id: str) -> None:
+    def cancel_speech(self, goal_id: str) -> None:
         self._topics.cancel(goal_id)
 
-    def silence(self) -> None:
+    def cancel_all(self) -> None:
         self._topics.cancel_all()
 
     def close(self) -> None:
@@ -133,10 +133,10 @@ class _PlainVoice:
         """std_msgs/String."""
         return message_class("std_msgs/String")(data=utterance.text)
 
-    def hush(self, goal_id: str) -> None:
+    def cancel_speech(self, goal_id: str) -> None:
         """There is no way to."""
 
-    def silence(self) -> None:
+    def cancel_all(self) -> None:
         self._sender.withdraw()
 
     def close(self) -> None:
@@ -150,8 +150,8 @@ class _SoundVoice(_PlainVoice):
         kind = message_class("sound_play/SoundRequest")
         return kind(sound=kind.SAY, command=kind.PLAY_ONCE, volume=1.0, arg=utterance.text)
 
-    def silence(self) -> None:
-        super().silence()
+    def cancel_all(self) -> None:
+        super().cancel_all()
         kind = message_class("sound_play/SoundRequest")
         self._sender.send(kind(sound=kind.ALL, command=kind.PLAY_STOP))
 
