@@ -25,7 +25,7 @@ from pytest_django import DjangoDbBlocker
 from fleet.accounts.models import User
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
 from teleop.recording import refusals
-from teleop.recording.repeat_suppression import E, FoldingLog
+from teleop.recording.repeat_suppression import E, RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.disk import Disk
 from tests.pristine import pristine_copy
@@ -74,22 +74,22 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 
 
 @pytest.fixture(autouse=True)
-def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[refusals.Denied]]:
+def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
     """What is refused in a test is written in it or not at all."""
-    own = FoldingLog(refusals.put_on_record)
+    own = RepeatSuppressor(refusals.put_on_record)
     yield from _while_test_lasts(own, refusals, monkeypatch)
 
 
 @pytest.fixture(autouse=True)
-def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoldingLog[emergency_stop.Press]]:
+def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emergency_stop.Press]]:
     """Stops that are pressed in a test are written in it or not at all: the next test would wait for the database."""
-    own = FoldingLog(emergency_stop.put_on_record, most=None)
+    own = RepeatSuppressor(emergency_stop.put_on_record, most=None)
     yield from _while_test_lasts(own, emergency_stop, monkeypatch)
 
 
 def _while_test_lasts(
-    own: FoldingLog[E], module: ModuleType, patch: pytest.MonkeyPatch
-) -> Iterator[FoldingLog[E]]:
+    own: RepeatSuppressor[E], module: ModuleType, patch: pytest.MonkeyPatch
+) -> Iterator[RepeatSuppressor[E]]:
     patch.setattr(module, "log", own)
     yield own
     patch.setattr(own, "_write", lambda _event, _times: None)

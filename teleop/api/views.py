@@ -35,9 +35,9 @@ from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, Rule, State
 from teleop.control import rules
 from teleop.control.policy import out_of_service
-from teleop.control.selectors import holding_of
+from teleop.control.selectors import lease_of
 from teleop.recording import refusals
-from teleop.recording.refusals import Denied
+from teleop.recording.refusals import RefusedRequest
 from teleop.reports.history import speech_history
 
 LONGEST_PAGE = 200  # entries of history at once
@@ -83,7 +83,7 @@ def _note(refusal: Refusal, request: Request) -> None:
     if isinstance(person, User):
         match = request.resolver_match
         asked = f"{request.method} {match.route if match else ''}".strip()
-        refusals.note(Denied(person, "rest", asked, refusal))
+        refusals.note(RefusedRequest(person, "rest", asked, refusal))
 
 
 class FleetApi(APIView):
@@ -125,15 +125,15 @@ class RobotDetail(FleetApi):
     def get(self, request: Request, slug: str) -> Response:
         """Facts, holder, state; `refusal` says why the state is not known."""
         robot = self.visible(slug)
-        holding = holding_of(robot.id)
-        held = holding is not None and rules.lapse(holding, timezone.now()) is None
+        lease = lease_of(robot.id)
+        held = lease is not None and rules.lapse_reason(lease, timezone.now()) is None
         state, refusal = _state(robot)
         seen_at = _seen_at(state)
         return Response(
             {
                 **entry(robot, role_on(self.person(), robot)),
                 "facts": msgspec.to_builtins(robot_facts(robot)),
-                "holder": holding.name if holding and held else None,
+                "holder": lease.name if lease and held else None,
                 "state": msgspec.to_builtins(state),
                 "seen_at": seen_at.isoformat(timespec="seconds") if seen_at else None,
                 "refusal": msgspec.to_builtins(refusal),

@@ -26,7 +26,7 @@ async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kw
     return await call(*args, **kwargs)
 
 
-def in_database_beside(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
+def in_database_background(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
     """In a thread of its own, for what nobody waits for: only the end of the process does."""
 
     def call() -> R:

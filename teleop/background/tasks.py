@@ -12,7 +12,7 @@ log = logging.getLogger(__name__)
 _running: set[asyncio.Task[None]] = set()  # the event loop alone keeps no reference to a task
 
 
-def run_beside(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+def run_in_background(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
     """Run `work` to its end, also when the connection that began it is gone. Log its errors."""
     task = asyncio.create_task(work)
     _running.add(task)

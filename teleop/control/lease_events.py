@@ -19,16 +19,16 @@ log = logging.getLogger(__name__)
 _RETRY_S = 2.0
 
 
-class Hints:
+class LeaseEvents:
     """The hints about one robot."""
 
-    def __init__(self, robot_id: UUID, on_hint: Callable[[], Awaitable[None]]) -> None:
+    def __init__(self, robot_id: UUID, on_change: Callable[[], Awaitable[None]]) -> None:
         self._group = f"control.{robot_id.hex}"
-        self._on_hint = on_hint
+        self._on_change = on_change
         self._name = uuid4().hex
         self._task = asyncio.create_task(self._listen())
 
-    async def give(self) -> None:
+    async def publish(self) -> None:
         """Tell the other web processes."""
         layer = get_channel_layer()
         if layer is None:
@@ -54,7 +54,7 @@ class Hints:
                     while True:
                         hint = await layer.receive(channel)
                         if hint["by"] != self._name:
-                            await self._on_hint()
+                            await self._on_change()
                 finally:
                     await layer.group_discard(self._group, channel)
             except Exception as error:  # noqa: BLE001 - the edge of the loop: it begins again

@@ -15,8 +15,8 @@ from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts, roles_on
 from robots.wire import Refusal
 from teleop.control.policy import out_of_service, permitted_as
-from teleop.control.rules import Ask, Holding, Tab
-from teleop.control.status import Ending, Registered, Rights, Standing
+from teleop.control.rules import LeaseState, OpenRequest, Tab
+from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
 from teleop.models import ControlRequest, ControlSession, Lease
 
 SignIn = tuple[UUID, str]  # user, session key
@@ -24,24 +24,24 @@ SignIn = tuple[UUID, str]  # user, session key
 SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "account")
 
 
-def holding_of(robot_id: UUID) -> Holding | None:
+def lease_of(robot_id: UUID) -> LeaseState | None:
     """Who has the robot, by the table; it may have lapsed by the clock (`rules.phase`)."""
     leases = Lease.objects.filter(robot_id=robot_id, session__isnull=False)
     lease = leases.select_related("session__user").first()
-    return None if lease is None else _holding(lease)
+    return None if lease is None else _lease_state(lease)
 
 
-def held_robots() -> list[tuple[UUID, Holding]]:
+def held_leases() -> list[tuple[UUID, LeaseState]]:
     """Every robot that somebody has, and who."""
     leases = Lease.objects.filter(session__isnull=False).select_related("session__user")
-    return [(lease.robot_id, _holding(lease)) for lease in leases]
+    return [(lease.robot_id, _lease_state(lease)) for lease in leases]
 
 
-def asks_of(robot_id: UUID) -> list[Ask]:
-    """Who asks for the robot, oldest first; some may have lapsed (`rules.open_asks`)."""
+def open_requests_of(robot_id: UUID) -> list[OpenRequest]:
+    """Who asks for the robot, oldest first; some may have lapsed (`rules.open_requests`)."""
     requests = ControlRequest.objects.filter(robot_id=robot_id, answered_at=None).select_related("user")
     return [
-        Ask(
+        OpenRequest(
             id=request.pk,
             user=request.user.id,
             name=request.user.display_name,
@@ -52,17 +52,17 @@ def asks_of(robot_id: UUID) -> list[Ask]:
     ]
 
 
-def standing_of(
+def control_status(
     robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
-) -> Standing:
+) -> ControlStatus:
     """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
-    holding = holding_of(robot_id)
-    return Standing(
+    lease = lease_of(robot_id)
+    return ControlStatus(
         read_at=now,
-        holding=holding,
-        asks=asks_of(robot_id),
-        endings=_endings(set(sessions) - {holding.session} if holding else sessions),
+        lease=lease,
+        asks=open_requests_of(robot_id),
+        endings=_endings(set(sessions) - {lease.session} if lease else sessions),
         rights=rights_of(people, robot, now),
     )
 
@@ -106,32 +106,32 @@ def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | No
     return Rights(True, role, permit)
 
 
-def registered(robot_id: UUID) -> Registered | None:
+def robot_entry(robot_id: UUID) -> RobotEntry | None:
     """What pages and the link need to know of the robot; None if it was deleted."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     if robot is None:
         return None
     allowed = () if robot.problems else allowed_on(robot)
-    return Registered(out_of_service(robot), robot_facts(robot), link_address(robot), allowed)
+    return RobotEntry(out_of_service(robot), robot_facts(robot), link_address(robot), allowed)
 
 
 def _nothing(refusal: Refusal) -> Rights:
     return Rights(alive=False, role=None, permit=refusal)
 
 
-def _endings(sessions: Collection[UUID]) -> dict[UUID, Ending]:
+def _endings(sessions: Collection[UUID]) -> dict[UUID, SessionEnd]:
     if not sessions:
         return {}
     over = ControlSession.objects.filter(pk__in=sessions, ended_at__isnull=False)
     notes = end_notes(sessions)
-    return {session.id: Ending(session.end_reason, notes.get(session.id, "")) for session in over}
+    return {session.id: SessionEnd(session.end_reason, notes.get(session.id, "")) for session in over}
 
 
-def _holding(lease: Lease) -> Holding:
+def _lease_state(lease: Lease) -> LeaseState:
     session = lease.session
     if session is None or lease.term_ends_at is None or lease.seen_at is None:
         raise ValueError(f"the lease of robot {lease.robot_id} is held, but incomplete")
-    return Holding(
+    return LeaseState(
         session=session.id,
         user=session.user.id,
         name=session.user.display_name,

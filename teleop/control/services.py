@@ -28,8 +28,8 @@ from robots.registry.services import fence_next
 from robots.wire import NotDone, Refusal
 from teleop.control import rules
 from teleop.control.policy import Permit, permitted_as
-from teleop.control.rules import Ask, Holding, Tab
-from teleop.control.selectors import asks_of, holding_of
+from teleop.control.rules import LeaseState, OpenRequest, Tab
+from teleop.control.selectors import lease_of, open_requests_of
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 
 T = TypeVar("T")
@@ -43,14 +43,14 @@ class NotStored(ControlRefused):
     """A step that may be done, and cannot be, for the database lets us down."""
 
 
-def let_down(error: DatabaseError) -> Refusal:
+def database_refusal(error: DatabaseError) -> Refusal:
     """What to say of a step that the database did not let us do."""
     code, cause = cause_of(error)
     return Refusal(f"database_{code}", f"Not done: {cause}. Try again.", "database")
 
 
 @contextmanager
-def change() -> Iterator[None]:
+def recorded_change() -> Iterator[None]:
     """One transaction. What cannot be recorded, or stored, is not done."""
     try:
         with transaction.atomic():
@@ -58,21 +58,21 @@ def change() -> Iterator[None]:
     except audit.AuditUnavailable as error:
         raise NotStored(Refusal(error.code, error.text, error.rule)) from error
     except DatabaseError as error:
-        raise NotStored(let_down(error)) from error
+        raise NotStored(database_refusal(error)) from error
 
 
 # --- taking and giving --------------------------------------------------------------------------
 
 
-def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> Holding:
+def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> LeaseState:
     """Give control of a robot that nobody else has. From the same person's other tab it moves here."""
-    with change():
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
-        before = holding_of(robot_id)
-        _require(rules.may_take(before, user=user_id, tab=tab, now=now))
+        before = lease_of(robot_id)
+        _require(rules.check_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
-            lapsed = rules.lapse(before, now)
+            lapsed = rules.lapse_reason(before, now)
             reason = EndReason(lapsed) if lapsed else EndReason.MOVED
             _end_session(before, reason, robot, None if lapsed else user, now)
         taken = _give(robot, user, tab, role, permit, before, highest_fence, now)
@@ -82,13 +82,13 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
 
 def lease_take_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
-) -> Holding:
+) -> LeaseState:
     """Take control from its holder, as a supervisor or staff, for a reason that is kept."""
-    with change():
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
-        held = holding_of(robot_id)
-        refusal = rules.may_take_over(held, user=user_id, supervises=supervises(user, robot), now=now)
+        held = lease_of(robot_id)
+        refusal = rules.check_take_over(held, user=user_id, supervises=supervises(user, robot), now=now)
         before = _allowed(held, refusal)
         note = f"{user.display_name} took over: {reason}"
         _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
@@ -107,12 +107,12 @@ def lease_take_over(
 
 def lease_hand_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, request_id: int, highest_fence: int, now: datetime
-) -> Holding:
+) -> LeaseState:
     """Give control to the person behind an open request."""
-    with change():
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
-        held = holding_of(robot_id)
-        before = _allowed(held, rules.must_hold(held, tab=tab, now=now))
+        held = lease_of(robot_id)
+        before = _allowed(held, rules.check_holder(held, tab=tab, now=now))
         ask = _ask(robot_id, request_id, now)
         receiver = _user(ask.user)
         role, permit = _permit(user=receiver, robot=robot, now=now)
@@ -135,11 +135,11 @@ def lease_hand_over(
 
 def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
     """Start a fresh term."""
-    with change():
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _, permit = _permit(user=user, robot=robot, now=now)
-        held = holding_of(robot_id)
-        before = _allowed(held, rules.may_renew(held, tab=tab, asks=asks_of(robot_id), now=now))
+        held = lease_of(robot_id)
+        before = _allowed(held, rules.check_renew(held, tab=tab, asks=open_requests_of(robot_id), now=now))
         ends = _term_end(permit, now)
         _change_lease(robot_id, before, {"term_ends_at": ends})
         _record("control.renew", before, robot, user, parameters={"term_s": (ends - now).total_seconds()})
@@ -147,11 +147,11 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
 
 def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
     """Go on with a lease on a new connection of its tab: after a reload, a network blip, in a duplicate of the tab."""
-    with change():
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _permit(user=user, robot=robot, now=now)
-        held = holding_of(robot_id)
-        before = _allowed(held, rules.may_resume(held, user=user_id, tab=tab, now=now))
+        held = lease_of(robot_id)
+        before = _allowed(held, rules.check_resume(held, user=user_id, tab=tab, now=now))
         _change_lease(robot_id, before, {"connection": tab.connection, "seen_at": now})
         _record("control.resume", before, robot, user)
 
@@ -173,9 +173,9 @@ def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime)
 
 def lease_expire(*, robot_id: UUID, now: datetime) -> None:
     """End a lease, if its term or grace is over; refused if it has just been changed or seen."""
-    with change():
-        held = holding_of(robot_id)
-        if held is not None and (why := rules.lapse(held, now)) is not None:
+    with recorded_change():
+        held = lease_of(robot_id)
+        if held is not None and (why := rules.lapse_reason(held, now)) is not None:
             _free(robot_id, held, now, seen_at=held.seen_at)
             _end_session(held, EndReason(why), _robot(robot_id), None, now)
 
@@ -194,8 +194,8 @@ def lease_end(
     Its holder `user_id` gives it back; or the right to it ended, or the bridge does not take it: `refusal`.
     """
     note, why = (refusal.text, refusal.code) if refusal else ("", "")
-    with change():
-        held = holding_of(robot_id)
+    with recorded_change():
+        held = lease_of(robot_id)
         if held is None or held.session != session:
             return
         _free(robot_id, held, now)
@@ -203,7 +203,7 @@ def lease_end(
         _end_session(held, reason, _robot(robot_id), by, now, note=note, why=why)
 
 
-def leases_end_with(sign_in: str, *, user_id: UUID, refusal: Refusal, now: datetime) -> None:
+def leases_end_of_sign_in(sign_in: str, *, user_id: UUID, refusal: Refusal, now: datetime) -> None:
     """End what was taken with a sign-in that is over (its `rules.fingerprint`): no page could come back to it."""
     taken = Lease.objects.filter(sign_in=sign_in).exclude(session=None)
     for robot_id, session in list(taken.values_list("robot_id", "session_id")):
@@ -220,14 +220,14 @@ def leases_end_with(sign_in: str, *, user_id: UUID, refusal: Refusal, now: datet
 # --- asking -------------------------------------------------------------------------------------
 
 
-def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
-    """Ask the holder for control. Asking again moves the question to this tab. Returns the request's number."""
-    with change():
+def control_request(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
+    """OpenRequest the holder for control. Asking again moves the question to this tab. Returns the request's number."""
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _permit(user=user, robot=robot, now=now)
-        held = holding_of(robot_id)
-        _require(rules.may_ask(held, user=user_id, now=now))
-        asks_lapse(now=now)
+        held = lease_of(robot_id)
+        _require(rules.check_request(held, user=user_id, now=now))
+        requests_lapse(now=now)
         seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection}
         request, _ = ControlRequest.objects.update_or_create(
             robot_id=robot_id,
@@ -240,16 +240,16 @@ def control_ask(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> in
     return int(request.pk)
 
 
-def control_ask_cancel(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
+def control_request_withdraw(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
     """Withdraw the question that this connection asked, or that it left behind, if there is one."""
     outcome = ControlRequest.Outcome.GONE if gone else ControlRequest.Outcome.CANCELLED
-    with change():
+    with recorded_change():
         _answer(now, outcome, robot_id=robot_id, connection=connection)
 
 
-def asks_lapse(*, now: datetime) -> None:
+def requests_lapse(*, now: datetime) -> None:
     """Close the questions that nobody answered in time."""
-    asked_until = now - timedelta(seconds=rules.ASK_S)
+    asked_until = now - timedelta(seconds=rules.REQUEST_S)
     with transaction.atomic():
         _answer(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
 
@@ -257,12 +257,12 @@ def asks_lapse(*, now: datetime) -> None:
 # --- stop ---------------------------------------------------------------------------------------
 
 
-def clear_begin(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: datetime) -> Record:
+def clear_authorize(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: datetime) -> Record:
     """Check that this person may clear the stop latch, and record it. After this the clear may be sent."""
-    with change():
+    with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
-        held = holding_of(robot_id)
-        _require(rules.may_clear(held, tab=tab, supervises=supervises(user, robot), now=now))
+        held = lease_of(robot_id)
+        _require(rules.check_clear(held, tab=tab, supervises=supervises(user, robot), now=now))
         return _record("stop.clear", held, robot, user)
 
 
@@ -290,9 +290,9 @@ def _user(user_id: UUID) -> User:
     return User.objects.get(pk=user_id)
 
 
-def _ask(robot_id: UUID, request_id: int, now: datetime) -> Ask:
-    ask = next((ask for ask in asks_of(robot_id) if ask.id == request_id), None)
-    return _allowed(ask, rules.must_ask(ask, now=now))
+def _ask(robot_id: UUID, request_id: int, now: datetime) -> OpenRequest:
+    ask = next((ask for ask in open_requests_of(robot_id) if ask.id == request_id), None)
+    return _allowed(ask, rules.check_still_open(ask, now=now))
 
 
 def _permit(*, user: User, robot: Robot, now: datetime) -> tuple[Role, Permit]:
@@ -314,12 +314,12 @@ def _give(
     tab: Tab,
     role: Role,
     permit: Permit,
-    before: Holding | None,
+    before: LeaseState | None,
     highest_fence: int,
     now: datetime,
-) -> Holding:
+) -> LeaseState:
     """Put `user` into the lease in place of `before`, with a new control session and fencing number."""
-    given = Holding(
+    given = LeaseState(
         session=uuid4(),
         user=user.id,
         name=user.display_name,
@@ -348,7 +348,7 @@ def _give(
     return given
 
 
-def _free(robot_id: UUID, held: Holding, now: datetime, **still: Any) -> None:
+def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None:
     """Give the robot to nobody, if the lease's columns are `still` so. Questions for control are answered by that."""
     nobody = {
         "session": None,
@@ -373,7 +373,7 @@ def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> Non
             _record("control.ask", None, request.robot, None, of=asked, outcome=outcome.value)
 
 
-def _change_lease(robot_id: UUID, before: Holding | None, to: dict[str, Any], **still: Any) -> None:
+def _change_lease(robot_id: UUID, before: LeaseState | None, to: dict[str, Any], **still: Any) -> None:
     """Change the lease if it is still as `before`, and `still` so; refused if somebody else was faster."""
     Lease.objects.get_or_create(robot_id=robot_id)
     if _unchanged(robot_id, before).filter(**still).update(**to) == 0:
@@ -381,7 +381,7 @@ def _change_lease(robot_id: UUID, before: Holding | None, to: dict[str, Any], **
         raise ControlRefused(Refusal("too_late", text, "lease"))
 
 
-def _unchanged(robot_id: UUID, before: Holding | None) -> QuerySet[Lease]:
+def _unchanged(robot_id: UUID, before: LeaseState | None) -> QuerySet[Lease]:
     """The robot's lease, if it is as it was read; that its page was seen again since changes nothing."""
     leases = Lease.objects.filter(robot_id=robot_id)
     if before is None:
@@ -392,7 +392,7 @@ def _unchanged(robot_id: UUID, before: Holding | None) -> QuerySet[Lease]:
 
 
 def _end_session(
-    held: Holding,
+    held: LeaseState,
     reason: EndReason,
     robot: Robot,
     by: User | None,
@@ -413,7 +413,7 @@ def _end_session(
     _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=names)
 
 
-def _record(kind: str, held: Holding | None, robot: Robot, actor: User | None, **told: Any) -> Record:
+def _record(kind: str, held: LeaseState | None, robot: Robot, actor: User | None, **told: Any) -> Record:
     """Put on record what happens to a control session."""
     return audit.record(
         kind,

@@ -24,6 +24,8 @@ def _signed_out(*, request: HttpRequest, user: User | None, **_: Any) -> None:
     if user is None or key is None:
         return
     try:
-        services.leases_end_with(fingerprint(key), user_id=user.pk, refusal=SIGNED_OUT, now=timezone.now())
+        services.leases_end_of_sign_in(
+            fingerprint(key), user_id=user.pk, refusal=SIGNED_OUT, now=timezone.now()
+        )
     except services.ControlRefused as refused:
         log.warning("control of %s did not end with the sign-in, and lapses by itself: %s", user.pk, refused)

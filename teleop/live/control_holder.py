@@ -19,15 +19,15 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
-from teleop.background.tasks import run_beside
+from teleop.background.tasks import run_in_background
 from teleop.control import services
 from teleop.control.policy import ROLE_LOWERED, Permit
-from teleop.control.rules import NO_LEASE, Holding, Phase, Tab, lapse, open_asks, phase
+from teleop.control.rules import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, open_requests, phase
 from teleop.control.services import ControlRefused
-from teleop.control.status import Ending, Rights, Standing, control_for, gist
+from teleop.control.status import ControlStatus, Rights, SessionEnd, comparable, control_message
 from teleop.live import notices
-from teleop.live.lease_renewal import Grip
-from teleop.live.robot_hub import Room
+from teleop.live.lease_renewal import LeaseRenewer
+from teleop.live.robot_hub import RobotHub
 from teleop.models import EndReason
 
 log = logging.getLogger(__name__)
@@ -50,15 +50,15 @@ class ControlHolder:
     """
 
     def __init__(
-        self, hub: Room, user_id: UUID, tab: Tab, *, report: Report, delay_s: Callable[[], float | None]
+        self, hub: RobotHub, user_id: UUID, tab: Tab, *, report: Report, delay_s: Callable[[], float | None]
     ) -> None:
         self.tab = tab
         self._hub = hub
         self._user_id = user_id
         self._report = report
         self._delay_s = delay_s
-        self._renewer: Grip | None = None
-        self._status: Standing | None = None
+        self._renewer: LeaseRenewer | None = None
+        self._status: ControlStatus | None = None
         self._rights: Rights | None = None
         self._left = False  # a status that arrives after `leave` must not start a renewal
         self._given_up: UUID | None = (
@@ -72,9 +72,9 @@ class ControlHolder:
         self._withdrew = False  # it withdrew its request itself, even if an older status still lists it
 
     @property
-    def lease(self) -> Holding | None:
+    def lease(self) -> LeaseState | None:
         """The lease while this connection has control."""
-        return self._renewer.holding if self._renewer else None
+        return self._renewer.lease if self._renewer else None
 
     @property
     def fence(self) -> int | None:
@@ -84,12 +84,12 @@ class ControlHolder:
     @property
     def session(self) -> UUID | None:
         """Its control session."""
-        return self._renewer.holding.session if self._renewer else None
+        return self._renewer.lease.session if self._renewer else None
 
     @property
     def role(self) -> Role | None:
         """The role in which its person took control."""
-        return self._renewer.holding.role if self._renewer else None
+        return self._renewer.lease.role if self._renewer else None
 
     # --- requests -----------------------------------------------------------------------------------
 
@@ -114,7 +114,7 @@ class ControlHolder:
 
     async def resume(self) -> None:
         """Go on with the lease of the same tab, after a reload or a network failure, if there is one."""
-        lease = self._status.holding if self._status else None
+        lease = self._status.lease if self._status else None
         if lease is None or lease.user != self._user_id or not lease.tab.is_same_tab(self.tab):
             return
         try:
@@ -133,16 +133,16 @@ class ControlHolder:
         await self._end_lease()
 
     async def ask(self) -> None:
-        """Ask the holder for control."""
+        """OpenRequest the holder for control."""
         self._withdrew = False
-        await self._change(services.control_ask)
+        await self._change(services.control_request)
 
     async def withdraw(self) -> None:
         """Withdraw the request for control."""
         self._withdrew = True
         now = timezone.now()
         await in_database(
-            services.control_ask_cancel,
+            services.control_request_withdraw,
             robot_id=self._hub.robot_id,
             connection=self.tab.connection,
             gone=False,
@@ -172,7 +172,7 @@ class ControlHolder:
 
     # --- events -------------------------------------------------------------------------------------
 
-    async def follow(self, status: Standing, rights: Rights) -> None:
+    async def follow(self, status: ControlStatus, rights: Rights) -> None:
         """Follow the lease: start renewing a lease of this connection, stop renewing one that it lost, and report."""
         self._status, self._rights = status, rights
         await self._follow_lease(status, rights)
@@ -195,21 +195,21 @@ class ControlHolder:
         renewer, self._renewer = self._renewer, None
         if renewer:
             renewer.leave()
-        session = renewer.holding.session if renewer else None
+        session = renewer.lease.session if renewer else None
         await in_database(_leave, self._hub.robot_id, self.tab.connection, session)
         await self._hub.changed()
 
     # --- getting and losing control --------------------------------------------------------------------
 
-    async def _follow_lease(self, status: Standing, rights: Rights) -> None:
-        mine = status.holding if self._is_mine(status) else None
+    async def _follow_lease(self, status: ControlStatus, rights: Rights) -> None:
+        mine = status.lease if self._is_mine(status) else None
         if mine and mine.session == self._given_up:
             mine = None
         if self._renewer and (mine is None or mine.session != self.session):
             await self._lost(self._renewer, status)
         if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
             self._requesting = False  # control answers its request
-            self._renewer = Grip(
+            self._renewer = LeaseRenewer(
                 self._hub,
                 mine,
                 permit=rights.permit,
@@ -219,26 +219,26 @@ class ControlHolder:
                 delay_s=self._delay_s,
             )
 
-    def _is_mine(self, status: Standing) -> bool:
+    def _is_mine(self, status: ControlStatus) -> bool:
         """Whether this connection has the lease, by the database."""
-        lease = status.holding
+        lease = status.lease
         return (
             lease is not None
             and lease.tab.connection == self.tab.connection
             and phase(lease, status.read_at) is not Phase.LAPSED
         )
 
-    async def _lost(self, renewer: Grip, status: Standing) -> None:
+    async def _lost(self, renewer: LeaseRenewer, status: ControlStatus) -> None:
         """Stop renewing: another connection has the lease now, or it ended elsewhere."""
         self._renewer = None
-        session, lease = renewer.holding.session, status.holding
+        session, lease = renewer.lease.session, status.lease
         if lease and lease.session == session and lease.tab.connection not in ("", self.tab.connection):
             renewer.pass_on()
             await self._report(notices.GOES_ON_ELSEWHERE)
             return
         # A lease that is over by the clock is over, even while its end cannot be stored.
-        lapsed = lapse(lease or renewer.holding, status.read_at) or "term"
-        ending = status.endings.get(session) or Ending(lapsed, "")
+        lapsed = lapse_reason(lease or renewer.lease, status.read_at) or "term"
+        ending = status.endings.get(session) or SessionEnd(lapsed, "")
         renewer.revoke(ending.note or str(EndReason(ending.reason).label))
         await self._report(notices.control_ended(ending))
 
@@ -252,7 +252,7 @@ class ControlHolder:
             return
         if isinstance(permit, Refusal):
             await self._end(EndReason.RIGHT, permit)
-        elif rights.role is not None and rights.role < renewer.holding.role:
+        elif rights.role is not None and rights.role < renewer.lease.role:
             await self._end(EndReason.RIGHT, ROLE_LOWERED)
         elif permit.max_share != renewer.permit.max_share:
             renewer.permit = permit
@@ -269,11 +269,11 @@ class ControlHolder:
         renewer, self._renewer = self._renewer, None
         if renewer is None:
             return False
-        session = self._given_up = renewer.holding.session
+        session = self._given_up = renewer.lease.session
         self._reported = None  # report again, even if the start of this control was never reported
         renewer.revoke(words)
         self._store_end = partial(_end_lease, self._hub.robot_id, session, reason, refusal, by)
-        run_beside(self._keep_ending())
+        run_in_background(self._keep_ending())
         return True
 
     async def _end_lease(self) -> None:
@@ -304,19 +304,19 @@ class ControlHolder:
         status = self._status
         if status is None or self._rights is None:
             return
-        if status.holding and status.holding.session == self._given_up:
-            status = structs.replace(status, holding=None)
+        if status.lease and status.lease.session == self._given_up:
+            status = structs.replace(status, lease=None)
         # Wait: the bridge has not answered the first grant, or control was lost and its end is not stored yet.
         if self._is_mine(status) and not (self._renewer and self._renewer.is_settled):
             return
-        control = control_for(status, user=self._user_id, tab=self.tab, rights=self._rights)
-        essence = gist(control, status)
+        control = control_message(status, user=self._user_id, tab=self.tab, rights=self._rights)
+        essence = comparable(control, status)
         if essence != self._reported:
             self._reported = essence
             await self._report(control)
 
-    async def _report_requests(self, status: Standing) -> None:
-        requests = open_asks(status.asks, status.read_at)
+    async def _report_requests(self, status: ControlStatus) -> None:
+        requests = open_requests(status.asks, status.read_at)
         if self._renewer:
             for request in requests:
                 if request.id not in self._requests:
@@ -324,7 +324,7 @@ class ControlHolder:
         self._requests = {request.id for request in requests}
         requesting = any(request.tab.connection == self.tab.connection for request in requests)
         if self._requesting and not requesting and not self._withdrew:
-            await self._report(notices.answered(free=status.holding is None))
+            await self._report(notices.answered(free=status.lease is None))
         self._requesting = requesting
 
 
@@ -333,7 +333,7 @@ def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
     now = timezone.now()
     if session is not None:
         services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
-    services.control_ask_cancel(robot_id=robot_id, connection=connection, gone=True, now=now)
+    services.control_request_withdraw(robot_id=robot_id, connection=connection, gone=True, now=now)
 
 
 def _end_lease(

@@ -21,13 +21,13 @@ from robots.registry.models import Role
 from robots.registry.selectors import link_address, robots_visible_to, roles_of
 from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
-from teleop.background.tasks import run_beside
+from teleop.background.tasks import run_in_background
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
-from teleop.control.services import let_down
+from teleop.control.services import database_refusal
 from teleop.live.socket import CloseCode, MessageSocket
 from teleop.live.tasks import BUSY
-from teleop.recording.refusals import Denied
+from teleop.recording.refusals import RefusedRequest
 from teleop.stop.emergency_stop import StopButton, clear
 
 log = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class FleetConsumer(MessageSocket):
         self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.user = await in_database(_person, self.person)
         await self._look()
-        self._loops = [run_beside(self._keep_looking()), run_beside(self._keep_showing())]
+        self._loops = [run_in_background(self._keep_looking()), run_in_background(self._keep_showing())]
 
     async def closed(self) -> None:
         """Follow no robot any more."""
@@ -134,7 +134,7 @@ class FleetConsumer(MessageSocket):
             await self._not_cleared(slug, BUSY)
         else:
             self._clearing.add(slug)
-            run_beside(self._clear(slug, self._links[slug], number))
+            run_in_background(self._clear(slug, self._links[slug], number))
 
     async def _clear(self, slug: str, link: BridgeLink, number: int) -> None:
         try:
@@ -142,7 +142,7 @@ class FleetConsumer(MessageSocket):
         except NotDone as refused:
             await self._not_cleared(slug, refused.refusal)
         except DatabaseError as error:
-            await self._not_cleared(slug, let_down(error))
+            await self._not_cleared(slug, database_refusal(error))
         finally:
             self._clearing.discard(slug)
 
@@ -150,9 +150,9 @@ class FleetConsumer(MessageSocket):
         told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
         await self.answer(Refused("clear", told))
 
-    def denied(self, of: str, refusal: Refusal) -> Denied:
+    def denied(self, of: str, refusal: Refusal) -> RefusedRequest:
         """By this person; which robot it was about, the record of a stop tells."""
-        return Denied(self.user, self.through, of, refusal)
+        return RefusedRequest(self.user, self.through, of, refusal)
 
     # --- what the page is shown --------------------------------------------------------------------
 

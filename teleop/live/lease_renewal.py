@@ -11,8 +11,8 @@ from contextlib import suppress
 from robots.link.client import LinkRefused
 from robots.wire import Grant, Pause, Refusal, Revoke
 from teleop.control.policy import Permit
-from teleop.control.rules import Holding
-from teleop.live.robot_hub import Room
+from teleop.control.rules import LeaseState
+from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +21,7 @@ RENEW_S = 1.0
 CONFIRMED_S = 2.0  # control that was not confirmed by the database for so long is not renewed
 
 
-class Grip:
+class LeaseRenewer:
     """Made when a connection gets the lease. One of `revoke`, `leave` and `pass_on` ends it.
 
     `delay_s` tells how long the way to the page and back takes (None: not known yet); the bridge reckons with it.
@@ -29,25 +29,25 @@ class Grip:
 
     def __init__(
         self,
-        room: Room,
-        holding: Holding,
+        hub: RobotHub,
+        lease: LeaseState,
         *,
         permit: Permit,
         settled: Callable[[], Awaitable[None]],
         refused: Callable[[Refusal], Awaitable[None]],
         delay_s: Callable[[], float | None],
     ) -> None:
-        self.holding = holding
-        self.fence = holding.fence
+        self.lease = lease
+        self.fence = lease.fence
         self.permit = permit
         self.is_settled = False  # the bridge has answered, or cannot be asked
-        self._room = room
+        self._room = hub
         self._settled = settled
         self._refused = refused
         self._delay_s = delay_s
         self._again = asyncio.Event()
         # Whoever had this lease before, on another connection: its stick is over, sequence numbers begin anew.
-        room.link.send(Pause(self.fence, "The page was opened anew."))
+        hub.link.send(Pause(self.fence, "The page was opened anew."))
         self._task = asyncio.create_task(self._keep_granted())
 
     def renew_soon(self) -> None:
@@ -103,9 +103,9 @@ class Grip:
             Grant(
                 fence=self.fence,
                 seconds=GRANT_S,
-                session=str(self.holding.session),
-                holder=self.holding.name,
-                holder_id=str(self.holding.user),
+                session=str(self.lease.session),
+                holder=self.lease.name,
+                holder_id=str(self.lease.user),
                 max_share=self.permit.max_share,
                 delay_s=self._delay_s(),
             )

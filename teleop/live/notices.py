@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robots.wire import Level, Notice, Refusal
 from teleop.control.rules import GRACE_S
-from teleop.control.status import Ending
+from teleop.control.status import SessionEnd
 from teleop.models import EndReason
 
 # News: people decided it. A warning: the rules ended it, and the holder may want it back. An error: something failed.
@@ -30,7 +30,7 @@ _TEXTS = {
 GOES_ON_ELSEWHERE = Notice("info", "elsewhere", "Control goes on in another tab.")
 
 
-def control_ended(ending: Ending) -> Notice:
+def control_ended(ending: SessionEnd) -> Notice:
     """Why control ended, to the page that had it."""
     reason = EndReason(ending.reason)
     text = _TEXTS.get(reason, ending.note) or str(reason.label)

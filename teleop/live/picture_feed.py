@@ -17,13 +17,15 @@ Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 ROUND_TRIPS = 40  # pictures whose way is kept: some four seconds
 SHARE = 0.95
-CROWD = 30  # onlookers who get every picture; of twice as many each gets every second one, and so on
+FULL_RATE_VIEWERS = (
+    30  # onlookers who get every picture; of twice as many each gets every second one, and so on
+)
 
 
-class Viewer:
+class PictureViewer:
     """One page that looks. At most one picture is on its way to it, and none is kept for it."""
 
-    def __init__(self, views: Views, send: Send) -> None:
+    def __init__(self, views: PictureFeed, send: Send) -> None:
         self.send = send
         self.shown = 0  # number of the last picture sent
         self.turn = views.admit(self)
@@ -53,7 +55,7 @@ class Viewer:
         self._views.dismiss(self)
 
 
-class Views:
+class PictureFeed:
     """The newest picture of one robot, and who is ready for the next.
 
     A picture is encoded once, by the bridge; all viewers are handed the same text. Sending never waits under
@@ -63,14 +65,14 @@ class Views:
     def __init__(self) -> None:
         self.number = 0
         self.every = 1  # an onlooker's turn comes with every so many pictures
-        self.ready: set[Viewer] = set()
-        self._viewers: set[Viewer] = set()
+        self.ready: set[PictureViewer] = set()
+        self._viewers: set[PictureViewer] = set()
         self._admitted = 0
         self._newest: dict[str, Any] = {}
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._hand_out())
 
-    def admit(self, viewer: Viewer) -> int:
+    def admit(self, viewer: PictureViewer) -> int:
         """Let a viewer in, ready for its first picture. Returns its place in the turns."""
         self._viewers.add(viewer)
         self.ready.add(viewer)
@@ -78,7 +80,7 @@ class Views:
         self._admitted += 1
         return self._admitted
 
-    def dismiss(self, viewer: Viewer) -> None:
+    def dismiss(self, viewer: PictureViewer) -> None:
         """See a viewer out."""
         self._viewers.discard(viewer)
         self.ready.discard(viewer)
@@ -90,7 +92,7 @@ class Views:
         self._newest = {"type": "websocket.send", "text": raw}
         self._news.set()
 
-    async def show(self, viewer: Viewer) -> None:
+    async def show(self, viewer: PictureViewer) -> None:
         """Send the newest picture to one viewer."""
         viewer.shown = self.number
         viewer.sent_s = time.monotonic()
@@ -115,10 +117,10 @@ class Views:
                 except Exception:
                     log.exception("a picture was not sent")
 
-    def _has_turn(self, viewer: Viewer) -> bool:
+    def _has_turn(self, viewer: PictureViewer) -> bool:
         if viewer.drives or self.number - viewer.shown > self.every:
             return True
         return (self.number + viewer.turn) % self.every == 0
 
     def _count(self) -> None:
-        self.every = 1 + max(0, len(self._viewers) - 1) // CROWD
+        self.every = 1 + max(0, len(self._viewers) - 1) // FULL_RATE_VIEWERS

@@ -22,17 +22,17 @@ from robots.wire import (
     browser_message,
     kind_of,
 )
-from teleop.background.tasks import RequestQueue, run_beside
+from teleop.background.tasks import RequestQueue, run_in_background
 from teleop.control import services
 from teleop.control.rules import Tab, fingerprint
 from teleop.control.services import ControlRefused
-from teleop.control.status import Registered, Standing
+from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
-from teleop.live.picture_feed import Viewer
+from teleop.live.picture_feed import PictureViewer
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.socket import CloseCode
-from teleop.live.tasks import BUSY, Orders, not_held
+from teleop.live.tasks import BUSY, TaskSender, check_fence
 from teleop.stop import emergency_stop
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ class RobotConsumer(RobotSocket):
     def __init__(self) -> None:
         super().__init__()
         self.control: ControlHolder | None = None  # from hello on
-        self.viewer: Viewer | None = None
+        self.viewer: PictureViewer | None = None
 
     # --- opening and closing -----------------------------------------------------------------------
 
@@ -62,8 +62,8 @@ class RobotConsumer(RobotSocket):
                 self.user, self.through, partial(self.refuse, "stop")
             )
             self.requests = RequestQueue()
-            self.orders = Orders(self)
-            self.room = robot_hub.enter(self.robot_id, entry, self)
+            self.orders = TaskSender(self)
+            self.hub = robot_hub.join(self.robot_id, entry, self)
 
     async def closed(self) -> None:
         """Stop the robot at once; the lease waits for the page to come back."""
@@ -78,7 +78,7 @@ class RobotConsumer(RobotSocket):
         except (ControlRefused, DatabaseError) as error:
             log.warning("A closed page was not stored; its lease lapses by itself: %s", error)
         finally:
-            await self.room.remove(self)
+            await self.hub.remove(self)
 
     # --- what the page says ------------------------------------------------------------------------
 
@@ -86,7 +86,7 @@ class RobotConsumer(RobotSocket):
         """One message. A drive message takes no detour, a stop waits for nothing."""
         message = browser_message(raw)
         if isinstance(message, wire.Stop):  # paid for, and never refused
-            self.stop_button.press(self.room.link, flood=not self.spend())
+            self.stop_button.press(self.hub.link, flood=not self.spend())
         elif not await self.within_budget(kind_of(message)):
             return
         elif isinstance(message, wire.Drive):
@@ -106,7 +106,7 @@ class RobotConsumer(RobotSocket):
     def heard_now(self, raw: str) -> bool:
         """The stick of who has control goes on to a bridge on this computer before anything else is done."""
         fence = self.fence
-        if fence is None or not raw.startswith(_DRIVE) or not self.room.link.has_lane:
+        if fence is None or not raw.startswith(_DRIVE) or not self.hub.link.has_lane:
             return False
         try:
             drive = browser_message(raw)
@@ -114,21 +114,21 @@ class RobotConsumer(RobotSocket):
             return False
         if not isinstance(drive, wire.Drive) or drive.fence != fence or not self.spend():
             return False
-        if not self.room.link.forward_now(raw):
+        if not self.hub.link.forward_now(raw):
             self.refused["link_busy"] += 1  # a newer one follows in a moment
         return True
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         if drive.fence == self.fence:
-            if not await self.room.link.forward(raw):
+            if not await self.hub.link.forward(raw):
                 self.refused["link_busy"] += 1  # a newer one follows in a moment
             return
-        refusal = not_held(drive.fence, self.fence)
+        refusal = check_fence(drive.fence, self.fence)
         if refusal is not None:
             await self.refuse("drive", refusal, drive.seq, drive.fence)
 
     async def _refresh(self, refresh: wire.Refresh) -> None:
-        refusal = self.room.refresh(self)
+        refusal = self.hub.refresh(self)
         kind = kind_of(refresh)
         await self.answer(Refused(kind, refusal, refresh.seq) if refusal else Accepted(kind, refresh.seq))
 
@@ -147,7 +147,7 @@ class RobotConsumer(RobotSocket):
             await self.refuse(kind_of(message), refused.refusal)
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
-            await self._not_now(message, services.let_down(error))
+            await self._not_now(message, services.database_refusal(error))
 
     async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
         await self.refuse(kind_of(message), refusal)
@@ -161,22 +161,22 @@ class RobotConsumer(RobotSocket):
             raise ControlRefused(Refusal("hello_twice", "This page has said hello already.", "wire"))
         tab = Tab(hello.tab, fingerprint(self.person[1]), self.id)
         self.control = ControlHolder(
-            self.room,
+            self.hub,
             self.user.id,
             tab,
             report=self.tell,
             delay_s=lambda: self.viewer.delay_s if self.viewer else None,
         )
         await self._welcome()
-        await self.room.look_for(self)
+        await self.hub.look_for(self)
         await self.control.resume()
-        self.viewer = Viewer(self.room.views, self.asgi_send)
+        self.viewer = PictureViewer(self.hub.views, self.asgi_send)
         self.viewer.drives = self.fence is not None
         self.looks = True
-        self.room.watchers_changed()
-        if self.room.link.offers:
-            await self.tell(self.room.link.offers)
-        await self.room.link_settles()
+        self.hub.watchers_changed()
+        if self.hub.link.offers:
+            await self.tell(self.hub.link.offers)
+        await self.hub.link_settles()
         self.tell_if_gone()
 
     async def _change(self, message: wire.BrowserMessage, control: ControlHolder) -> None:
@@ -197,9 +197,9 @@ class RobotConsumer(RobotSocket):
             case wire.AskCancel():
                 await control.withdraw()
             case wire.Clear(number=number):
-                await emergency_stop.clear(self.room.link, number, user=self.user, tab=control.tab)
+                await emergency_stop.clear(self.hub.link, number, user=self.user, tab=control.tab)
 
-    # --- what the room says (rooms.Member) -----------------------------------------------------------
+    # --- what the hub says (robot_hub.Member) -----------------------------------------------------------
 
     @property
     def held_session(self) -> UUID | None:
@@ -216,20 +216,20 @@ class RobotConsumer(RobotSocket):
         """The role in which that was got."""
         return self.control.role if self.control else None
 
-    async def stands(self, standing: Standing) -> None:
+    async def stands(self, status: ControlStatus) -> None:
         """Follow this person's rights and the lease."""
         role_before = self.rights.role
-        await super().stands(standing)
+        await super().stands(status)
         if not self.may_look:
             return
         if role_before != self.rights.role:
             await self._welcome()
         if self.control:
-            await self.control.follow(standing, self.rights)
+            await self.control.follow(status, self.rights)
         if self.viewer:
             self.viewer.drives = self.fence is not None
 
-    async def edited(self, entry: Registered) -> None:
+    async def edited(self, entry: RobotEntry) -> None:
         """The robot was edited."""
         await self._welcome()
         self.tell_if_gone()
@@ -243,7 +243,7 @@ class RobotConsumer(RobotSocket):
     def offered(self, offers: Offers) -> None:
         """Say what the robot offers now; a page that has not said hello is told then."""
         if self.looks:
-            run_beside(self.tell(offers))
+            run_in_background(self.tell(offers))
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """Look what came in between, and grip again if nothing did."""
@@ -253,7 +253,7 @@ class RobotConsumer(RobotSocket):
     def refused_at_bridge(self, refused: Refused) -> None:
         """Pass on what was refused of ours."""
         if self.fence is not None and refused.fence == self.fence:
-            run_beside(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
+            run_in_background(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
 
     async def cut_off(self, refusal: Refusal) -> None:
         """This person may not even see the robot any more."""
@@ -268,7 +268,7 @@ class RobotConsumer(RobotSocket):
     async def _welcome(self) -> None:
         if self.control is not None and self.rights.role:
             role = cast(wire.Role, self.rights.role.value)
-            await self.tell(wire.Welcome(wire.PROTOCOL, self.name, role, self.room.entry.facts))
+            await self.tell(wire.Welcome(wire.PROTOCOL, self.name, role, self.hub.entry.facts))
 
     def tell_if_gone(self) -> None:
         """Say that the bridge is away; a page that has not said hello is told then."""

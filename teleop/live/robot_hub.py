@@ -1,4 +1,4 @@
-"""A room: one robot and everybody who has its page open in this web process.
+"""A hub: one robot and everybody who has its page open in this web process.
 
 It holds the link, hands out the pictures and looks at the database for all of them together: every half second
 for those who have control or look closely, else every two. A stale look changes nothing for the better: who may
@@ -23,13 +23,13 @@ from robots.link.client import BridgeLink, links
 from robots.wire import Ended, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
 from teleop.control import rules
-from teleop.control.lease_events import Hints
+from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Phase
-from teleop.control.selectors import SignIn, registered, standing_of
+from teleop.control.selectors import SignIn, control_status, robot_entry
 from teleop.control.services import ControlRefused, lease_expire, lease_seen
-from teleop.control.status import Registered, Standing
-from teleop.live.picture_feed import Views
-from teleop.live.topic_feed import Looks
+from teleop.control.status import ControlStatus, RobotEntry
+from teleop.live.picture_feed import PictureFeed
+from teleop.live.topic_feed import TopicFeed
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ LOOKS_PER_FULL = 4  # everybody's rights and the registry: every so many looks
 
 
 class Member(Protocol):
-    """One page, as its room sees it."""
+    """One page, as its hub sees it."""
 
     id: str
     person: SignIn
@@ -57,10 +57,10 @@ class Member(Protocol):
     def closely(self) -> bool:
         """Whether this person's rights are looked at each time."""
 
-    async def stands(self, standing: Standing) -> None:
+    async def stands(self, status: ControlStatus) -> None:
         """How control stands now."""
 
-    async def edited(self, entry: Registered) -> None:
+    async def edited(self, entry: RobotEntry) -> None:
         """What the registry says of the robot, at each full look."""
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
@@ -76,21 +76,21 @@ class Member(Protocol):
         """The bridge refused somebody's message."""
 
 
-class Room:
-    """See the module. Made by `enter`, gone with its last member."""
+class RobotHub:
+    """See the module. Made by `join`, gone with its last member."""
 
-    def __init__(self, robot_id: UUID, entry: Registered) -> None:
+    def __init__(self, robot_id: UUID, entry: RobotEntry) -> None:
         self.robot_id = robot_id
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
-        self.views = Views()
-        self.topics = Looks(self._look_at)
+        self.views = PictureFeed()
+        self.topics = TopicFeed(self._look_at)
         self.members: dict[str, Member] = {}
         self.link_is_up = asyncio.Event()
         self._refreshed_s = float("-inf")
         self.looked_s = time.monotonic()  # when the rights of all who have control were last looked up
         self._one_look = asyncio.Lock()
-        self._hints = Hints(robot_id, self.look)
+        self._lease_events = LeaseEvents(robot_id, self.look)
         self._looking = asyncio.create_task(self._keep_looking())
         self.link.subscribe(self)
 
@@ -102,17 +102,17 @@ class Room:
         self.watchers_changed()
 
     async def remove(self, member: Member) -> None:
-        """See a page out; the last one closes the room."""
+        """See a page out; the last one closes the hub."""
         self.members.pop(member.id, None)
         if self.members:
             self.watchers_changed()
             return
-        _rooms.pop(self.robot_id, None)
+        _hubs.pop(self.robot_id, None)
         self._looking.cancel()  # first: it might follow another link yet
         with suppress(asyncio.CancelledError):
             await self._looking
         self.link.unsubscribe(self)
-        await self._hints.close()
+        await self._lease_events.close()
         await self.views.close()
 
     def watchers_changed(self) -> None:
@@ -148,7 +148,7 @@ class Room:
 
         What is done is done: who cannot be told now finds out at a later look.
         """
-        await self._hints.give()
+        await self._lease_events.publish()
         try:
             await self.look()
         except DatabaseError as error:
@@ -165,12 +165,12 @@ class Room:
     async def _look(self, people: Collection[SignIn]) -> None:
         # One after the other: what members are told never goes back in time.
         async with self._one_look:
-            standing, looked_s = await in_database(self._read, people)
+            status, looked_s = await in_database(self._read, people)
             if self._holders.issubset(people):
                 self.looked_s = looked_s
             for member in list(self.members.values()):
                 try:
-                    await member.stands(standing)
+                    await member.stands(status)
                 except Exception:  # one page's fault is not the others'
                     log.exception("a page of robot %s was not told how control stands", self.robot_id)
 
@@ -178,19 +178,19 @@ class Room:
     def _holders(self) -> set[SignIn]:
         return {member.person for member in self.members.values() if member.held_session}
 
-    def _read(self, people: Collection[SignIn]) -> tuple[Standing, float]:
+    def _read(self, people: Collection[SignIn]) -> tuple[ControlStatus, float]:
         """How control stands, and since when by the monotonic clock that is known: an answer may be long on its way."""
         looked_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
-        standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
-        if rules.phase(standing.holding, standing.read_at) is not Phase.LAPSED:
-            return standing, looked_s
+        status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+        if rules.phase(status.lease, status.read_at) is not Phase.LAPSED:
+            return status, looked_s
         # It is over by the clock, even if nothing can be written; or somebody else expires it, or it came back.
         with suppress(ControlRefused, DatabaseError):
             self._note_seen()
-            lease_expire(robot_id=self.robot_id, now=standing.read_at)
-        standing = standing_of(self.robot_id, people=people, sessions=sessions, now=timezone.now())
-        return standing, looked_s
+            lease_expire(robot_id=self.robot_id, now=status.read_at)
+        status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
+        return status, looked_s
 
     def _note_seen(self) -> None:
         """The holder's page was there when it last spoke; it pings, and a cut network looks like an open connection."""
@@ -234,7 +234,7 @@ class Room:
             await in_database(self._note_seen)
 
     async def _read_registry(self) -> None:
-        entry = await in_database(registered, self.robot_id)
+        entry = await in_database(robot_entry, self.robot_id)
         if entry is None or entry == self.entry:
             return
         self.entry = entry
@@ -287,13 +287,13 @@ class Room:
             member.refused_at_bridge(refused)
 
 
-_rooms: dict[UUID, Room] = {}
+_hubs: dict[UUID, RobotHub] = {}
 
 
-def enter(robot_id: UUID, entry: Registered, member: Member) -> Room:
-    """The robot's room, with `member` in it."""
-    room = _rooms.get(robot_id)
-    if room is None:
-        room = _rooms[robot_id] = Room(robot_id, entry)
-    room.add(member)
-    return room
+def join(robot_id: UUID, entry: RobotEntry, member: Member) -> RobotHub:
+    """The robot's hub, with `member` in it."""
+    hub = _hubs.get(robot_id)
+    if hub is None:
+        hub = _hubs[robot_id] = RobotHub(robot_id, entry)
+    hub.add(member)
+    return hub

@@ -10,19 +10,19 @@ from fleet.accounts.models import User
 from robots.registry.selectors import robots_visible_to
 from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
 from teleop.background.database import in_database
-from teleop.background.tasks import run_beside
-from teleop.control.selectors import SignIn, registered, rights_of
-from teleop.control.status import Registered, Rights, Standing
+from teleop.background.tasks import run_in_background
+from teleop.control.selectors import SignIn, rights_of, robot_entry
+from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub
 from teleop.live.socket import CloseCode, MessageSocket
-from teleop.recording.refusals import Denied
+from teleop.recording.refusals import RefusedRequest
 
 
 class RobotSocket(MessageSocket):
-    """Base of what is opened about one robot: one member of its room (`rooms.Member`), which hears nothing yet."""
+    """Base of what is opened about one robot: one member of its hub (`robot_hub.Member`), which hears nothing yet."""
 
     through: str  # what this door is called on record
-    room: robot_hub.Room
+    hub: robot_hub.RobotHub
     person: SignIn
     user: User
     rights: Rights
@@ -33,7 +33,7 @@ class RobotSocket(MessageSocket):
         self.name = ""
         self.looks = False
 
-    async def find_robot(self) -> Registered | None:
+    async def find_robot(self) -> RobotEntry | None:
         """The robot of this address, if there is one that this person may see; else the connection is closed."""
         slug = self.scope["url_route"]["kwargs"]["slug"]
         self.person = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
@@ -47,20 +47,20 @@ class RobotSocket(MessageSocket):
 
     @property
     def entered(self) -> bool:
-        """Whether the robot was found, and its room entered."""
-        return hasattr(self, "room")
+        """Whether the robot was found, and its hub entered."""
+        return hasattr(self, "hub")
 
-    def denied(self, of: str, refusal: Refusal) -> Denied | None:
+    def denied(self, of: str, refusal: Refusal) -> RefusedRequest | None:
         """By this person at this robot, in the control session that they have here."""
         if not self.entered:
             return None
-        return Denied(
+        return RefusedRequest(
             self.user,
             self.through,
             of,
             refusal,
             robot_id=self.robot_id,
-            robot_name=self.room.entry.facts.name,
+            robot_name=self.hub.entry.facts.name,
             session_id=self.held_session,
             fence=self.fence,
         )
@@ -71,7 +71,7 @@ class RobotSocket(MessageSocket):
         code = CloseCode.NOT_PERMITTED if self.rights.alive else CloseCode.SIGNED_OUT
         await self.close(code, refusal.text)
 
-    # --- what the room says (rooms.Member) -----------------------------------------------------------
+    # --- what the hub says (robot_hub.Member) -----------------------------------------------------------
 
     @property
     def held_session(self) -> UUID | None:
@@ -88,9 +88,9 @@ class RobotSocket(MessageSocket):
         """Whether this person's rights are looked at each time."""
         return self.held_session is not None
 
-    async def stands(self, standing: Standing) -> None:
+    async def stands(self, status: ControlStatus) -> None:
         """Follow this person's rights."""
-        self.rights = standing.rights.get(self.person, self.rights)
+        self.rights = status.rights.get(self.person, self.rights)
         if not self.may_look:
             permit = self.rights.permit
             nothing = Refusal("no_role", "You may not look.", "account")
@@ -101,7 +101,7 @@ class RobotSocket(MessageSocket):
         """Whether this person may still see the robot."""
         return self.rights.alive and self.rights.role is not None
 
-    async def edited(self, entry: Registered) -> None:
+    async def edited(self, entry: RobotEntry) -> None:
         """The robot was edited."""
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
@@ -110,9 +110,9 @@ class RobotSocket(MessageSocket):
 
     def tell_if_gone(self) -> None:
         """Say that the bridge is away, if it is."""
-        refusal = self.room.entry.refusal or self.room.link.refusal
-        if refusal and not self.room.link.up:
-            run_beside(self.tell(BridgeGone(refusal, self.room.link.seen_at, self.room.link.pending)))
+        refusal = self.hub.entry.refusal or self.hub.link.refusal
+        if refusal and not self.hub.link.up:
+            run_in_background(self.tell(BridgeGone(refusal, self.hub.link.seen_at, self.hub.link.pending)))
 
     def offered(self, offers: Offers) -> None:
         """The robot offers something else."""
@@ -124,11 +124,11 @@ class RobotSocket(MessageSocket):
         """The bridge refused somebody's message."""
 
 
-def _find(slug: str, person: SignIn) -> tuple[User, UUID, Registered, Rights] | None:
+def _find(slug: str, person: SignIn) -> tuple[User, UUID, RobotEntry, Rights] | None:
     """The person, the robot if they may see it, and what they may do with it."""
     user = User.objects.get(pk=person[0])
     robot = robots_visible_to(user).filter(slug=slug).first()
-    entry = registered(robot.id) if robot else None
+    entry = robot_entry(robot.id) if robot else None
     if robot is None or entry is None:
         return None
     return user, robot.id, entry, rights_of([person], robot, timezone.now())[person]

@@ -18,12 +18,12 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import CallService, Refusal, SetParameter
 from teleop.background.database import in_database
-from teleop.background.tasks import run_beside
-from teleop.control.selectors import holding_of
-from teleop.control.services import ControlRefused, change
+from teleop.background.tasks import run_in_background
+from teleop.control.selectors import lease_of
+from teleop.control.services import ControlRefused, recorded_change
 from teleop.control.status import Rights
-from teleop.live.robot_hub import Room
-from teleop.live.tasks import role_for, why_role
+from teleop.live.robot_hub import RobotHub
+from teleop.live.tasks import check_role, required_role
 
 log = logging.getLogger(__name__)
 
@@ -32,42 +32,42 @@ Call = CallService | SetParameter
 _STAFF_ONLY = Refusal("role_too_low", "Only staff call services and set parameters.", "account")
 
 
-async def carry_out(call: Call, *, room: Room, user: User, rights: Rights) -> str:
+async def execute(call: Call, *, hub: RobotHub, user: User, rights: Rights) -> str:
     """Have it done. Returns the robot's answer, encoded; raises ControlRefused or LinkRefused."""
-    refusal = _why_not(call, room, rights)
+    refusal = _why_not(call, hub, rights)
     if refusal is not None:
         raise ControlRefused(refusal)
-    begun = await in_database(_record, call, room, user)
+    begun = await in_database(_record, call, hub, user)
     try:
-        answer = await room.link.ask(call)
+        answer = await hub.link.ask(call)
     except LinkRefused as refused:
-        run_beside(in_database(_record_outcome, begun, user, refused.refusal))
+        run_in_background(in_database(_record_outcome, begun, user, refused.refusal))
         raise
-    run_beside(in_database(_record_outcome, begun, user, _answered.decode(answer).refusal))
+    run_in_background(in_database(_record_outcome, begun, user, _answered.decode(answer).refusal))
     return answer
 
 
-def _why_not(call: Call, room: Room, rights: Rights) -> Refusal | None:
+def _why_not(call: Call, hub: RobotHub, rights: Rights) -> Refusal | None:
     if rights.role != Role.STAFF:
         return _STAFF_ONLY
     if isinstance(call, CallService):
-        return why_role(rights, role_for(room.entry.allowed, "call", call.service), call.service)
-    return why_role(rights, role_for(room.entry.allowed, "set", call.name), call.name)
+        return check_role(rights, required_role(hub.entry.allowed, "call", call.service), call.service)
+    return check_role(rights, required_role(hub.entry.allowed, "set", call.name), call.name)
 
 
-def _record(call: Call, room: Room, user: User) -> Record:
+def _record(call: Call, hub: RobotHub, user: User) -> Record:
     if isinstance(call, CallService):
         kind, facts, given = "service.call", {"service": call.service}, {"fields": _recorded(call.fields)}
     else:
         kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
-    with change():
-        held = holding_of(room.robot_id)  # staff may call while somebody else has control
+    with recorded_change():
+        held = lease_of(hub.robot_id)  # staff may call while somebody else has control
         own = held if held and held.user == user.pk else None
         return audit.record(
             kind,
             actor=user,
-            robot_id=room.robot_id,
-            robot_name=room.entry.facts.name,
+            robot_id=hub.robot_id,
+            robot_name=hub.entry.facts.name,
             session_id=own.session if own else None,
             fence=own.fence if own else None,
             parameters=facts,

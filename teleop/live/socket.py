@@ -26,7 +26,7 @@ from robots.wire import (
     heading,
 )
 from teleop.recording import refusals
-from teleop.recording.refusals import Denied
+from teleop.recording.refusals import RefusedRequest
 
 log = logging.getLogger(__name__)
 
@@ -146,7 +146,7 @@ class MessageSocket(AsyncConsumer):
         if denied is not None:
             refusals.note(denied)
 
-    def denied(self, of: str, refusal: Refusal) -> Denied | None:
+    def denied(self, of: str, refusal: Refusal) -> RefusedRequest | None:
         """What goes on record of a refusal; None: nobody is there to whom it happened."""
         raise NotImplementedError
 

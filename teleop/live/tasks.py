@@ -17,15 +17,15 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import Accepted, LinkCancel, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
-from teleop.background.tasks import run_beside
+from teleop.background.tasks import run_in_background
 from teleop.control.rules import NO_LEASE
-from teleop.control.selectors import holding_of
+from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
-from teleop.live.robot_hub import Room
+from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)
 
-UNDER_WAY = 8  # orders of one page
+MAX_PENDING = 8  # orders of one page
 BUSY = Refusal("busy", "Too much at once: wait for the answers.", "wire")
 
 _NOT_YOURS = Refusal(
@@ -36,7 +36,7 @@ _NOT_YOURS = Refusal(
 class Page(Protocol):
     """Where orders come from."""
 
-    room: Room
+    hub: RobotHub
     user: User
     rights: Rights
 
@@ -52,7 +52,7 @@ class Page(Protocol):
         """Tell the page what became of an order."""
 
 
-class Orders:
+class TaskSender:
     """The orders of one page. What its person may not ask for goes no further; all else the bridge judges, and does."""
 
     def __init__(self, page: Page) -> None:
@@ -61,33 +61,33 @@ class Orders:
 
     async def take(self, order: TaskRequest) -> None:
         """Begin an order. Its answer comes beside: the stick never waits for it."""
-        refusal = self._why_not(order) or (BUSY if self._under_way >= UNDER_WAY else None)
+        refusal = self._why_not(order) or (BUSY if self._under_way >= MAX_PENDING else None)
         if refusal is not None:
             await self._answer(order, refusal)
             return
         self._under_way += 1
-        run_beside(self._hand_on(order))
+        run_in_background(self._hand_on(order))
 
     def _why_not(self, order: TaskRequest) -> Refusal | None:
         if order.fence is None:
             return None if self._page.rights.supervises else _NOT_YOURS
-        return not_held(order.fence, self._page.fence) or self._why_not_there(order)
+        return check_fence(order.fence, self._page.fence) or self._why_not_there(order)
 
     def _why_not_there(self, order: TaskRequest) -> Refusal | None:
         """What the allow-list and this person's role have against where the order goes."""
-        allowed, offers = self._page.room.entry.allowed, self._page.room.link.offers or wire.Offers()
+        allowed, offers = self._page.hub.entry.allowed, self._page.hub.link.offers or wire.Offers()
         match order:
             case wire.Publish(type=type_) if type_ in twists.TYPES:
                 return None  # the bridge passes it through the gate, as the stick, or not at all
             case wire.Publish(topic=topic, type=type_):
-                needed = role_for(allowed, "publish", topic, type_)
+                needed = required_role(allowed, "publish", topic, type_)
             case wire.Choose(topic=str(topic), use=use) if not _is_default(offers, use, topic):
-                needed = role_for(allowed, "choose", topic, use=use)
+                needed = required_role(allowed, "choose", topic, use=use)
             case wire.Say(topic=str(topic)) if not _is_default(offers, "speech", topic):
-                needed = role_for(allowed, "choose", topic, use="speech")
+                needed = required_role(allowed, "choose", topic, use="speech")
             case _:
                 return None
-        return why_role(self._page.rights, needed, topic) or self._why_not_yet(needed, topic)
+        return check_role(self._page.rights, needed, topic) or self._why_not_yet(needed, topic)
 
     def _why_not_yet(self, needed: Role | None, topic: str) -> Refusal | None:
         """A role that rose counts from the next control on: what this one began would outlive its fall."""
@@ -110,18 +110,18 @@ class Orders:
         finally:
             self._under_way -= 1
         if refusal and refusal.code == "bridge_silent":  # the page has said so long ago
-            log.warning("%s of robot %s got no answer", kind_of(order), self._page.room.robot_id)
+            log.warning("%s of robot %s got no answer", kind_of(order), self._page.hub.robot_id)
         else:
             await self._answer(order, refusal)
 
     async def _asked(self, order: TaskRequest) -> Accepted | Refused:
         if order.fence is not None:
-            return await self._page.room.link.order(order)
+            return await self._page.hub.link.order(order)
         cancel = LinkCancel(
             "speech" if isinstance(order, wire.SayCancel) else "motion", by=self._page.user.display_name
         )
-        answer = await self._page.room.link.cancel(cancel)
-        run_beside(in_database(_record_cancel, cancel.what, self._page.room, self._page.user, answer))
+        answer = await self._page.hub.link.cancel(cancel)
+        run_in_background(in_database(_record_cancel, cancel.what, self._page.hub, self._page.user, answer))
         return answer
 
     async def _answer(self, order: TaskRequest, refusal: Refusal | None) -> None:
@@ -132,7 +132,7 @@ class Orders:
             await self._page.answer(Refused(kind, refusal, order.seq, order.fence))
 
 
-def not_held(fence: int, held: int | None) -> Refusal | None:
+def check_fence(fence: int, held: int | None) -> Refusal | None:
     """Why what came under `fence` is not done on a connection whose control has the number `held`."""
     if held is None:
         return NO_LEASE
@@ -146,7 +146,9 @@ def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
     return use in offers.uses and offers.uses[use].topic == topic
 
 
-def role_for(allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = "") -> Role | None:
+def required_role(
+    allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = ""
+) -> Role | None:
     """The lowest role that may `what` with `name`; None: nobody may. `type_` "" asks for any type."""
     roles = [
         Role(entry.role)
@@ -156,7 +158,7 @@ def role_for(allowed: Iterable[Allowed], what: str, name: str, type_: str = "", 
     return min(roles, default=None)
 
 
-def why_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
+def check_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
     """Why somebody with these rights may not use `name`, for which one needs the role `needed`."""
     if needed is None:
         text = f"{name} is not on the allow-list for this; ask the staff."
@@ -167,15 +169,15 @@ def why_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
     return None
 
 
-def _record_cancel(what: str, room: Room, user: User, answer: Accepted | Refused) -> None:
+def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refused) -> None:
     """Afterwards, as for a stop: what makes the robot stand waits for nothing."""
     try:
-        held = holding_of(room.robot_id)  # whose motion or sentence it is, as a rule
+        held = lease_of(hub.robot_id)  # whose motion or sentence it is, as a rule
         audit.record(
             f"{what}.cancel",
             actor=user,
-            robot_id=room.robot_id,
-            robot_name=room.entry.facts.name,
+            robot_id=hub.robot_id,
+            robot_name=hub.entry.facts.name,
             session_id=held.session if held else None,
             fence=held.fence if held else None,
             outcome=answer.refusal.code if isinstance(answer, Refused) else "accepted",

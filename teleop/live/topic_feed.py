@@ -17,7 +17,7 @@ from teleop.live.picture_feed import Send
 
 log = logging.getLogger(__name__)
 
-LOOKS = 8  # of one connection
+MAX_SUBSCRIPTIONS = 8  # of one connection
 
 
 class Withheld(Exception):
@@ -25,7 +25,7 @@ class Withheld(Exception):
 
 
 @dataclass
-class Look:
+class Subscription:
     """A topic as one connection looks at it."""
 
     rate_hz: float
@@ -33,31 +33,31 @@ class Look:
     due_s: float = 0.0  # no message before
 
 
-class Looker:
+class TopicViewer:
     """One connection's looks. Of each topic at most one message is on its way to it, and none is kept for it.
 
     Messages are acknowledged in the order in which they were sent.
     """
 
-    def __init__(self, looks: Looks, send: Send) -> None:
-        self.at: dict[str, Look] = {}
+    def __init__(self, looks: TopicFeed, send: Send) -> None:
+        self.at: dict[str, Subscription] = {}
         self.news = asyncio.Event()
         self._looks = looks
         self._send = send
         self._on_way: deque[str] = deque()
         self._task = asyncio.create_task(self._keep_showing())
-        looks.lookers.add(self)
+        looks.viewers.add(self)
 
     def look(self, topic: str, rate_hz: float) -> Refusal | None:
         """Look at a topic from now on, or at another rate. Returns why not, if there are too many."""
         if topic not in self.at:
-            if len(self.at) >= LOOKS:
-                text = f"At most {LOOKS} topics are shown at once: close one first."
-                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": LOOKS})
+            if len(self.at) >= MAX_SUBSCRIPTIONS:
+                text = f"At most {MAX_SUBSCRIPTIONS} topics are shown at once: close one first."
+                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MAX_SUBSCRIPTIONS})
             if topic not in self._looks.wanted and len(self._looks.wanted) >= MOST_SUBSCRIPTIONS:
                 text = f"{MOST_SUBSCRIPTIONS} topics of this robot are shown to people already: more are not possible."
                 return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS})
-        self.at[topic] = Look(rate_hz)
+        self.at[topic] = Subscription(rate_hz)
         self.news.set()  # somebody else may look already: then the newest is there
         self._looks.changed()
         return None
@@ -76,7 +76,7 @@ class Looker:
     def leave(self) -> None:
         """Look at nothing any more."""
         self._task.cancel()
-        self._looks.lookers.discard(self)
+        self._looks.viewers.discard(self)
         self._looks.changed()
 
     async def _keep_showing(self) -> None:
@@ -101,7 +101,7 @@ class Looker:
     def _is_ready(self, topic: str) -> bool:
         """Whether there is a message to show, and its last one was drawn."""
         look = self.at.get(topic)
-        if look is None or topic in self._on_way or len(self._on_way) >= LOOKS:
+        if look is None or topic in self._on_way or len(self._on_way) >= MAX_SUBSCRIPTIONS:
             return False
         return self._looks.number(topic) > look.shown
 
@@ -116,7 +116,7 @@ class Looker:
             self._on_way.remove(topic)
 
 
-class Looks:
+class TopicFeed:
     """The newest message of each topic of one robot that somebody here looks at.
 
     `tell` is told what all together want, and at which rate, whenever that changes.
@@ -125,7 +125,7 @@ class Looks:
     def __init__(self, tell: Callable[[Mapping[str, float]], None]) -> None:
         self.newest: dict[str, tuple[int, dict[str, Any]]] = {}
         self.wanted: dict[str, float] = {}
-        self.lookers: set[Looker] = set()
+        self.viewers: set[TopicViewer] = set()
         self._tell = tell
         self._numbers = count(1)
 
@@ -138,9 +138,9 @@ class Looks:
         if topic not in self.wanted:
             return
         self.newest[topic] = next(self._numbers), {"type": "websocket.send", "text": shown}
-        for looker in self.lookers:
-            if topic in looker.at:
-                looker.news.set()
+        for viewer in self.viewers:
+            if topic in viewer.at:
+                viewer.news.set()
 
     def forget(self) -> None:
         """What came is not the robot's present any more."""
@@ -149,8 +149,8 @@ class Looks:
     def changed(self) -> None:
         """Somebody looks at something else."""
         wanted: dict[str, float] = {}
-        for looker in self.lookers:
-            for topic, look in looker.at.items():
+        for viewer in self.viewers:
+            for topic, look in viewer.at.items():
                 wanted[topic] = max(look.rate_hz, wanted.get(topic, 0.0))
         if wanted != self.wanted:
             self.wanted = wanted

@@ -8,15 +8,15 @@ from typing import Any
 from robots import wire
 from robots.bridge.server.flood_limits import Budget
 from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
-from teleop.background.tasks import run_beside
+from teleop.background.tasks import run_in_background
 from teleop.live import robot_hub
 from teleop.live.robot_socket import RobotSocket
-from teleop.live.service_calls import Call, carry_out
+from teleop.live.service_calls import Call, execute
 from teleop.live.tasks import BUSY
-from teleop.live.topic_feed import Looker, Withheld
-from teleop.recording.camera_audit import Watching
+from teleop.live.topic_feed import TopicViewer, Withheld
+from teleop.recording.camera_audit import CameraAudit
 
-UNDER_WAY = 8  # questions of one connection
+MAX_PENDING = 8  # questions of one connection
 QUESTIONS_PER_S = 5.0  # an answer may be large, and nobody knows whether the last was read
 QUESTIONS_BURST = 30.0
 WATCHED_OFTEN = Refusal(
@@ -32,8 +32,8 @@ class TopicsConsumer(RobotSocket):
 
     def __init__(self) -> None:
         super().__init__()
-        self.looker: Looker | None = None
-        self.watching: Watching | None = None
+        self.viewer: TopicViewer | None = None
+        self.watching: CameraAudit | None = None
         self._under_way = 0
         self._questions = Budget(QUESTIONS_PER_S, QUESTIONS_BURST)
 
@@ -41,17 +41,17 @@ class TopicsConsumer(RobotSocket):
         """Let this person in, if they may look at the robot."""
         entry = await self.find_robot()
         if entry is not None:
-            self.room = robot_hub.enter(self.robot_id, entry, self)
-            self.watching = Watching(self.user, self.robot_id, entry.facts.name)
-            self.looker = Looker(self.room.topics, self._show)
-            await self.room.link_settles()
+            self.hub = robot_hub.join(self.robot_id, entry, self)
+            self.watching = CameraAudit(self.user, self.robot_id, entry.facts.name)
+            self.viewer = TopicViewer(self.hub.topics, self._show)
+            await self.hub.link_settles()
             self.tell_if_gone()
 
     async def closed(self) -> None:
         """Look no more; a call that is under way goes on record all the same."""
         self._look_away()
         if self.entered:
-            await self.room.remove(self)
+            await self.hub.remove(self)
 
     async def cut_off(self, refusal: Refusal) -> None:
         """This person may not look any more."""
@@ -59,8 +59,8 @@ class TopicsConsumer(RobotSocket):
         await super().cut_off(refusal)
 
     def _look_away(self) -> None:
-        if self.looker:
-            self.looker.leave()
+        if self.viewer:
+            self.viewer.leave()
         if self.watching:
             self.watching.end_all()
 
@@ -75,24 +75,24 @@ class TopicsConsumer(RobotSocket):
     async def heard(self, raw: str) -> None:
         """One message."""
         message = topics_message(raw)
-        if self.looker is None or not await self.within_budget(kind_of(message)):
+        if self.viewer is None or not await self.within_budget(kind_of(message)):
             return
         match message:
             case wire.Subscribe(topic=topic, rate_hz=rate_hz):
-                refusal = self.looker.look(topic, rate_hz)
+                refusal = self.viewer.look(topic, rate_hz)
                 if refusal is not None:
                     await self.refuse("look", refusal)
             case wire.Unsubscribe(topic=topic):
-                self.looker.look_away(topic)
+                self.viewer.look_away(topic)
                 if self.watching:
                     self.watching.end(topic)
             case wire.Ack():
-                self.looker.drawn()
+                self.viewer.drawn()
             case wire.Ping(sent_ms=sent_ms):
                 await self.tell(wire.Pong(sent_ms))
-            case question if self._under_way < UNDER_WAY and self._questions.spend(time.monotonic()):
+            case question if self._under_way < MAX_PENDING and self._questions.spend(time.monotonic()):
                 self._under_way += 1
-                run_beside(self._answer(question))
+                run_in_background(self._answer(question))
             case question:
                 await self.refuse(kind_of(question), BUSY, question.seq)
 
@@ -106,5 +106,5 @@ class TopicsConsumer(RobotSocket):
 
     async def _found_out(self, question: TopicQuery) -> str:
         if isinstance(question, Call):
-            return await carry_out(question, room=self.room, user=self.user, rights=self.rights)
-        return await self.room.link.ask(question)
+            return await execute(question, hub=self.hub, user=self.user, rights=self.rights)
+        return await self.hub.link.ask(question)

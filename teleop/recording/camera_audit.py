@@ -25,8 +25,8 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.wire import Refusal
 from teleop.background.database import in_database
-from teleop.background.tasks import run_beside
-from teleop.recording.repeat_suppression import Ration
+from teleop.background.tasks import run_in_background
+from teleop.recording.repeat_suppression import RecordBudgets
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ PART_S = 3600.0
 LEFT = timedelta(seconds=2 * PART_S)  # open for so long: nobody will say how it ended
 SOUGHT = timedelta(days=30)  # what is left is sought for so far back
 
-_ration = Ration()
+_ration = RecordBudgets()
 
 
 class _Shown(Struct):
@@ -68,7 +68,7 @@ class _Watch(Struct):
     start: asyncio.Future[Record | None]
 
 
-class Watching:
+class CameraAudit:
     """The cameras that one connection of one person is shown. On the event loop; waits for nothing."""
 
     def __init__(self, user: User, robot_id: UUID, robot_name: str) -> None:
@@ -100,7 +100,7 @@ class Watching:
         """The person is shown this camera no more, if they were."""
         watch = self._open.pop(camera, None)
         if watch is not None:
-            run_beside(self._told_end(watch, time.monotonic() - watch.since_s, outcome))
+            run_in_background(self._told_end(watch, time.monotonic() - watch.since_s, outcome))
 
     def end_all(self) -> None:
         """The connection is gone."""
@@ -136,7 +136,7 @@ def _record_end(start: Record, user: User, duration_s: float, outcome: str) -> N
         log.error("the end of record %s was not recorded: %s", start.pk, error)
 
 
-def end_what_was_left(now: datetime) -> Iterator[None]:
+def close_abandoned(now: datetime) -> Iterator[None]:
     """Put an end on record, step by step, of what a web process that died has left open. How it ended is unknown."""
     ends = Record.objects.filter(of=OuterRef("pk"), kind="camera.end")
     starts = Record.objects.filter(kind="camera.start", at__gt=now - SOUGHT, at__lt=now - LEFT)

@@ -17,7 +17,7 @@ from django.db import DatabaseError, close_old_connections
 from fleet import audit
 from fleet.accounts.models import User
 from robots.wire import Refusal
-from teleop.recording.repeat_suppression import FoldingLog
+from teleop.recording.repeat_suppression import RepeatSuppressor
 
 logger = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ PACING = frozenset({"too_old", "out_of_order", "flood", "busy"})  # not what was
 Key = tuple[UUID, UUID | None, UUID | None, str]
 
 
-class Denied(NamedTuple):
+class RefusedRequest(NamedTuple):
     """Something that somebody asked for and did not get."""
 
     person: User
@@ -56,7 +56,7 @@ class Denied(NamedTuple):
         return PACING_GAP_S if self.refusal.code in PACING else GAP_S
 
 
-def put_on_record(denied: Denied, times: int) -> None:
+def put_on_record(denied: RefusedRequest, times: int) -> None:
     """Write one record of what was refused so many times. That it is lost is no error to the person: it is logged.
 
     Figures that are words may name persons, or repeat what somebody typed: they may expire, numbers stay.
@@ -89,10 +89,10 @@ def put_on_record(denied: Denied, times: int) -> None:
         close_old_connections()
 
 
-log = FoldingLog(put_on_record)
+log = RepeatSuppressor(put_on_record)
 atexit.register(log.flush)
 
 
-def note(denied: Denied) -> None:
+def note(denied: RefusedRequest) -> None:
     """Put a refusal on record, some time soon."""
     log.note(denied)

@@ -45,7 +45,7 @@ class Event(Protocol):
         """Whether its first record waits for the budget, too."""
 
 
-class Ration:
+class RecordBudgets:
     """Each person's budget of records."""
 
     def __init__(self) -> None:
@@ -76,14 +76,14 @@ class _Fold(Generic[E]):
     due_s: float
 
 
-class FoldingLog(Generic[E]):
+class RepeatSuppressor(Generic[E]):
     """Folds events, and writes them in a thread that is there only while there is something to write."""
 
     def __init__(self, write: Callable[[E, int], None], *, most: int | None = MOST) -> None:
         self._write = write
         self._most = most
         self._at_once = False
-        self._ration = Ration()
+        self._ration = RecordBudgets()
         self._spared: OrderedDict[Hashable, None] = OrderedDict()
         self._changed = threading.Condition()
         self._folds: dict[Hashable, _Fold[E]] = {}

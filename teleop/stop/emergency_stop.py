@@ -23,12 +23,12 @@ from robots.registry.models import Robot
 from robots.stop.delivery import stop_message
 from robots.stop.presses import Pending, Result, keep_pending, press_all, record_outcome, record_press
 from robots.wire import LinkClear, Refusal, Stopped
-from teleop.background.database import in_database, in_database_beside
-from teleop.background.tasks import run_beside
+from teleop.background.database import in_database, in_database_background
+from teleop.background.tasks import run_in_background
 from teleop.control.rules import Tab
-from teleop.control.selectors import holding_of
-from teleop.control.services import clear_begin
-from teleop.recording.repeat_suppression import FoldingLog
+from teleop.control.selectors import lease_of
+from teleop.control.services import clear_authorize
+from teleop.recording.repeat_suppression import RepeatSuppressor
 
 GAP_S = 3.0  # between two records of one person's presses of one robot by one door
 
@@ -97,7 +97,7 @@ class StopButton:
 
     def _begin(self, link: BridgeLink) -> Future[Result]:
         answer: Future[Result] = Future()
-        run_beside(self._send(link, answer))
+        run_in_background(self._send(link, answer))
         return answer
 
     async def _send(self, link: BridgeLink, answer: Future[Result]) -> None:
@@ -137,7 +137,7 @@ def put_on_record(last: Press, times: int) -> None:
 def _record(last: Press, times: int) -> None:
     try:
         close_old_connections()
-        held = holding_of(last.robot_id)
+        held = lease_of(last.robot_id)
     except DatabaseError:
         held = None
     pressed = record_press(
@@ -150,7 +150,7 @@ def _record(last: Press, times: int) -> None:
     )
 
     def answered(answer: Future[Any]) -> None:
-        in_database_beside(told, answer.result())
+        in_database_background(told, answer.result())
 
     def told(result: Result) -> None:
         record_outcome(pressed, actor=last.person, result=result)
@@ -163,7 +163,7 @@ def _record(last: Press, times: int) -> None:
         last.answer.add_done_callback(answered)
 
 
-log = FoldingLog(put_on_record, most=None)  # keys are people, robots and doors: nobody chooses them
+log = RepeatSuppressor(put_on_record, most=None)  # keys are people, robots and doors: nobody chooses them
 atexit.register(log.flush)
 
 
@@ -173,7 +173,7 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
     Raises ControlRefused or LinkRefused.
     """
     cleared = await in_database(
-        clear_begin, robot_id=link.robot_id, user_id=user.id, tab=tab, now=timezone.now()
+        clear_authorize, robot_id=link.robot_id, user_id=user.id, tab=tab, now=timezone.now()
     )
     try:
         result: Result = await link.clear(LinkClear(by=user.display_name, number=number))

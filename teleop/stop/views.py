@@ -27,7 +27,7 @@ from robots.registry.selectors import robot_seen_by, robots_visible_to
 from robots.stop.presses import Pending
 from robots.wire import Refusal
 from teleop.recording import refusals
-from teleop.recording.refusals import Denied
+from teleop.recording.refusals import RefusedRequest
 from teleop.stop import emergency_stop
 
 SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.", "account")
@@ -94,7 +94,7 @@ def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
     try:
         robot = robot_seen_by(person_of(request), slug)
     except Http404:
-        refusals.note(Denied(person_of(request), "rest", "POST robots/<slug:slug>/stop/", _NO_ROBOT))
+        refusals.note(RefusedRequest(person_of(request), "rest", "POST robots/<slug:slug>/stop/", _NO_ROBOT))
         return _refused(_NO_ROBOT, 404)
     return _by_rest(request, [robot])
 

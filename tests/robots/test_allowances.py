@@ -17,7 +17,7 @@ from robots.registry.models import Allowance, Robot, RobotProfile, Role
 from robots.registry.robot_config import profile_topics
 from robots.registry.selectors import allowed_on, bridge_config
 from robots.registry.services import entry_delete, entry_save
-from teleop.control.selectors import registered
+from teleop.control.selectors import robot_entry
 from tests.robots.test_admin import filled
 
 pytestmark = pytest.mark.django_db
@@ -245,7 +245,7 @@ def test_a_robot_has_its_kinds_entries_and_its_own_which_go_before(
 def test_bridge_and_pages_get_the_same_list(robot: Robot, staff: User) -> None:
     before = bridge_config(robot).digest()
     allow(robot, staff)
-    known = registered(robot.pk)
+    known = robot_entry(robot.pk)
     assert known is not None
     assert known.allowed == bridge_config(robot).allowed == allowed_on(robot) != ()
     assert bridge_config(robot).digest() != before
@@ -264,7 +264,7 @@ def test_what_an_edit_of_the_robot_forbids_later_is_left_out(robot: Robot, staff
 def test_a_robot_whose_entry_is_wrong_has_a_page_all_the_same(robot: Robot, staff: User) -> None:
     allow(robot, staff)
     Robot.objects.filter(pk=robot.pk).update(overrides={"topics": {"scans": []}})
-    known = registered(robot.pk)
+    known = robot_entry(robot.pk)
     assert known is not None and known.allowed == ()
 
 

@@ -10,8 +10,8 @@ import pytest_asyncio
 from fleet.accounts.models import User
 from robots.link.client import links
 from robots.registry.models import RobotRole
-from teleop.background.database import in_database_beside
-from teleop.recording.repeat_suppression import FoldingLog
+from teleop.background.database import in_database_background
+from teleop.recording.repeat_suppression import RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
@@ -37,12 +37,14 @@ def second_operator(robot):
 @pytest.fixture(autouse=True)
 def stop_log(monkeypatch) -> Iterator[None]:
     """What is pressed in a test is written in it or not at all."""
-    own = FoldingLog(emergency_stop.put_on_record, most=None)
+    own = RepeatSuppressor(emergency_stop.put_on_record, most=None)
     monkeypatch.setattr(emergency_stop, "log", own)
     yield
     monkeypatch.setattr(own, "_write", lambda _last, _times: None)
     own.flush()
-    in_database_beside(lambda: None).result(10)  # and what came of it: nothing is written into the next test
+    in_database_background(lambda: None).result(
+        10
+    )  # and what came of it: nothing is written into the next test
 
 
 @pytest_asyncio.fixture

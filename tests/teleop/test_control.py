@@ -20,7 +20,7 @@ from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.background.database import in_database
 from teleop.control import rules, services
-from teleop.control.lease_events import Hints
+from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Tab
 from teleop.live import control_holder, robot_hub
 from teleop.live.socket import CloseCode
@@ -338,11 +338,15 @@ async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page,
     await asker.say("ask")
     while not (await asker.hears("control"))["asking"]:
         pass
-    looks, standing_of, cancel = threading.Semaphore(0), robot_hub.standing_of, services.control_ask_cancel
+    looks, control_status, cancel = (
+        threading.Semaphore(0),
+        robot_hub.control_status,
+        services.control_request_withdraw,
+    )
 
     def looked(*args, **kwargs):
         looks.release()
-        return standing_of(*args, **kwargs)
+        return control_status(*args, **kwargs)
 
     def cancelled_after_a_look(**kwargs):
         for _ in range(3):
@@ -351,8 +355,8 @@ async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page,
 
     monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
     monkeypatch.setattr(robot_hub, "LOOKS_PER_FULL", 1)
-    monkeypatch.setattr(robot_hub, "standing_of", looked)
-    monkeypatch.setattr(services, "control_ask_cancel", cancelled_after_a_look)
+    monkeypatch.setattr(robot_hub, "control_status", looked)
+    monkeypatch.setattr(services, "control_request_withdraw", cancelled_after_a_look)
     await asker.say("ask_cancel")
     while (await asker.hears("control"))["asking"]:
         pass
@@ -540,8 +544,8 @@ async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot,
     monkeypatch.setattr("teleop.live.robot_hub.LOOK_S", 60)
     await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
     await taken_elsewhere(robot, operator)
-    elsewhere = Hints(robot.id, on_hint=lambda: pytest.fail("its own hint"))
-    await elsewhere.give()
+    elsewhere = LeaseEvents(robot.id, on_change=lambda: pytest.fail("its own hint"))
+    await elsewhere.publish()
     await page.hears("control", state="other")
     await elsewhere.close()
 
@@ -578,7 +582,7 @@ async def test_a_robot_out_of_service_is_said_to_be(open_page, bridge, robot):
 @pytest.fixture
 def short_grace(monkeypatch):
     """A page is late after 0.6 s and gone after 1.2 s; the database is looked at often."""
-    monkeypatch.setattr(rules, "LATE_S", 0.6)
+    monkeypatch.setattr(rules, "LOST_AFTER_S", 0.6)
     monkeypatch.setattr(rules, "GRACE_S", 1.2)
     monkeypatch.setattr(robot_hub, "LOOK_S", 0.05)
 
@@ -595,12 +599,12 @@ async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_thou
 
 
 async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_grace, monkeypatch):
-    monkeypatch.setattr(rules, "LATE_S", 1.5)  # a busy machine may keep a ping for a second
+    monkeypatch.setattr(rules, "LOST_AFTER_S", 1.5)  # a busy machine may keep a ping for a second
     monkeypatch.setattr(rules, "GRACE_S", 3.0)
     holder, watching = await open_page("operator"), await open_page("second")
     await holder.say("take")
     await watching.hears("control", state="other")
-    until_s = time.monotonic() + 1.5 * rules.LATE_S
+    until_s = time.monotonic() + 1.5 * rules.LOST_AFTER_S
     while time.monotonic() < until_s:
         await holder.say("ping", sent_ms=1)
         await holder.hears("pong")
@@ -610,11 +614,11 @@ async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_g
 async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(open_page, bridge, monkeypatch):
     monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
     monkeypatch.setattr(robot_hub, "LOOKS_PER_FULL", 1)
-    noted, looks, standing_of = threading.Event(), threading.Semaphore(0), robot_hub.standing_of
+    noted, looks, control_status = threading.Event(), threading.Semaphore(0), robot_hub.control_status
 
     def looked(*args, **kwargs):
         looks.release()
-        return standing_of(*args, **kwargs)
+        return control_status(*args, **kwargs)
 
     monkeypatch.setattr(control_holder, "_leave", lambda *_args: noted.wait(10))  # the database is slow
     page = await open_page("operator")
@@ -623,7 +627,7 @@ async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(op
     closing = asyncio.ensure_future(page.close())
     await bridge.hears(wire.Pause, lambda hold: hold.reason == "The page is gone.")
     granted = len(bridge.all(wire.Grant))
-    monkeypatch.setattr(robot_hub, "standing_of", looked)
+    monkeypatch.setattr(robot_hub, "control_status", looked)
     for _ in range(4):
         assert await asyncio.to_thread(looks.acquire, timeout=5)
     noted.set()
@@ -637,7 +641,7 @@ async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_tha
 ):
     page = await open_page("operator", hello=False)
     with monkeypatch.context() as broken:
-        broken.setattr(robot_hub, "standing_of", away)
+        broken.setattr(robot_hub, "control_status", away)
         await page.say("hello", tab="operator-tab-0123456789")
         assert await page.is_closed() == CloseCode.TRY_AGAIN
     await open_page("operator")
@@ -664,7 +668,7 @@ async def test_a_page_that_comes_back_while_that_cannot_be_stored_is_closed_and_
 async def test_what_is_done_is_not_refused_because_it_cannot_be_told_yet(open_page, monkeypatch):
     page = await open_page("operator")
     with monkeypatch.context() as broken:
-        broken.setattr(robot_hub, "standing_of", away)
+        broken.setattr(robot_hub, "control_status", away)
         await page.say("take")
         await eventually(ControlSession.objects.exists)
         await page.hears_nothing("refused")
@@ -675,7 +679,7 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
     open_page, bridge, monkeypatch
 ):
     asked, told = threading.Event(), asyncio.Event()
-    read, close = robot_hub.registered, Hints.close
+    read, close = robot_hub.robot_entry, LeaseEvents.close
 
     def edited(robot_id):
         asked.set()
@@ -692,20 +696,20 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
     closing = threading.Event()
     monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
     page = await open_page("observer")
-    [room] = robot_hub._rooms.values()
-    monkeypatch.setattr(room, "watchers_changed", told.set)
-    monkeypatch.setattr(robot_hub, "registered", edited)
-    monkeypatch.setattr(Hints, "close", closes)
+    [hub] = robot_hub._hubs.values()
+    monkeypatch.setattr(hub, "watchers_changed", told.set)
+    monkeypatch.setattr(robot_hub, "robot_entry", edited)
+    monkeypatch.setattr(LeaseEvents, "close", closes)
     assert await asyncio.to_thread(asked.wait, 10)
     await page.close()
-    assert room not in room.link._listeners
+    assert hub not in hub.link._listeners
 
 
 async def test_one_pages_fault_leaves_the_others_informed(open_page, bridge, monkeypatch):
     await open_page("operator")
     second = await open_page("second")
-    [room] = robot_hub._rooms.values()
-    first = next(iter(room.members.values()))
+    [hub] = robot_hub._hubs.values()
+    first = next(iter(hub.members.values()))
 
     async def fails(_standing):
         raise RuntimeError("a fault of ours")

@@ -14,7 +14,7 @@ from robots import wire
 from teleop.background.database import in_database
 from teleop.control import services
 from teleop.control.rules import Tab, fingerprint
-from teleop.control.selectors import holding_of, registered, rights_of
+from teleop.control.selectors import lease_of, rights_of, robot_entry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
 from tests.teleop.support import TIMEOUT_S
@@ -36,9 +36,9 @@ class Program:
         self.control = None
 
     async def open(self, robot):
-        entry = await in_database(registered, robot.id)
+        entry = await in_database(robot_entry, robot.id)
         self.rights = (await in_database(rights_of, [self.person], robot, timezone.now()))[self.person]
-        self.hub = robot_hub.enter(robot.id, entry, self)
+        self.hub = robot_hub.join(robot.id, entry, self)
         tab = Tab("program-0123456789", fingerprint(self.person[1]), self.id)
         self.control = ControlHolder(
             self.hub, self.user.id, tab, report=self.reports.put, delay_s=lambda: None
@@ -62,10 +62,10 @@ class Program:
     def held_session(self):
         return self.control.session if self.control else None
 
-    async def stands(self, standing):
-        self.rights = standing.rights.get(self.person, self.rights)
+    async def stands(self, status):
+        self.rights = status.rights.get(self.person, self.rights)
         if self.control:
-            await self.control.follow(standing, self.rights)
+            await self.control.follow(status, self.rights)
 
     async def edited(self, entry): ...
 
@@ -109,7 +109,7 @@ async def test_program_takes_renews_and_releases_control(program, bridge, robot)
         await bridge.hears(wire.Revoke, lambda revoke: revoke.fence == mine.fence)
         await one.hears(wire.Control, state="free")
         assert one.control.fence is None
-        assert await in_database(holding_of, robot.id) is None
+        assert await in_database(lease_of, robot.id) is None
 
 
 async def test_program_hands_control_over_to_another(program, bridge):

@@ -15,7 +15,7 @@ from django.utils import timezone
 
 from teleop.control import rules, services
 from teleop.control.rules import Tab
-from teleop.control.selectors import holding_of
+from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 
@@ -36,7 +36,7 @@ def held(robot, operator):
 def test_a_lease_whose_page_is_gone_for_good_is_ended(robot, held):
     Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=rules.GRACE_S + 1))
     call_command("run_housekeeping", "--once")
-    assert holding_of(robot.id) is None
+    assert lease_of(robot.id) is None
     assert ControlSession.objects.get().end_reason == EndReason.AWAY
 
 
@@ -48,12 +48,12 @@ def test_a_lease_whose_term_is_over_is_ended(robot, held):
 
 def test_a_lease_in_force_is_left_alone(robot, held):
     call_command("run_housekeeping", "--once")
-    assert holding_of(robot.id).session == held.session
+    assert lease_of(robot.id).session == held.session
 
 
 def test_a_question_that_nobody_answered_lapses(robot, held, second_operator):
-    services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
-    ControlRequest.objects.update(asked_at=timezone.now() - timedelta(seconds=rules.ASK_S + 1))
+    services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
+    ControlRequest.objects.update(asked_at=timezone.now() - timedelta(seconds=rules.REQUEST_S + 1))
     call_command("run_housekeeping", "--once")
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.LAPSED
 
@@ -82,7 +82,7 @@ def test_it_goes_round_until_it_is_told_to_end_or_its_parent_is_gone(how, robot,
         [sys.executable, MANAGE, "run_housekeeping"], stdin=subprocess.PIPE, env=environment
     ) as process:
         try:
-            until(lambda: holding_of(robot.id) is None)
+            until(lambda: lease_of(robot.id) is None)
             if how == "terminated":
                 process.send_signal(signal.SIGTERM)
             else:

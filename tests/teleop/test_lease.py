@@ -13,7 +13,7 @@ from robots.registry.models import Robot, RobotRole
 from robots.wire import Refusal
 from teleop.control import services
 from teleop.control.rules import Tab
-from teleop.control.selectors import end_notes, holding_of
+from teleop.control.selectors import end_notes, lease_of
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -107,10 +107,10 @@ def test_a_lease_changed_since_it_was_read_is_not_changed_again(
 ):
     """Where transactions do not exclude each other, the loser finds out by the count of changed rows."""
     take(robot, second_operator)
-    monkeypatch.setattr(services, "holding_of", lambda _robot_id: None)  # what was read before
+    monkeypatch.setattr(services, "lease_of", lambda _robot_id: None)  # what was read before
     assert refused(take, robot, operator).code == "too_late"
     monkeypatch.undo()
-    assert holding_of(robot.id).user == second_operator.id
+    assert lease_of(robot.id).user == second_operator.id
     assert kinds() == ["control.take"]
 
 
@@ -144,7 +144,7 @@ def test_what_cannot_be_recorded_is_not_granted(robot, operator, monkeypatch):
     monkeypatch.setattr(audit, "record", unavailable)
     refusal = refused(take, robot, operator)
     assert (refusal.code, refusal.rule) == ("audit_disk_full", "audit")
-    assert holding_of(robot.id) is None
+    assert lease_of(robot.id) is None
     assert not ControlSession.objects.exists()
 
 
@@ -157,12 +157,12 @@ def test_renewing_begins_a_fresh_term(robot, operator, settings):
     later = NOW + timedelta(seconds=50)
     Lease.objects.update(seen_at=later)
     services.lease_renew(robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=later)
-    assert holding_of(robot.id).term_ends_at == later + timedelta(seconds=60)
+    assert lease_of(robot.id).term_ends_at == later + timedelta(seconds=60)
 
 
 def test_renewing_is_refused_while_somebody_asks(robot, operator, second_operator):
     take(robot, operator)
-    services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
     refusal = refused(
         services.lease_renew, robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW
     )
@@ -174,7 +174,7 @@ def test_a_page_that_comes_back_in_time_goes_on_under_the_same_number(robot, ope
     services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
     back = Tab("operator-tab", "operator-sign-in", "new-connection")
     services.lease_resume(robot_id=robot.id, user_id=operator.id, tab=back, now=NOW + timedelta(seconds=9))
-    again = holding_of(robot.id)
+    again = lease_of(robot.id)
     assert (again.session, again.fence, again.tab.connection) == (held.session, held.fence, "new-connection")
 
 
@@ -205,7 +205,9 @@ def test_nobody_resumes_whose_right_ended_meanwhile(robot, operator):
 
 def test_handing_over_gives_control_to_the_page_that_asked(robot, operator, second_operator):
     before = take(robot, operator)
-    number = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    number = services.control_request(
+        robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW
+    )
     given = services.lease_hand_over(
         robot_id=robot.id,
         user_id=operator.id,
@@ -222,8 +224,10 @@ def test_handing_over_gives_control_to_the_page_that_asked(robot, operator, seco
 
 def test_control_is_not_handed_to_somebody_who_withdrew(robot, operator, second_operator):
     take(robot, operator)
-    number = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
-    services.control_ask_cancel(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
+    number = services.control_request(
+        robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW
+    )
+    services.control_request_withdraw(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
     refusal = refused(
         services.lease_hand_over,
         robot_id=robot.id,
@@ -239,7 +243,7 @@ def test_control_is_not_handed_to_somebody_who_withdrew(robot, operator, second_
 def test_asking_twice_is_one_question(robot, operator, second_operator):
     take(robot, operator)
     ask = {"robot_id": robot.id, "user_id": second_operator.id, "now": NOW}
-    assert services.control_ask(tab=tab("one"), **ask) == services.control_ask(tab=tab("two"), **ask)
+    assert services.control_request(tab=tab("one"), **ask) == services.control_request(tab=tab("two"), **ask)
     assert ControlRequest.objects.get().tab == "two-tab"
 
 
@@ -273,7 +277,7 @@ def test_a_page_that_is_seen_while_its_lease_is_being_ended_keeps_it(robot, oper
     assert refused(services.lease_expire, robot_id=robot.id, now=over).code == "too_late"
     monkeypatch.undo()
     Lease.objects.update(seen_at=over)  # what that process noted stays
-    assert holding_of(robot.id).session == held.session
+    assert lease_of(robot.id).session == held.session
     assert kinds() == ["control.take"]
 
 
@@ -281,11 +285,11 @@ def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
     settings.FLEET_CONTROL_TERM_S = 60
     held = take(robot, operator)
     services.lease_expire(robot_id=robot.id, now=NOW + timedelta(seconds=9))
-    assert holding_of(robot.id) == held
+    assert lease_of(robot.id) == held
     over = NOW + timedelta(seconds=60)
     for _ in range(2):
         services.lease_expire(robot_id=robot.id, now=over)
-        assert holding_of(robot.id) is None
+        assert lease_of(robot.id) is None
     assert kinds() == ["control.take", "control.end"]
 
 
@@ -298,8 +302,8 @@ def test_however_control_ends_its_session_says_so_once(robot, operator, second_o
     give_back(robot, held[0])
     held += [take(robot, operator), take(robot, operator, name="operator-elsewhere")]
     step(services.lease_take_over, supervisor, reason="fire drill", highest_fence=0)
-    held.append(holding_of(robot.id))
-    asked = step(services.control_ask, operator)
+    held.append(lease_of(robot.id))
+    asked = step(services.control_request, operator)
     held.append(step(services.lease_hand_over, supervisor, request_id=asked, highest_fence=0))
     services.lease_end(
         robot_id=robot.id, session=held[-1].session, reason=EndReason.RIGHT, refusal=refusal, now=NOW
@@ -341,7 +345,7 @@ def test_names_and_reasons_in_records_of_control_may_expire(robot, operator, sup
 
 def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, second_operator):
     held = take(robot, operator)
-    services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
     give_back(robot, held)
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.FREED
 
@@ -350,16 +354,16 @@ def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, secon
 def test_what_became_of_a_question_for_control_is_on_record(outcome, robot, operator, second_operator):
     held = take(robot, operator)
     asker, holder = tab("second"), {"robot_id": robot.id, "user_id": operator.id, "tab": tab("operator")}
-    asked = services.control_ask(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
+    asked = services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
     match outcome:
         case "granted":
             services.lease_hand_over(**holder, request_id=asked, highest_fence=0, now=NOW)
         case "freed":
             give_back(robot, held)
         case "lapsed":
-            services.asks_lapse(now=NOW + timedelta(hours=1))
+            services.requests_lapse(now=NOW + timedelta(hours=1))
         case _:
-            services.control_ask_cancel(
+            services.control_request_withdraw(
                 robot_id=robot.id, connection=asker.connection, gone=outcome == "gone", now=NOW
             )
     ask, answer = Record.objects.filter(kind="control.ask").order_by("id")
@@ -378,14 +382,14 @@ def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_o
         refusal=Refusal("signed_out", "Signed out.", "account"),
         now=NOW,
     )
-    assert holding_of(robot.id).session == new.session
+    assert lease_of(robot.id).session == new.session
 
 
 def test_what_the_database_does_not_take_is_said_as_on_pages(robot, operator, monkeypatch):
     def locked(_robot_id):
         raise OperationalError("database is locked")
 
-    monkeypatch.setattr(services, "holding_of", locked)
+    monkeypatch.setattr(services, "lease_of", locked)
     refusal = refused(take, robot, operator)
     assert (refusal.code, refusal.rule) == ("database_locked", "database")
     assert "another process keeps the database locked" in refusal.text
@@ -397,6 +401,6 @@ def test_being_seen_counts_for_the_connection_that_holds_only(robot, operator):
     seen = {"robot_id": robot.id, "seen_at": later}
     services.lease_seen(session=held.session, connection="another", **seen)
     services.lease_seen(session=uuid4(), connection="operator-connection", **seen)
-    assert holding_of(robot.id).seen_at == NOW
+    assert lease_of(robot.id).seen_at == NOW
     services.lease_seen(session=held.session, connection="operator-connection", **seen)
-    assert holding_of(robot.id).seen_at == later
+    assert lease_of(robot.id).seen_at == later

@@ -4,28 +4,28 @@ import asyncio
 
 import pytest
 
-from teleop.live.topic_feed import LOOKS, Looker, Looks
+from teleop.live.topic_feed import MAX_SUBSCRIPTIONS, TopicFeed, TopicViewer
 
 
 @pytest.fixture
 async def looks():
     """The looks of one robot; `wanted` is what its bridge was told last."""
-    looks = Looks(lambda wanted: setattr(looks, "told", dict(wanted)))
+    looks = TopicFeed(lambda wanted: setattr(looks, "told", dict(wanted)))
     yield looks
-    for looker in list(looks.lookers):
-        looker.leave()
+    for viewer in list(looks.viewers):
+        viewer.leave()
 
 
 @pytest.fixture
-def looker(looks):
-    """`looker()`: a connection; `sent` is what it was sent."""
+def viewer(looks):
+    """`viewer()`: a connection; `sent` is what it was sent."""
 
     def one():
         async def send(event):
             new.sent.append(event["text"])
             new.was_sent.set()
 
-        new = Looker(looks, send)
+        new = TopicViewer(looks, send)
         new.sent = []
         new.was_sent = asyncio.Event()
         return new
@@ -38,8 +38,8 @@ async def turns(count=5):
         await asyncio.sleep(0)
 
 
-async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_message(looks, looker):
-    stalled, lively = looker(), looker()
+async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_message(looks, viewer):
+    stalled, lively = viewer(), viewer()
     stalled.look("/a", 10.0)
     lively.look("/a", 1e9)
     for number in range(1000):
@@ -52,8 +52,8 @@ async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_messag
     assert len(looks.newest) == 1
 
 
-async def test_the_last_message_is_shown_though_none_follows(looks, looker):
-    one = looker()
+async def test_the_last_message_is_shown_though_none_follows(looks, viewer):
+    one = viewer()
     one.look("/a", 4.0)
     looks.publish("/a", "first")
     await turns()
@@ -67,8 +67,8 @@ async def test_the_last_message_is_shown_though_none_follows(looks, looker):
     assert one.sent == ["first", "last"]
 
 
-async def test_each_is_shown_as_often_as_it_asked(looks, looker):
-    seldom, often = looker(), looker()
+async def test_each_is_shown_as_often_as_it_asked(looks, viewer):
+    seldom, often = viewer(), viewer()
     seldom.look("/a", 0.001)
     often.look("/a", 1e9)
     assert looks.told == {"/a": 1e9}
@@ -80,8 +80,8 @@ async def test_each_is_shown_as_often_as_it_asked(looks, looker):
     assert (len(seldom.sent), len(often.sent)) == (1, 20)
 
 
-async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(looks, looker):
-    one = looker()
+async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(looks, viewer):
+    one = viewer()
     for topic in ("/a", "/b"):
         one.look(topic, 1e9)
         looks.publish(topic, f"{topic} 1")
@@ -94,42 +94,42 @@ async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(lo
     assert one.sent[2:] == ["/a 2"]
 
 
-async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is_acknowledged(looks, looker):
-    one = looker()
+async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is_acknowledged(looks, viewer):
+    one = viewer()
     for number in range(100):
         topic = f"/topic{number}"
         one.look(topic, 1e9)
         looks.publish(topic, topic)
         await turns()
         one.look_away(topic)
-    assert len(one.sent) == LOOKS
+    assert len(one.sent) == MAX_SUBSCRIPTIONS
     assert looks.newest == {}
     one.look("/topic0", 1e9)  # its first message was not drawn yet
     looks.publish("/topic0", "again")
     await turns()
-    assert len(one.sent) == LOOKS
+    assert len(one.sent) == MAX_SUBSCRIPTIONS
     one.drawn()
     await turns()
-    assert one.sent[LOOKS:] == ["again"]
+    assert one.sent[MAX_SUBSCRIPTIONS:] == ["again"]
 
 
-async def test_no_more_is_on_its_way_than_a_connection_may_look_at(looks, looker):
-    one = looker()
-    for number in range(LOOKS - 1):
+async def test_no_more_is_on_its_way_than_a_connection_may_look_at(looks, viewer):
+    one = viewer()
+    for number in range(MAX_SUBSCRIPTIONS - 1):
         one.look(f"/old{number}", 1e9)
         looks.publish(f"/old{number}", "old")
     await turns()
-    for number in range(LOOKS - 1):
+    for number in range(MAX_SUBSCRIPTIONS - 1):
         one.look_away(f"/old{number}")
     for topic in ("/a", "/b"):
         one.look(topic, 1e9)
         looks.publish(topic, topic)
     await turns()
-    assert len(one.sent) == LOOKS
+    assert len(one.sent) == MAX_SUBSCRIPTIONS
 
 
-async def test_an_acknowledgement_of_nothing_does_nothing(looks, looker):
-    one = looker()
+async def test_an_acknowledgement_of_nothing_does_nothing(looks, viewer):
+    one = viewer()
     one.drawn()
     one.look("/a", 1e9)
     looks.publish("/a", "first")
@@ -138,11 +138,11 @@ async def test_an_acknowledgement_of_nothing_does_nothing(looks, looker):
     assert one.sent == ["first"]
 
 
-async def test_a_connection_whose_sending_fails_costs_the_others_nothing(looks, looker):
+async def test_a_connection_whose_sending_fails_costs_the_others_nothing(looks, viewer):
     async def fails(_event):
         raise RuntimeError("a fault of ours")
 
-    broken, lively = Looker(looks, fails), looker()
+    broken, lively = TopicViewer(looks, fails), viewer()
     broken.look("/a", 10.0)
     lively.look("/a", 10.0)
     looks.publish("/a", "first")
@@ -150,11 +150,11 @@ async def test_a_connection_whose_sending_fails_costs_the_others_nothing(looks, 
     assert lively.sent == ["first"]
 
 
-async def test_when_the_bridge_goes_what_it_said_last_is_shown_to_nobody(looks, looker):
-    looker().look("/a", 10.0)
+async def test_when_the_bridge_goes_what_it_said_last_is_shown_to_nobody(looks, viewer):
+    viewer().look("/a", 10.0)
     looks.publish("/a", "old")
     looks.forget()
-    late = looker()
+    late = viewer()
     late.look("/a", 10.0)
     await turns()
     assert late.sent == []

@@ -9,7 +9,7 @@ from robots.bridge.config import Allowed
 from robots.registry.models import Allowance, RobotRole
 from teleop.background.database import in_database
 from teleop.control import selectors
-from teleop.live.tasks import UNDER_WAY
+from teleop.live.tasks import MAX_PENDING
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -38,13 +38,13 @@ ALLOWED = (
 @pytest.fixture(autouse=True)
 def allowed(monkeypatch):
     """What the allow-list has."""
-    registered = selectors.registered
+    robot_entry = selectors.robot_entry
 
     def with_allowed(robot_id):
-        return structs.replace(registered(robot_id), allowed=ALLOWED)
+        return structs.replace(robot_entry(robot_id), allowed=ALLOWED)
 
-    monkeypatch.setattr("teleop.live.robot_socket.registered", with_allowed)
-    monkeypatch.setattr("teleop.live.robot_hub.registered", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_socket.robot_entry", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_hub.robot_entry", with_allowed)
 
 
 @pytest.fixture
@@ -147,10 +147,10 @@ async def test_an_order_while_the_bridge_is_away_is_refused_at_once(holder, brid
 
 async def test_orders_that_the_bridge_never_answers_do_not_pile_up(holder, bridge):
     bridge.silent = True
-    for seq in range(1, UNDER_WAY + 2):
+    for seq in range(1, MAX_PENDING + 2):
         await holder.say("play", fence=FENCE, motion="wave", seq=seq)
-    assert (await holder.hears("refused", of="play", seq=UNDER_WAY + 1))["refusal"]["code"] == "busy"
-    await bridge.hears(wire.Play, count=UNDER_WAY)
+    assert (await holder.hears("refused", of="play", seq=MAX_PENDING + 1))["refusal"]["code"] == "busy"
+    await bridge.hears(wire.Play, count=MAX_PENDING)
     await holder.say("look_ahead", fence=FENCE, seq=99)
     assert (await holder.hears("refused", seq=99))["refusal"]["code"] == "busy"
 

@@ -16,7 +16,7 @@ from robots import wire
 from robots.wire import Refusal
 from teleop.background.database import in_database
 from teleop.recording import refusals, repeat_suppression
-from teleop.recording.refusals import Denied, put_on_record
+from teleop.recording.refusals import RefusedRequest, put_on_record
 from teleop.stop.emergency_stop import Press
 from tests.teleop.support import TIMEOUT_S, Page, eventually
 from tests.teleop.test_control import take
@@ -30,7 +30,7 @@ def written(monkeypatch):
     """What a log with short gaps writes: (code, times)."""
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = queue.Queue()
-    log = repeat_suppression.FoldingLog(lambda denied, times: told.put((denied.refusal.code, times)))
+    log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.put((denied.refusal.code, times)))
     log.told = lambda: told.get(timeout=TIMEOUT_S)
     yield log
     log.flush()
@@ -38,7 +38,9 @@ def written(monkeypatch):
 
 def denied(person=None, code="stopped", robot=None, session=None):
     refusal = Refusal(code, "Not done.", "stop")
-    return Denied(person or User(username="p"), "robot page", "drive", refusal, robot, session_id=session)
+    return RefusedRequest(
+        person or User(username="p"), "robot page", "drive", refusal, robot, session_id=session
+    )
 
 
 # --- folding ------------------------------------------------------------------------------------------
@@ -70,7 +72,9 @@ def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written)
 def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(monkeypatch):
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = []
-    log = repeat_suppression.FoldingLog(lambda denied, times: told.append((denied.person, times)), most=None)
+    log = repeat_suppression.RepeatSuppressor(
+        lambda denied, times: told.append((denied.person, times)), most=None
+    )
     person, other = User(username="p"), User(username="q")
     for _ in range(3):
         for number in range(100):
@@ -84,7 +88,7 @@ def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(mon
 
 def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
     told = []
-    log = repeat_suppression.FoldingLog(lambda denied, times: told.append(denied.person))
+    log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.append(denied.person))
     person, other = User(username="p"), User(username="q")
     for number in range(2 * repeat_suppression.MOST):
         log.note(denied(person, f"code_{number}"))
@@ -96,7 +100,7 @@ def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
 
 def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_before():
     told = []
-    log = repeat_suppression.FoldingLog(lambda press, times: told.append((press.of, times)), most=None)
+    log = repeat_suppression.RepeatSuppressor(lambda press, times: told.append((press.of, times)), most=None)
     person = User(username="p")
     fresh = uuid4()
     for _ in range(100):
@@ -141,7 +145,7 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
         begun.set()
         assert go_on.wait(TIMEOUT_S)
 
-    log = repeat_suppression.FoldingLog(hang)
+    log = repeat_suppression.RepeatSuppressor(hang)
     log.note(denied())
     assert begun.wait(TIMEOUT_S)
     for _ in range(repeat_suppression.MOST + 10):  # returns, however long the database takes
@@ -157,7 +161,7 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
 @pytest.mark.django_db(transaction=True)
 def test_a_record_has_code_rule_and_figures_and_who_is_named_may_expire(operator, robot):
     session = uuid4()
-    told = Denied(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
+    told = RefusedRequest(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
     put_on_record(told, 12)
     record = Record.objects.get(kind="refusal")
     assert (record.outcome, record.actor_id, record.robot_id) == ("stopped", str(operator.pk), robot.id)

@@ -181,8 +181,8 @@ async def is_not_renewed(bridge):
 async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, monkeypatch):
     """The database is gone: the bridge's own clock ends control three seconds later."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
-    monkeypatch.setattr(robot_hub, "standing_of", away)
-    monkeypatch.setattr(robot_hub, "registered", away)
+    monkeypatch.setattr(robot_hub, "control_status", away)
+    monkeypatch.setattr(robot_hub, "robot_entry", away)
     await is_not_renewed(bridge)
 
 
@@ -191,7 +191,7 @@ async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_agai
 ):
     monkeypatch.setattr(lease_renewal, "RENEW_S", 0.02)
     tries = asyncio.Semaphore(0)
-    grant = lease_renewal.Grip._grant
+    grant = lease_renewal.LeaseRenewer._grant
 
     async def fails(_grip):
         tries.release()
@@ -202,24 +202,24 @@ async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_agai
             await asyncio.wait_for(tries.acquire(), 5.0)
 
     for logged in (1, 2):
-        monkeypatch.setattr(lease_renewal.Grip, "_grant", fails)
+        monkeypatch.setattr(lease_renewal.LeaseRenewer, "_grant", fails)
         await tried(4)
         assert caplog.text.count("was not renewed") == logged
-        monkeypatch.setattr(lease_renewal.Grip, "_grant", grant)
+        monkeypatch.setattr(lease_renewal.LeaseRenewer, "_grant", grant)
         await bridge.hears(wire.Grant, count=len(bridge.all(wire.Grant)) + 1)
 
 
 async def test_a_look_at_others_rights_confirms_nobodys_control(driving, open_page, bridge, monkeypatch):
     """Each newcomer is looked up; that says nothing of whoever drives."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
-    [room] = robot_hub._rooms.values()
-    holder = next(iter(room.members.values()))
-    read = robot_hub.standing_of
+    [hub] = robot_hub._hubs.values()
+    holder = next(iter(hub.members.values()))
+    read = robot_hub.control_status
 
     def knows_the_others(robot_id, *, people, **asked):
         return away() if holder.person in people else read(robot_id, people=people, **asked)
 
-    monkeypatch.setattr(robot_hub, "standing_of", knows_the_others)
+    monkeypatch.setattr(robot_hub, "control_status", knows_the_others)
 
     enough = asyncio.Event()
 

@@ -8,13 +8,13 @@ import pytest
 
 from robots.registry.models import Role
 from teleop.control import rules
-from teleop.control.rules import Ask, Holding, Phase, Tab
+from teleop.control.rules import LeaseState, OpenRequest, Phase, Tab
 
 NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
 OLGA, OLAF = UUID(int=1), UUID(int=2)
 HER_TAB = Tab("her-tab", "her-sign-in", "connection-1")
 HIS_TAB = Tab("his-tab", "his-sign-in", "connection-2")
-HELD = Holding(
+HELD = LeaseState(
     session=UUID(int=9),
     user=OLGA,
     name="Olga",
@@ -25,7 +25,7 @@ HELD = Holding(
     seen_at=NOW,
 )
 LOST = msgspec.structs.replace(HELD, tab=msgspec.structs.replace(HER_TAB, connection=""))
-HE_ASKS = Ask(id=1, user=OLAF, name="Olaf", tab=HIS_TAB, asked_at=NOW)
+HE_ASKS = OpenRequest(id=1, user=OLAF, name="Olaf", tab=HIS_TAB, asked_at=NOW)
 NEW_CONNECTION = msgspec.structs.replace(HER_TAB, connection="connection-3")
 
 
@@ -41,36 +41,36 @@ def code(refusal):
 
 
 def test_a_robot_that_nobody_has_may_be_taken():
-    assert rules.may_take(None, user=OLAF, tab=HIS_TAB, now=NOW) is None
+    assert rules.check_take(None, user=OLAF, tab=HIS_TAB, now=NOW) is None
 
 
 def test_a_robot_that_somebody_has_may_not_be_taken_and_the_refusal_names_who():
-    refusal = rules.may_take(HELD, user=OLAF, tab=HIS_TAB, now=NOW)
+    refusal = rules.check_take(HELD, user=OLAF, tab=HIS_TAB, now=NOW)
     assert refusal.code == "held"
     assert refusal.figures == {"holder": "Olga", "remaining_s": 900}
 
 
 def test_while_the_holders_page_is_gone_others_are_told_when_it_becomes_free():
-    refusal = rules.may_take(LOST, user=OLAF, tab=HIS_TAB, now=after(4))
+    refusal = rules.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(4))
     assert refusal.code == "held_away"
     assert refusal.figures["resumable_s"] == 6.0
 
 
 def test_it_may_be_taken_once_the_grace_is_over():
-    assert rules.may_take(LOST, user=OLAF, tab=HIS_TAB, now=after(10.001)) is None
+    assert rules.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(10.001)) is None
 
 
 def test_it_may_be_taken_once_the_term_is_over_though_the_page_is_there():
     still_there = msgspec.structs.replace(HELD, seen_at=after(900))
-    assert rules.may_take(still_there, user=OLAF, tab=HIS_TAB, now=after(900)) is None
+    assert rules.check_take(still_there, user=OLAF, tab=HIS_TAB, now=after(900)) is None
 
 
 def test_the_holder_may_move_control_to_another_of_their_tabs():
-    assert rules.may_take(HELD, user=OLGA, tab=HIS_TAB, now=NOW) is None
+    assert rules.check_take(HELD, user=OLGA, tab=HIS_TAB, now=NOW) is None
 
 
 def test_what_a_page_has_already_it_does_not_take_again():
-    assert code(rules.may_take(HELD, user=OLGA, tab=HER_TAB, now=NOW)) == "already_yours"
+    assert code(rules.check_take(HELD, user=OLGA, tab=HER_TAB, now=NOW)) == "already_yours"
 
 
 # --- resume ---------------------------------------------------------------------------------------
@@ -78,95 +78,95 @@ def test_what_a_page_has_already_it_does_not_take_again():
 
 @pytest.mark.parametrize("seconds", [0, 9.9, 10])
 def test_the_same_tab_resumes_within_ten_seconds(seconds):
-    assert rules.may_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(seconds)) is None
+    assert rules.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(seconds)) is None
 
 
 def test_after_ten_seconds_it_does_not():
-    assert code(rules.may_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(10.1))) == "lease_over"
+    assert code(rules.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(10.1))) == "lease_over"
 
 
 def test_a_duplicate_of_the_tab_resumes_though_the_first_is_still_there():
-    assert rules.may_resume(HELD, user=OLGA, tab=NEW_CONNECTION, now=NOW) is None
+    assert rules.check_resume(HELD, user=OLGA, tab=NEW_CONNECTION, now=NOW) is None
 
 
 @pytest.mark.parametrize("tab", [Tab("other-tab", "her-sign-in", "c"), Tab("her-tab", "other-sign-in", "c")])
 def test_another_tab_or_another_sign_in_does_not_resume(tab):
-    assert code(rules.may_resume(LOST, user=OLGA, tab=tab, now=NOW)) == "not_holder"
+    assert code(rules.check_resume(LOST, user=OLGA, tab=tab, now=NOW)) == "not_holder"
 
 
 def test_another_person_does_not_resume_even_with_the_tabs_token():
-    assert code(rules.may_resume(LOST, user=OLAF, tab=NEW_CONNECTION, now=NOW)) == "not_holder"
+    assert code(rules.check_resume(LOST, user=OLAF, tab=NEW_CONNECTION, now=NOW)) == "not_holder"
 
 
 # --- renew, ask, hand over ----------------------------------------------------------------------------
 
 
 def test_the_holder_may_renew():
-    assert rules.may_renew(HELD, tab=HER_TAB, asks=[], now=NOW) is None
+    assert rules.check_renew(HELD, tab=HER_TAB, asks=[], now=NOW) is None
 
 
 def test_the_holder_may_not_renew_while_somebody_asks():
-    refusal = rules.may_renew(HELD, tab=HER_TAB, asks=[HE_ASKS], now=NOW)
+    refusal = rules.check_renew(HELD, tab=HER_TAB, asks=[HE_ASKS], now=NOW)
     assert refusal.code == "somebody_asks"
     assert "Olaf" in refusal.text
 
 
 def test_a_question_that_lapsed_does_not_keep_the_holder_from_renewing():
-    still_there = msgspec.structs.replace(HELD, seen_at=after(rules.ASK_S))
-    assert rules.may_renew(still_there, tab=HER_TAB, asks=[HE_ASKS], now=after(rules.ASK_S)) is None
+    still_there = msgspec.structs.replace(HELD, seen_at=after(rules.REQUEST_S))
+    assert rules.check_renew(still_there, tab=HER_TAB, asks=[HE_ASKS], now=after(rules.REQUEST_S)) is None
 
 
 def test_only_the_page_that_has_control_renews():
-    assert code(rules.may_renew(HELD, tab=NEW_CONNECTION, asks=[], now=NOW)) == "not_holder"
-    assert code(rules.may_renew(None, tab=HER_TAB, asks=[], now=NOW)) == "no_lease"
-    assert code(rules.may_renew(HELD, tab=HER_TAB, asks=[], now=after(900))) == "lease_over"
+    assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, asks=[], now=NOW)) == "not_holder"
+    assert code(rules.check_renew(None, tab=HER_TAB, asks=[], now=NOW)) == "no_lease"
+    assert code(rules.check_renew(HELD, tab=HER_TAB, asks=[], now=after(900))) == "lease_over"
 
 
 def test_one_asks_for_what_somebody_else_has():
-    assert rules.may_ask(HELD, user=OLAF, now=NOW) is None
-    assert code(rules.may_ask(HELD, user=OLGA, now=NOW)) == "already_yours"
-    assert code(rules.may_ask(None, user=OLAF, now=NOW)) == "free"
+    assert rules.check_request(HELD, user=OLAF, now=NOW) is None
+    assert code(rules.check_request(HELD, user=OLGA, now=NOW)) == "already_yours"
+    assert code(rules.check_request(None, user=OLAF, now=NOW)) == "free"
 
 
 def test_control_is_handed_to_whoever_still_asks():
-    assert rules.must_ask(HE_ASKS, now=NOW) is None
-    assert code(rules.must_ask(HE_ASKS, now=after(rules.ASK_S))) == "no_such_request"
-    assert code(rules.must_ask(None, now=NOW)) == "no_such_request"
+    assert rules.check_still_open(HE_ASKS, now=NOW) is None
+    assert code(rules.check_still_open(HE_ASKS, now=after(rules.REQUEST_S))) == "no_such_request"
+    assert code(rules.check_still_open(None, now=NOW)) == "no_such_request"
 
 
 def test_questions_are_answered_in_the_order_they_came():
     early = msgspec.structs.replace(HE_ASKS, id=2, asked_at=NOW - timedelta(seconds=30))
-    assert [ask.id for ask in rules.open_asks([HE_ASKS, early], NOW)] == [2, 1]
+    assert [ask.id for ask in rules.open_requests([HE_ASKS, early], NOW)] == [2, 1]
 
 
 # --- take over, clear -----------------------------------------------------------------------------
 
 
 def test_a_supervisor_may_take_over_from_a_holder():
-    assert rules.may_take_over(HELD, user=OLAF, supervises=True, now=NOW) is None
+    assert rules.check_take_over(HELD, user=OLAF, supervises=True, now=NOW) is None
 
 
 def test_an_operator_may_not_take_over():
-    assert code(rules.may_take_over(HELD, user=OLAF, supervises=False, now=NOW)) == "role_too_low"
+    assert code(rules.check_take_over(HELD, user=OLAF, supervises=False, now=NOW)) == "role_too_low"
 
 
 def test_there_is_nothing_to_take_over_when_nobody_has_it():
-    assert code(rules.may_take_over(None, user=OLAF, supervises=True, now=NOW)) == "free"
-    assert code(rules.may_take_over(HELD, user=OLGA, supervises=True, now=NOW)) == "already_yours"
+    assert code(rules.check_take_over(None, user=OLAF, supervises=True, now=NOW)) == "free"
+    assert code(rules.check_take_over(HELD, user=OLGA, supervises=True, now=NOW)) == "already_yours"
 
 
 def test_the_stop_is_cleared_by_the_holder_or_a_supervisor():
-    assert rules.may_clear(HELD, tab=HER_TAB, supervises=False, now=NOW) is None
-    assert rules.may_clear(None, tab=None, supervises=True, now=NOW) is None
-    assert code(rules.may_clear(HELD, tab=HIS_TAB, supervises=False, now=NOW)) == "may_not_clear"
-    assert code(rules.may_clear(None, tab=HER_TAB, supervises=False, now=NOW)) == "may_not_clear"
+    assert rules.check_clear(HELD, tab=HER_TAB, supervises=False, now=NOW) is None
+    assert rules.check_clear(None, tab=None, supervises=True, now=NOW) is None
+    assert code(rules.check_clear(HELD, tab=HIS_TAB, supervises=False, now=NOW)) == "may_not_clear"
+    assert code(rules.check_clear(None, tab=HER_TAB, supervises=False, now=NOW)) == "may_not_clear"
 
 
 # --- time -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("holding", "seconds", "phase"),
+    ("lease", "seconds", "phase"),
     [
         (None, 0, Phase.FREE),
         (HELD, 0, Phase.HELD),
@@ -177,8 +177,8 @@ def test_the_stop_is_cleared_by_the_holder_or_a_supervisor():
         (HELD, 900, Phase.LAPSED),
     ],
 )
-def test_a_lease_goes_through_its_phases(holding, seconds, phase):
-    assert rules.phase(holding, after(seconds)) is phase
+def test_a_lease_goes_through_its_phases(lease, seconds, phase):
+    assert rules.phase(lease, after(seconds)) is phase
 
 
 def test_a_term_ends_no_later_than_the_permit():

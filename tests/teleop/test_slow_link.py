@@ -9,7 +9,7 @@ from robots import wire
 from robots.bridge.drive.drive_input import COMMAND_LIFE_S
 from robots.bridge.gate.values import STILL
 from teleop.live import picture_feed
-from teleop.live.picture_feed import Viewer
+from teleop.live.picture_feed import PictureViewer
 from tests.bridge.support import Bench
 
 PAGE_S = 1 / 30  # between two commands of a page
@@ -75,7 +75,7 @@ def test_a_page_whose_answers_come_late_is_told_to_the_gate_with_the_next_grant(
     now = SimpleNamespace(s=0.0)
     monkeypatch.setattr(picture_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
     views = SimpleNamespace(admit=lambda _: 1, number=0, every=1, ready=set())
-    viewer = Viewer(views, send=None)
+    viewer = PictureViewer(views, send=None)
 
     def answers(*delays_s):
         for delay_s in delays_s:

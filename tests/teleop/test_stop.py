@@ -19,7 +19,7 @@ from robots.registry.selectors import link_address
 from teleop.background import database
 from teleop.background.database import in_database
 from teleop.live.socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
-from teleop.recording.repeat_suppression import MOST, FoldingLog
+from teleop.recording.repeat_suppression import MOST, RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.teleop.support import eventually
 
@@ -304,7 +304,7 @@ async def test_however_slowly_stops_are_recorded_rights_are_confirmed(open_page,
 
 def test_what_waits_is_recorded_at_the_end_of_the_process_however_much_it_is():
     told = []
-    log = FoldingLog(lambda press, times: told.append((press.robot_id, times)), most=None)
+    log = RepeatSuppressor(lambda press, times: told.append((press.robot_id, times)), most=None)
     presses = [
         emergency_stop.Press(User(username="p"), "rest", uuid4(), None, Future()) for _ in range(MOST + 10)
     ]

@@ -14,8 +14,8 @@ from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
 from teleop.control import selectors
 from teleop.live.socket import CloseCode
-from teleop.live.topic_feed import LOOKS
-from teleop.live.topics_consumer import QUESTIONS_BURST, UNDER_WAY
+from teleop.live.topic_feed import MAX_SUBSCRIPTIONS
+from teleop.live.topics_consumer import MAX_PENDING, QUESTIONS_BURST
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -30,14 +30,14 @@ ALLOWED = (
 @pytest.fixture(autouse=True)
 def allowed(monkeypatch):
     """What the allow-list has."""
-    registered = selectors.registered
+    robot_entry = selectors.robot_entry
 
     def with_allowed(robot_id):
-        found = registered(robot_id)
+        found = robot_entry(robot_id)
         return found and structs.replace(found, allowed=ALLOWED)
 
-    monkeypatch.setattr("teleop.live.robot_socket.registered", with_allowed)
-    monkeypatch.setattr("teleop.live.robot_hub.registered", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_socket.robot_entry", with_allowed)
+    monkeypatch.setattr("teleop.live.robot_hub.robot_entry", with_allowed)
 
 
 @pytest.fixture
@@ -162,10 +162,10 @@ async def test_a_question_under_way_when_the_bridge_goes_is_answered_with_that(o
 async def test_only_some_questions_are_under_way_at_once(open_topics, bridge):
     bridge.silent = True
     page = await open_topics("observer")
-    for seq in range(1, UNDER_WAY + 2):
+    for seq in range(1, MAX_PENDING + 2):
         await page.say("topics", seq=seq)
-    assert (await page.hears("refused", seq=UNDER_WAY + 1))["refusal"]["code"] == "busy"
-    await bridge.hears(wire.LinkQuery, count=UNDER_WAY)
+    assert (await page.hears("refused", seq=MAX_PENDING + 1))["refusal"]["code"] == "busy"
+    await bridge.hears(wire.LinkQuery, count=MAX_PENDING)
 
 
 async def test_who_asks_on_and_on_is_slowed_down(open_topics, bridge):
@@ -355,12 +355,12 @@ async def test_a_robot_that_moved_is_looked_at_where_it_is_now(open_topics, brid
 
 async def test_more_looks_than_a_connection_may_have_are_refused(open_topics, bridge):
     page = await open_topics("observer")
-    for number in range(LOOKS):
+    for number in range(MAX_SUBSCRIPTIONS):
         await page.say("look", topic=f"/topic{number}")
     await page.say("look", topic="/one_more")
     refused = await page.hears("refused", of="look")
     assert refused["refusal"]["code"] == "too_many_looks"
-    assert refused["refusal"]["figures"] == {"topic": "/one_more", "limit": LOOKS}
+    assert refused["refusal"]["figures"] == {"topic": "/one_more", "limit": MAX_SUBSCRIPTIONS}
     await page.say("look", topic="/topic1", rate_hz=1)  # another rate is no other look
     await page.say("unlook", topic="/topic0")
     await page.say("look", topic="/one_more")
@@ -370,7 +370,7 @@ async def test_more_looks_than_a_connection_may_have_are_refused(open_topics, br
 async def test_all_looks_at_one_robot_fit_into_a_message_to_its_bridge(open_topics, bridge):
     long = "/" + "x" * 190
     for number in range(wire.MOST_SUBSCRIPTIONS):
-        if number % LOOKS == 0:
+        if number % MAX_SUBSCRIPTIONS == 0:
             page = await open_topics("observer")
         await page.say("look", topic=f"{long}{number}", rate_hz=3.3333333333333335)
     await bridge.hears(wire.LinkSubscribe, lambda look: len(look.topics) == wire.MOST_SUBSCRIPTIONS)

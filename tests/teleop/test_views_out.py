@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 
 from robots import wire
-from teleop.live.picture_feed import CROWD, Viewer, Views
+from teleop.live.picture_feed import FULL_RATE_VIEWERS, PictureFeed, PictureViewer
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -53,14 +53,14 @@ async def test_a_picture_travels_as_the_bridge_encoded_it(open_page, bridge):
 
 
 async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
-    views = Views()
+    views = PictureFeed()
     sent = {"stalled": [], "lively": []}
 
     def viewer(name):
         async def send(event):
             sent[name].append(event["text"])
 
-        return Viewer(views, send)
+        return PictureViewer(views, send)
 
     stalled, lively = viewer("stalled"), viewer("lively")
     for number in range(1000):
@@ -75,7 +75,7 @@ async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
 
 
 async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_picture():
-    views = Views()
+    views = PictureFeed()
     sent = {}
 
     def viewer(name):
@@ -84,9 +84,9 @@ async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_pictu
         async def send(event):
             sent[name].append(int(event["text"]))
 
-        return Viewer(views, send)
+        return PictureViewer(views, send)
 
-    crowd = [viewer(name) for name in range(3 * CROWD)]
+    crowd = [viewer(name) for name in range(3 * FULL_RATE_VIEWERS)]
     crowd[0].drives = True
     for number in range(1, 101):
         views.publish(str(number))
@@ -98,11 +98,11 @@ async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_pictu
     assert len(sent[0]) == 100
     assert all(33 <= len(sent[name]) <= 35 for name in range(1, len(crowd)))
     newest = Counter(sent[name][-1] for name in range(1, len(crowd)))
-    assert max(newest.values()) <= CROWD + 1  # not all at once
+    assert max(newest.values()) <= FULL_RATE_VIEWERS + 1  # not all at once
 
 
 async def test_a_viewer_whose_sending_fails_costs_the_others_nothing():
-    views, sent, arrived = Views(), [], asyncio.Event()
+    views, sent, arrived = PictureFeed(), [], asyncio.Event()
 
     async def fails(_event):
         raise RuntimeError("a fault of ours")
@@ -111,8 +111,8 @@ async def test_a_viewer_whose_sending_fails_costs_the_others_nothing():
         sent.append(event["text"])
         arrived.set()
 
-    Viewer(views, fails)
-    lively = Viewer(views, send)
+    PictureViewer(views, fails)
+    lively = PictureViewer(views, send)
     for number in range(2):
         arrived.clear()
         views.publish(str(number))

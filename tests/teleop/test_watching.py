@@ -112,7 +112,7 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
     call_command("run_housekeeping", "--once")
     assert not Record.objects.filter(of=left).exists()  # somebody may be watching still
     for _ in range(2):
-        list(camera_audit.end_what_was_left(later))
+        list(camera_audit.close_abandoned(later))
     end = Record.objects.get(of=left)
     assert (end.kind, end.outcome, end.actor_id) == ("camera.end", "unknown", None)
     assert Record.objects.filter(of=ended).count() == 1
@@ -123,7 +123,7 @@ async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, 
     message = wire.encode(shown).decode()
     before = camera_audit._camera_of.cache_info().misses
     for _ in range(3):
-        camera_audit.Watching(observer, robot.id, robot.name).shown(message)
+        camera_audit.CameraAudit(observer, robot.id, robot.name).shown(message)
     assert camera_audit._camera_of.cache_info().misses == before + 1
 
 
@@ -132,7 +132,7 @@ async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_late
 ):
     monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 2.0)
     monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.01)
-    monkeypatch.setattr(camera_audit, "_ration", repeat_suppression.Ration())
+    monkeypatch.setattr(camera_audit, "_ration", repeat_suppression.RecordBudgets())
     for number in (1, 2):
         await look(bridge, page)
         await picture(bridge, page, number)

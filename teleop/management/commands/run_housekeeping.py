@@ -22,7 +22,7 @@ from fleet.audit import AuditUnavailable, retention
 from robots.processes.shutdown import told_to_end
 from robots.recording.faults import RobotWatch
 from teleop.control import rules, services
-from teleop.control.selectors import held_robots
+from teleop.control.selectors import held_leases
 from teleop.recording import camera_audit
 from teleop.reports import session_maps
 
@@ -100,7 +100,7 @@ def chores() -> Iterator[None]:
     call_command("clearsessions")
     yield
     now = timezone.now()
-    yield from camera_audit.end_what_was_left(now)
+    yield from camera_audit.close_abandoned(now)
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         yield from session_maps.keep_house(now)
@@ -109,8 +109,8 @@ def chores() -> Iterator[None]:
 def go_round() -> None:
     """End what is over now."""
     now = timezone.now()
-    for robot_id, holding in held_robots():
-        if rules.lapse(holding, now) is not None:
+    for robot_id, lease in held_leases():
+        if rules.lapse_reason(lease, now) is not None:
             with suppress(services.ControlRefused):  # somebody else was faster, or it is tried again
                 services.lease_expire(robot_id=robot_id, now=now)
-    services.asks_lapse(now=now)
+    services.requests_lapse(now=now)
