@@ -29,7 +29,7 @@ from robots.bridge.overload import LATE_S
 from robots.link.connections import DOWN, open_link, open_sync, why_down
 from robots.link.connections import LinkRefused as LinkRefused
 from robots.link.lane import Lane
-from robots.link.pending_replies import Inquiries
+from robots.link.pending_replies import PendingReplies
 from robots.stop import courier
 from robots.stop.delivery import (
     SILENT,
@@ -140,10 +140,12 @@ class BridgeLink:
         self._names: frozenset[str] = frozenset()  # of those who look
         self._topics: dict[str, float] = {}  # whose messages they look at, and how often (Hz)
         self._telling: asyncio.TimerHandle | None = None  # the bridge of other topics
-        self._grants: Inquiries[None] = Inquiries()  # by fencing number
-        self._latch: Inquiries[Stopped] = Inquiries()  # by number
-        self._orders: Inquiries[Accepted | Refused] = Inquiries()  # by kind, fencing number and number
-        self._questions: Inquiries[str] = Inquiries()  # by number
+        self._grants: PendingReplies[None] = PendingReplies()  # by fencing number
+        self._latch: PendingReplies[Stopped] = PendingReplies()  # by number
+        self._orders: PendingReplies[Accepted | Refused] = (
+            PendingReplies()
+        )  # by kind, fencing number and number
+        self._questions: PendingReplies[str] = PendingReplies()  # by number
         self._pause_s = _BACK_OFF_S[0]
         self.tried = asyncio.Event()  # a first attempt came to an end, good or bad
         self.closed = False
@@ -339,9 +341,9 @@ class BridgeLink:
         """What was sent last is not out yet: the bridge, or the network, does not take it."""
         return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
 
-    def _require_room(self, inquiries: Inquiries[_Answer], most: int) -> None:
+    def _require_room(self, replies: PendingReplies[_Answer], most: int) -> None:
         """Nothing is piled up before a bridge that is slow; a stop would have to wait behind it."""
-        if self._is_behind or len(inquiries) >= most:
+        if self._is_behind or len(replies) >= most:
             raise LinkRefused(_BUSY)
 
     async def _ask(self, message: Struct) -> None:
@@ -547,8 +549,8 @@ class BridgeLink:
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
         self.state = self.offers = None
-        for inquiries in (self._grants, self._latch, self._orders, self._questions):
-            inquiries.answer_all(LinkRefused(refusal))
+        for replies in (self._grants, self._latch, self._orders, self._questions):
+            replies.answer_all(LinkRefused(refusal))
         if was_up:
             log.warning("link to %s lost: %s", self.robot_id, refusal.text)
         if refusal != before:

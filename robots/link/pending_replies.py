@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 A = TypeVar("A")
 
 
-class Inquiries(Generic[A]):
+class PendingReplies(Generic[A]):
     """Who waits for an answer of one kind, by what the answer is known by; of equal ones the first waits longest."""
 
     def __init__(self) -> None:

@@ -20,11 +20,11 @@ from types import MethodType, SimpleNamespace
 
 import pytest
 
-import robots.bridge.ros.bounds.doors as doors
+import robots.bridge.ros.bounds.servers as doors
 from robots.bridge.ros.bounds import texts
 from robots.bridge.ros.bounds.board import MOST_SHOWN, SHOWN_S, Board
 from robots.bridge.ros.bounds.listening import Reading
-from robots.bridge.ros.bounds.logs import AT_ONCE, Sparing
+from robots.bridge.ros.bounds.logs import AT_ONCE, LogLimiter
 from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.network.master import Master, MasterError
@@ -375,7 +375,7 @@ def test_callers_who_say_nothing_keep_nobody_out():
 
 
 def test_an_address_that_calls_without_pause_is_not_served():
-    callers = doors.Callers(4)
+    callers = doors.CallerLimits(4)
     assert sum(callers.may("10.0.0.1", 0.0) for _ in range(1000)) == doors.AT_ONCE
     assert callers.may("10.0.0.2", 0.0)
 
@@ -446,7 +446,7 @@ def test_a_listener_that_declares_4_gb_or_says_nothing_delays_no_other():
 
 
 def test_strangers_fill_no_log():
-    sparing = Sparing()
+    sparing = LogLimiter()
     record = logging.LogRecord("rospy.internal", logging.WARNING, "", 0, LONG, (), None)
     passed = [sparing.filter(record) for _ in range(1000)]
     assert AT_ONCE <= sum(passed) < 2 * AT_ONCE

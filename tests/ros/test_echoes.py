@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots.bridge.ros.network.acknowledgements import Echoes, _kept
+from robots.bridge.ros.network.acknowledgements import Acknowledgements, _kept
 from tests.ros.support import until
 
 
@@ -75,7 +75,7 @@ def topic(*listeners):
 
 
 def test_what_is_acknowledged_at_once_took_no_time(listen):
-    robot, echoes = listen(), Echoes("127.0.0.1")
+    robot, echoes = listen(), Acknowledgements("127.0.0.1")
     told = []
     for period in range(5):
         told.append(echoes.took_s(0.05 * period))
@@ -86,7 +86,7 @@ def test_what_is_acknowledged_at_once_took_no_time(listen):
 
 
 def test_a_machine_that_takes_nothing_more_is_waited_for(listen):
-    robot, echoes = listen(), Echoes("127.0.0.1")
+    robot, echoes = listen(), Acknowledgements("127.0.0.1")
     robot.connection.write(52)
     echoes.wrote(topic(robot), 0.0)
     robot.acknowledges()
@@ -97,7 +97,7 @@ def test_a_machine_that_takes_nothing_more_is_waited_for(listen):
 
 
 def test_who_looks_on_from_elsewhere_is_not_waited_for_but_a_robot_that_is_elsewhere_is(listen):
-    robot, onlooker, echoes = listen(), listen("127.0.0.2"), Echoes("127.0.0.1")
+    robot, onlooker, echoes = listen(), listen("127.0.0.2"), Acknowledgements("127.0.0.1")
     stalled = []
 
     def looked(now_s, *listeners):
@@ -118,7 +118,7 @@ def test_who_looks_on_from_elsewhere_is_not_waited_for_but_a_robot_that_is_elsew
 
 
 def test_a_connection_that_rospy_has_closed_tells_nothing_more(listen):
-    robot, echoes = listen(), Echoes("127.0.0.1")
+    robot, echoes = listen(), Acknowledgements("127.0.0.1")
     robot.connection.write(52)
     echoes.wrote(topic(robot), 0.0)
     robot.connection.socket.close()

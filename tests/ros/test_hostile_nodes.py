@@ -23,7 +23,7 @@ from robots.bridge.ros.network import master
 from robots.bridge.ros.network.master import TIMEOUT_S, Master, MasterError, SystemState
 from robots.bridge.ros.network.tcpros import Conversation, connect, first_told
 from robots.bridge.ros.node import RosBase
-from robots.bridge.ros.ros_worker import Errands, Seldom
+from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from tests.bridge.support import CONFIG
 from tests.ros.meddling import answer_of
 from tests.ros.support import until
@@ -155,7 +155,7 @@ def test_a_connection_on_which_nothing_can_be_said_is_closed_though_nobody_has_i
 
 def test_what_is_asked_for_without_pause_is_done_at_once_and_once_more_when_it_may_be_again():
     done: queue.SimpleQueue[float] = queue.SimpleQueue()
-    seldom = Seldom(lambda: done.put(time.monotonic()), 0.5)
+    seldom = RateLimit(lambda: done.put(time.monotonic()), 0.5)
     began_s = time.monotonic()
     for _ in range(100):
         seldom.do()
@@ -202,7 +202,7 @@ def test_an_errand_that_fails_keeps_no_other_from_being_done():
         raise TypeError("of what a master answered")
 
     done = threading.Event()
-    errands = Errands("test")
-    errands.do(fails)
-    errands.do(done.set)
+    worker = RosWorker("test")
+    worker.do(fails)
+    worker.do(done.set)
     assert done.wait(10)

@@ -20,8 +20,8 @@ from robots import wire
 from robots.bridge.ros.inspector import answers
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.inspector.looks import Looks
-from robots.bridge.ros.inspector.publishing import Leave, Talks
+from robots.bridge.ros.inspector.publishing import Publishers, PublishPermit
+from robots.bridge.ros.inspector.subscriptions import Subscriptions
 from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks.publishing import heard_by
@@ -203,7 +203,7 @@ def given_up(monkeypatch) -> threading.Event:
 
 
 def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given_up):
-    looks = Looks(Definitions(tmp_path), lambda *_: None)
+    looks = Subscriptions(Definitions(tmp_path), lambda *_: None)
     looks.look_at({"/look/never": NEVER_HZ})
     assert given_up.wait(PATIENCE_S)
     for look in looks._looks.values():
@@ -212,8 +212,8 @@ def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given
 
 def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path, given_up):
     definition = Definitions(tmp_path).of_type("std_msgs/String")
-    talks = Talks(Master(rosmaster.uri, "/test"))
-    talks.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), Leave(), NEVER_HZ)
+    talks = Publishers(Master(rosmaster.uri, "/test"))
+    talks.publish(NOTES, definition, lambda: definition.layout.write({}, (0, 0)), PublishPermit(), NEVER_HZ)
     assert given_up.wait(PATIENCE_S)
 
 
@@ -221,5 +221,5 @@ def test_what_another_process_checked_is_judged_again(rosmaster, ros, tmp_path):
     """An inspector that was started in between sends nothing that the list has not."""
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):
-        inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), Leave())
+        inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), PublishPermit())
     assert inspector._node is None

@@ -20,8 +20,8 @@ from robots.bridge.config import Topic
 from robots.bridge.maps.map_fetch import MapWanted, NoMap
 from robots.bridge.probe_findings import BRIDGE
 from robots.bridge.ros.network.master import Master as RosMaster
-from robots.bridge.ros.on_demand_topics import WhileWanted
-from robots.bridge.ros.ros_worker import Errands
+from robots.bridge.ros.on_demand_topics import OnDemandTopics
+from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.map import take
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.recording.bridge_records import AuditSink
@@ -67,7 +67,7 @@ def hears_tf(master):
 
 def test_where_the_odometry_is_on_the_map_is_known_without_a_depth_camera(ros):
     tf = TfTopics()
-    costly = WhileWanted(Errands("topics"), tf)
+    costly = OnDemandTopics(RosWorker("topics"), tf)
     costly.look(True)
     until(tf.map_to_odom, "a place")
     assert tf.map_to_odom() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import rospy
 from nav_msgs.msg import Odometry
 
-from robots.bridge.ros.robot_runs import Runs
+from robots.bridge.ros.robot_runs import RunMonitor
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 
 ODOMETRY = "/mobile_base_controller/odom"
 
 
 def test_each_connection_and_each_run_of_the_master_is_a_run_of_its_own():
-    runs, first, second = Runs(), {"callerid": "/base"}, {"callerid": "/base"}
+    runs, first, second = RunMonitor(), {"callerid": "/base"}, {"callerid": "/base"}
     numbers = [runs.of(first), runs.of(first), runs.of(second)]
     runs.begin()
     numbers += [runs.of(second), runs.of(first), runs.of(second)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from robots.bridge.ros.on_demand_topics import WhileWanted
+from robots.bridge.ros.on_demand_topics import OnDemandTopics
 
 
 class AtOnce:
@@ -38,7 +38,7 @@ class Part:
 
 def test_what_was_subscribed_before_something_broke_is_left_with_control_and_all_is_tried_again_with_the_next():
     first, second = Part(), Part(broken=True)
-    costly = WhileWanted(AtOnce(), first, second)
+    costly = OnDemandTopics(AtOnce(), first, second)
     costly.look(True)
     assert (first.subscribed, second.subscribed) == (1, 0)
     costly.look(False)

@@ -105,7 +105,7 @@ def test_a_drive_topic_that_is_just_being_left_keeps_no_zero_from_the_other(
 
     monkeypatch.setattr(ros_watchdog, "publish", publish)
     monkeypatch.setattr(ros_watchdog, "heard_by", lambda topic: [] if topic == "/left" else ["base"])
-    stops = ros_watchdog.RosStops(config)
+    stops = ros_watchdog.WatchdogNode(config)
     stops._drives = {"/left": "/left", "/key_vel": "/key_vel"}  # type: ignore[dict-item]
     assert stops.zero() == 1
     assert zeroed == ["/key_vel"]

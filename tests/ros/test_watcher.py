@@ -16,7 +16,7 @@ from robots.bridge.config import Topic
 from robots.bridge.probe_findings import BRIDGE
 from robots.bridge.ros.network import master_monitor
 from robots.bridge.ros.network.master import Master, node_alive
-from robots.bridge.ros.network.master_monitor import SILENCE_S, MasterWatcher
+from robots.bridge.ros.network.master_monitor import SILENCE_S, MasterMonitor
 from robots.processes.shutdown import EXIT_NOT_JOINED
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.meddling import CUT_SHORT, answer_of, meddled
@@ -83,7 +83,7 @@ class Told:
 @contextmanager
 def watching(uri: str, node: Told):
     """A watcher that asks often."""
-    watch = MasterWatcher(Master(uri, BRIDGE), node)
+    watch = MasterMonitor(Master(uri, BRIDGE), node)
     watch.start()
     try:
         yield

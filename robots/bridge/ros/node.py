@@ -36,13 +36,13 @@ from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import SENTENCE, cut, named
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.message_types.convert import laser_scan, planar
-from robots.bridge.ros.network.acknowledgements import Echoes
-from robots.bridge.ros.network.host_names import Names
+from robots.bridge.ros.network.acknowledgements import Acknowledgements
+from robots.bridge.ros.network.host_names import HostNames
 from robots.bridge.ros.network.master import Master, MasterError, SystemState, is_own, why_silent
-from robots.bridge.ros.network.master_monitor import MasterWatcher
-from robots.bridge.ros.on_demand_topics import WhileWanted
-from robots.bridge.ros.robot_runs import Runs
-from robots.bridge.ros.ros_worker import Errands, Seldom
+from robots.bridge.ros.network.master_monitor import MasterMonitor
+from robots.bridge.ros.on_demand_topics import OnDemandTopics
+from robots.bridge.ros.robot_runs import RunMonitor
+from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.sensors.arm_posture import PostureTopics
 from robots.bridge.ros.sensors.depth import DepthTopics
 from robots.bridge.ros.sensors.tf import TfTopics
@@ -82,28 +82,28 @@ class RosBase:
         self._master = Master(config.master_uri, BRIDGE)
         self._drive_topic = config.topics.drive.name
         self._drives: dict[str, rospy.Publisher] = {}  # the default, and one chosen instead
-        self._echoes: Echoes | None = None
+        self._acknowledgements: Acknowledgements | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._sonars = {sonar.frame_id for sonar in config.topics.sonars}
         self._cancels: list[rospy.Publisher] = []
         self._tf: TfTopics | None = None
-        self._costly: WhileWanted | None = None
+        self._costly: OnDemandTopics | None = None
         self._head: rospy.Publisher | None = None
         self._arm: PostureTopics | None = None
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
-        self._names = Names()
+        self._names = HostNames()
         self._is_unconnected = False  # whoever listens to the drive topic
         self._listened: dict[
             str, str
         ] = {}  # topics that the robot listened to at the last survey, and their types
-        self._connecting = Errands("topics")
-        self._reading = Errands("motions")
-        self._joined = Seldom(self._read_joined, JOINED_GAP_S)
-        self._looking_up = Errands("motion")  # of its own: a list may take seconds
-        self._watcher = MasterWatcher(self._master, self)
+        self._connecting = RosWorker("topics")
+        self._reading = RosWorker("motions")
+        self._joined = RateLimit(self._read_joined, JOINED_GAP_S)
+        self._looking_up = RosWorker("motion")  # of its own: a list may take seconds
+        self._watcher = MasterMonitor(self._master, self)
         self._described = False
-        self._runs = Runs()
+        self._runs = RunMonitor()
         self._moves = True  # as the last odometry has it
         self._mail = Mailboxes(self._post, lambda: self._core.hurries, speaker)
         self._loop: asyncio.AbstractEventLoop
@@ -118,12 +118,12 @@ class RosBase:
         if self._drive is not None:
             twist = _twist(velocity)
             publish(self._drive, _stamp(twist) if self._stamped else twist)
-            if self._echoes is not None:
-                self._echoes.wrote(self._drive, time.monotonic())
+            if self._acknowledgements is not None:
+                self._acknowledgements.wrote(self._drive, time.monotonic())
 
     def acknowledged_s(self, now_s: float) -> float | None:
         """How long the robot's machine takes to acknowledge a twist; None if nothing new shows it."""
-        return None if self._echoes is None else self._echoes.took_s(now_s)
+        return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)
 
     def drive_to(self, topic: str) -> None:
         """Twists go to this one of the attended topics from now on."""
@@ -282,7 +282,9 @@ class RosBase:
             self._subscribe(topics.battery, self._on_battery)
         if topics.charging:
             self._subscribe(topics.charging, self._on_charging)
-        self._echoes = Echoes(socket.gethostbyname(urlsplit(self._config.master_uri).hostname or ""))
+        self._acknowledgements = Acknowledgements(
+            socket.gethostbyname(urlsplit(self._config.master_uri).hostname or "")
+        )
         self._cancels = [
             rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
         ]
@@ -302,10 +304,10 @@ class RosBase:
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
             pictures = DepthTopics(depth, view, self._tf.frames, self)
-            self._costly = WhileWanted(self._connecting, self._tf, pictures)
+            self._costly = OnDemandTopics(self._connecting, self._tf, pictures)
         elif topics.map:
             self._tf = TfTopics()
-            self._costly = WhileWanted(self._connecting, self._tf)
+            self._costly = OnDemandTopics(self._connecting, self._tf)
 
     def began_again(self) -> None:
         """The master was restarted, and maybe the robot with it."""

@@ -8,7 +8,7 @@ from typing import Protocol
 import rospy
 
 from robots.bridge.ros.bounds.sizes import expect
-from robots.bridge.ros.ros_worker import Errands
+from robots.bridge.ros.ros_worker import RosWorker
 
 BUFFER_BYTES = 1 << 20  # what is read at once: a picture has some hundred kilobytes to some megabytes
 
@@ -28,7 +28,7 @@ def listen(
     )
 
 
-class Part(Protocol):
+class OnDemandSource(Protocol):
     """Some topics, and what becomes of their messages."""
 
     def listen(self) -> list[rospy.Subscriber]:
@@ -38,11 +38,11 @@ class Part(Protocol):
         """What was told until now does not hold any more."""
 
 
-class WhileWanted:
+class OnDemandTopics:
     """Listens, on the errands' thread, while that is wanted."""
 
-    def __init__(self, errands: Errands, *parts: Part) -> None:
-        self._errands = errands
+    def __init__(self, worker: RosWorker, *parts: OnDemandSource) -> None:
+        self._worker = worker
         self._parts = parts
         self._wanted = False
         self._subscribers: list[rospy.Subscriber] = []
@@ -51,7 +51,7 @@ class WhileWanted:
         """Listen, or leave the robot alone. Returns at once."""
         if wanted != self._wanted:
             self._wanted = wanted
-            self._errands.do(self._follow)
+            self._worker.do(self._follow)
 
     def _follow(self) -> None:
         if self._wanted and not self._subscribers:

@@ -7,7 +7,7 @@ from collections import deque
 KNOWN = 4  # of the newest connections: two nodes that publish in turn are no new ones each time
 
 
-class Runs:
+class RunMonitor:
     """Numbers them. `begin` and `of` may be called on different threads."""
 
     def __init__(self) -> None:

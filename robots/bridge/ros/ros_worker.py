@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 Errand = Callable[[], None]
 
 
-class Errands:
+class RosWorker:
     """One thing after another, in a thread of its own that ends with the process."""
 
     def __init__(self, name: str) -> None:
@@ -43,7 +43,7 @@ class Errands:
                 log.exception("something that was asked of the robot failed")
 
 
-class Seldom:
+class RateLimit:
     """Does something at once, and no oftener than every `gap_s`: what is asked for meanwhile is done once, after it."""
 
     def __init__(self, what: Callable[[], None], gap_s: float) -> None:

@@ -28,7 +28,7 @@ SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to zeros is not full 
 FLUSH_S = 0.1
 
 
-class RosStops:
+class WatchdogNode:
     """Zeros and cancels at one robot, whatever happens to its master."""
 
     def __init__(self, config: WatchdogConfig) -> None:

@@ -13,7 +13,7 @@ import msgspec
 
 from robots import wire
 from robots.bridge.ros.bounds.memory import limit_memory
-from robots.bridge.ros.watchdog import RosStops
+from robots.bridge.ros.watchdog import WatchdogNode
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.watchdog.config import WatchdogConfig
 from robots.bridge.watchdog.rules import Heartbeat, StopRules
@@ -175,7 +175,7 @@ def run(config: WatchdogConfig) -> int:
     lane = WatchdogSocket(config.lane, sys.stdin.fileno())
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
-    robot = RosStops(config)
+    robot = WatchdogNode(config)
     robot.start()
     try:
         Watchdog(config, rules, kept, lane, robot).run()

@@ -11,7 +11,7 @@ import rosgraph.network
 import rosgraph.xmlrpc
 from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
 
-from robots.bridge.ros.bounds import doors, listening
+from robots.bridge.ros.bounds import listening, servers
 from robots.bridge.ros.bounds.logs import spare_the_log
 
 PATIENCE_S = 60.0  # of rospy's own calls of the master
@@ -25,12 +25,14 @@ def install(exhausted: Callable[[], None]) -> None:
     tcpros_pubsub.TCPROSSub = listening.Listening
     tcpros_pubsub.TCPROSTransport = listening.Transport
     tcpros_pubsub.robust_connect_subscriber = listening.receive
-    tcpros_base.read_ros_handshake_header = doors.read_header
-    tcpros_base.TCPROSServer._tcp_server_callback = partialmethod(doors.take_connection, exhausted=exhausted)
+    tcpros_base.read_ros_handshake_header = servers.read_header
+    tcpros_base.TCPROSServer._tcp_server_callback = partialmethod(
+        servers.take_connection, exhausted=exhausted
+    )
     masterslave.RegManager = listening.Manager
     masterslave.ROSHandler.publisherUpdate = _publisher_update
-    rosgraph.xmlrpc.ThreadingXMLRPCServer = doors.Server
-    rosgraph.network.get_bind_address = doors.bind_address
+    rosgraph.xmlrpc.ThreadingXMLRPCServer = servers.Server
+    rosgraph.network.get_bind_address = servers.bind_address
 
 
 def _publisher_update(

@@ -25,7 +25,7 @@ from rospy.impl.tcpros_pubsub import TCPROSSub
 from rospy.impl.transport import INBOUND
 
 from robots.bridge.ros.bounds.board import BOARD
-from robots.bridge.ros.bounds.doors import UNHEARD
+from robots.bridge.ros.bounds.servers import UNHEARD
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.network.master import Master, MasterError

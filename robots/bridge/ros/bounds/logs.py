@@ -13,7 +13,7 @@ PER_S, AT_ONCE = 2.0, 50.0
 LONGEST = 4000  # characters
 
 
-class Sparing(logging.Filter):
+class LogLimiter(logging.Filter):
     """For handlers: passes what others write as it is, of rospy's records some a second."""
 
     def __init__(self) -> None:
@@ -32,6 +32,6 @@ class Sparing(logging.Filter):
 
 def spare_the_log() -> None:
     """Put it before all handlers that there are now."""
-    sparing = Sparing()
+    sparing = LogLimiter()
     for handler in logging.getLogger().handlers:
         handler.addFilter(sparing)

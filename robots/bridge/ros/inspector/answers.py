@@ -20,7 +20,7 @@ from robots.bridge.messages.packing import Broken, TooLarge
 from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
-from robots.bridge.ros.inspector.publishing import Leave
+from robots.bridge.ros.inspector.publishing import PublishPermit
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import INSPECTOR, Master, MasterError
 from robots.bridge.ros.network.tcpros import Conversation, Header, first_told
@@ -59,12 +59,12 @@ class Inspector:
         self._room = threading.BoundedSemaphore(MOST_QUESTIONS)
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._node: Node | None = None
-        self._leave = Leave()  # to publish, until the next halt
+        self._permit = PublishPermit()  # to publish, until the next halt
         self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
 
     def hear(self, line: bytes) -> None:
         """One request. Never waits for long, so that a halt and the end of stdin are always heard."""
-        self._leave.heard()
+        self._permit.heard()
         match _request.decode(line):
             case InspectorQuery() as question:
                 self._aside(partial(self._answer, question))
@@ -73,7 +73,7 @@ class Inspector:
             case wire.LinkSubscribe(topics=topics):
                 self._work.put(partial(self._look_at, topics))
             case wire.Publish() as order:
-                self._work.put(partial(self._publish, order, self._leave))
+                self._work.put(partial(self._publish, order, self._permit))
             case HaltPublishing(number=number, topic=None):
                 self._halt(number)
             case HaltPublishing(number=number, topic=str(topic)):
@@ -105,7 +105,7 @@ class Inspector:
         if not topics and self._node is None:
             return
         try:
-            self._made_node().looks.look_at(topics)
+            self._made_node().subscriptions.look_at(topics)
         except (OSError, MasterError):
             text = f"No ROS master answers at {self._config.master_uri}."
             refusal = wire.Refusal("robot_offline", text, "robot")
@@ -114,23 +114,23 @@ class Inspector:
                 self._seen(topic, wire.encode(shown))
             raise
 
-    def _publish(self, order: wire.Publish, leave: Leave) -> None:
+    def _publish(self, order: wire.Publish, permit: PublishPermit) -> None:
         # Where another process of ours checked it, it is judged again: a fault ends this one, and that is told.
         definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
         values = fitted(definition.fields, order.fields)
-        self._made_node().talks.publish(
-            order.topic, definition, lambda: definition.layout.write(values, _now()), leave, order.rate_hz
+        self._made_node().publishers.publish(
+            order.topic, definition, lambda: definition.layout.write(values, _now()), permit, order.rate_hz
         )
 
     def _halt(self, number: int) -> None:
         """What was to be published until now is not sent any more, wherever it waits."""
-        ended, self._leave = self._leave, Leave()
+        ended, self._permit = self._permit, PublishPermit()
         ended.end()
         self._report(Done(number))
 
     def _silence(self, number: int, topic: str) -> None:
         if self._node is not None:
-            self._node.talks.stop(topic)
+            self._node.publishers.stop(topic)
         self._report(Done(number))
 
     # --- saying ---------------------------------------------------------------------------------------

@@ -14,8 +14,8 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.bounds.install import install
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.inspector.definitions import Definitions
-from robots.bridge.ros.inspector.looks import Looks
-from robots.bridge.ros.inspector.publishing import Talks
+from robots.bridge.ros.inspector.publishing import Publishers
+from robots.bridge.ros.inspector.subscriptions import Subscriptions
 from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.network.master import INSPECTOR, DeathWatch, Master
 
@@ -49,8 +49,8 @@ class Node:
             disable_rosout=True,
         )
         start_vital(partial(_end_with_the_master, watch), "master")
-        self.looks = Looks(definitions, send)
-        self.talks = Talks(master)
+        self.subscriptions = Subscriptions(definitions, send)
+        self.publishers = Publishers(master)
 
     def close(self) -> None:
         """Off the master's books."""

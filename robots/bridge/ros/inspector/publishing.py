@@ -1,7 +1,8 @@
-"""Messages of any type to the robot: once, or at a rate until told otherwise.
+"""Publish messages of any type to the robot: once, or repeated at a rate until a stop.
 
-Whether it may be published was decided before (`robots.bridge.tasks.tasks`); here its bytes are made and sent, under
-the `Leave` that was in force when the bridge said so. After a halt there is another, and what waited goes nowhere.
+The bridge decides whether a message may be published (`robots.bridge.tasks.tasks`). This module packs and sends it,
+under the `PublishPermit` that was valid when the bridge agreed. A halt makes a new permit: queued messages of the old
+one are not sent.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ SEND_PATIENCE_S = 0.3  # whoever does not read for so long is cut off, so that n
 Bytes = Callable[[], bytes]
 
 
-class Leave:
+class PublishPermit:
     """To send, until it is ended; at a rate only while the bridge lives, for it is the bridge that ends things."""
 
     def __init__(self) -> None:
@@ -53,26 +54,26 @@ class Leave:
                 send()
 
 
-class _Talk:
+class _Publisher:
     """One topic that we publish on, from a thread of its own."""
 
     def __init__(self, topic: str, definition: Definition, master: Master) -> None:
         self.definition = definition
         self._topic = topic
         self._master = master
-        self._once: deque[tuple[Bytes, Leave]] = deque(maxlen=WAITING)
-        self._repeated: tuple[Bytes, Leave, float] | None = None  # and its rate (Hz)
+        self._once: deque[tuple[Bytes, PublishPermit]] = deque(maxlen=WAITING)
+        self._repeated: tuple[Bytes, PublishPermit, float] | None = None  # and its rate (Hz)
         self._news = threading.Condition()
         self._closed = False
         self._thread = start_vital(self._run, f"publish {topic}")
 
-    def say(self, data: Bytes, leave: Leave, rate_hz: float) -> bool:
+    def say(self, data: Bytes, permit: PublishPermit, rate_hz: float) -> bool:
         """Send this. False: the topic is being closed, nothing is sent there any more."""
         with self._news:
             if rate_hz:
-                self._repeated = (data, leave, rate_hz)
+                self._repeated = (data, permit, rate_hz)
             else:
-                self._once.append((data, leave))
+                self._once.append((data, permit))
             self._news.notify()
             return not self._closed
 
@@ -112,12 +113,12 @@ class _Talk:
         with self._news:
             while not self._closed:
                 while self._once:
-                    data, leave = self._once.popleft()
-                    leave.send(partial(_send, publisher, data), repeated=False)
+                    data, permit = self._once.popleft()
+                    permit.send(partial(_send, publisher, data), repeated=False)
                 if self._repeated is not None:
-                    data, leave, rate_hz = self._repeated
-                    leave.send(partial(_send, publisher, data), repeated=True)
-                    self._repeated = None if leave.ended else self._repeated
+                    data, permit, rate_hz = self._repeated
+                    permit.send(partial(_send, publisher, data), repeated=True)
+                    self._repeated = None if permit.ended else self._repeated
                     self._news.wait(1.0 / rate_hz)
                 elif not self._news.wait(LINGER_S) and not self._once and self._repeated is None:
                     self._closed = True
@@ -127,27 +128,29 @@ def _send(publisher: rospy.Publisher, data: Bytes) -> None:
     publish(publisher, publisher.data_class().deserialize(data()))
 
 
-class Talks:
+class Publishers:
     """All that is published, by topic."""
 
     def __init__(self, master: Master) -> None:
         self._master = master
-        self._talks: dict[str, _Talk] = {}
+        self._publishers: dict[str, _Publisher] = {}
 
-    def publish(self, topic: str, definition: Definition, data: Bytes, leave: Leave, rate_hz: float) -> None:
+    def publish(
+        self, topic: str, definition: Definition, data: Bytes, permit: PublishPermit, rate_hz: float
+    ) -> None:
         """Send `data()` once (`rate_hz` 0), or at a rate until `stop`, or until the leave to send ends."""
-        talk = self._talks.get(topic)
-        if talk is not None and talk.definition.md5 == definition.md5 and talk.say(data, leave, rate_hz):
+        talk = self._publishers.get(topic)
+        if talk is not None and talk.definition.md5 == definition.md5 and talk.say(data, permit, rate_hz):
             return
         if talk is not None:
             talk.close()
-        self._talks[topic] = _Talk(topic, definition, self._master)
-        self._talks[topic].say(data, leave, rate_hz)
+        self._publishers[topic] = _Publisher(topic, definition, self._master)
+        self._publishers[topic].say(data, permit, rate_hz)
 
     def stop(self, topic: str) -> None:
         """Send no more there."""
-        if topic in self._talks:
-            self._talks[topic].stop()
+        if topic in self._publishers:
+            self._publishers[topic].stop()
 
 
 def _message_class(definition: Definition) -> type[rospy.AnyMsg]:

@@ -16,7 +16,7 @@ from robots.bridge.gate.timing.acknowledgements import Echo
 from robots.bridge.ros.tasks.publishing import heard_by
 
 
-class Echoes:
+class Acknowledgements:
     """The connections of the drive topic to one machine, the master's; to all, if it listens nowhere.
 
     Somebody who looks on from elsewhere, over a slow link of his own, says nothing of the robot's.
@@ -24,23 +24,24 @@ class Echoes:
 
     def __init__(self, address: str) -> None:
         self._address = address
-        self._echoes: dict[Any, Echo] = {}  # by rospy's connection
+        self._acknowledgements: dict[Any, Echo] = {}  # by rospy's connection
 
     def wrote(self, publisher: rospy.Publisher, now_s: float) -> None:
         """A message has just been published."""
         connections = heard_by(publisher)
         of_robot = [connection for connection in connections if _peer(connection) == self._address]
-        self._echoes = {
-            connection: self._echoes.get(connection) or Echo() for connection in of_robot or connections
+        self._acknowledgements = {
+            connection: self._acknowledgements.get(connection) or Echo()
+            for connection in of_robot or connections
         }
-        for connection, echo in self._echoes.items():
+        for connection, echo in self._acknowledgements.items():
             echo.wrote(connection.stat_bytes, now_s)
 
     def took_s(self, now_s: float) -> float | None:
         """Of the slowest that has shown it since the last call."""
         found = [
             echo.took_s(connection.stat_bytes - _kept(connection), now_s)
-            for connection, echo in self._echoes.items()
+            for connection, echo in self._acknowledgements.items()
         ]
         return max((took_s for took_s in found if took_s is not None), default=None)
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 import socket
 from collections.abc import Set
 
-from robots.bridge.ros.ros_worker import Errands
+from robots.bridge.ros.ros_worker import RosWorker
 
 
-class Names:
+class HostNames:
     """The host names by which a robot's nodes want to be called."""
 
     def __init__(self) -> None:
-        self._errands = Errands("names")
+        self._worker = RosWorker("names")
         self._wanted: Set[str] = frozenset()
         self._unknown: Set[str] = frozenset()
 
     def unknown(self, hosts: Set[str]) -> Set[str]:
         """Which of these could not be resolved when it was tried last. Tries all of them again, and returns at once."""
         self._wanted = hosts
-        self._errands.do(self._look_up)
+        self._worker.do(self._look_up)
         return hosts & self._unknown
 
     def _look_up(self) -> None:

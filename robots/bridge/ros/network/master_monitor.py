@@ -54,7 +54,7 @@ class Node(Protocol):
         """Only another process can be this robot's node: another one took the name, or `begin` failed."""
 
 
-class MasterWatcher:
+class MasterMonitor:
     """Watches on a thread of its own, whatever a hostile or dying master answers."""
 
     def __init__(self, master: Master, node: Node) -> None:

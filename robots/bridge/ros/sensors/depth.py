@@ -31,7 +31,7 @@ from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 EARLY_SHARE = 0.8  # of the time between two pictures: one that comes a little early is not too many
 
 
-class Taker(Protocol):
+class DepthListener(Protocol):
     """Who gets the pictures. Called on threads of rospy's."""
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
@@ -44,7 +44,7 @@ class Taker(Protocol):
 class DepthTopics:
     """The topics of one depth camera."""
 
-    def __init__(self, source: DepthSource, view: DepthView, frames: Frames, taker: Taker) -> None:
+    def __init__(self, source: DepthSource, view: DepthView, frames: Frames, taker: DepthListener) -> None:
         self._source = source
         self._view = view
         self._frames = frames

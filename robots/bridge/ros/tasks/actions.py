@@ -23,7 +23,7 @@ OUTCOMES = {  # others: "failed"
 }
 
 
-class Hearer(Protocol):
+class GoalListener(Protocol):
     """Who hears what the action tells. Called on threads of rospy's."""
 
     def running(self, action: str, goals: dict[str, int]) -> None:
@@ -40,7 +40,7 @@ class ActionTopics:
     """The topics of one action. `joined` is called whenever somebody begins to take its goals."""
 
     def __init__(
-        self, action: Topic, hearer: Hearer, queue: int = 10, joined: Callable[[], None] = lambda: None
+        self, action: Topic, hearer: GoalListener, queue: int = 10, joined: Callable[[], None] = lambda: None
     ) -> None:
         kind = action.type.removesuffix("Action")
         self.name = action.name

@@ -33,7 +33,7 @@ ERRORS = {  # PlayMotionResult's codes in words
 }
 
 
-class Watcher(Protocol):
+class MotionListener(Protocol):
     """Who hears of the motions. Called on threads of rospy's."""
 
     def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
@@ -52,7 +52,7 @@ class Watcher(Protocol):
 class MotionTopics:
     """The motion actions of one robot: the default, and those that may be chosen instead, of one type."""
 
-    def __init__(self, names: Collection[str], type: str, master: Master, watcher: Watcher) -> None:
+    def __init__(self, names: Collection[str], type: str, master: Master, watcher: MotionListener) -> None:
         self._master = master
         self._watcher = watcher
         self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))

@@ -18,7 +18,7 @@ from robots.wire import SpeechStatus
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
 
 
-class Ears(Protocol):
+class SpeechListener(Protocol):
     """Who hears how the speech goes. Called on threads of rospy's."""
 
     def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
@@ -50,7 +50,7 @@ class _Voice(Protocol):
 class SpeechTopics:
     """The topics of one robot's voice: the default, and those chosen instead, all of one type."""
 
-    def __init__(self, default: Topic, ears: Ears) -> None:
+    def __init__(self, default: Topic, ears: SpeechListener) -> None:
         self._type = default.type
         self._ears = ears
         self._voices: dict[str, _Voice] = {}
@@ -81,7 +81,7 @@ class SpeechTopics:
 class _ActionVoice:
     """pal_interaction_msgs/TtsAction, or one with the same fields."""
 
-    def __init__(self, action: Topic, ears: Ears) -> None:
+    def __init__(self, action: Topic, ears: SpeechListener) -> None:
         self._ears = ears
         self._topics = ActionTopics(action, self)
         feedback = message_class(f"{action.type.removesuffix('Action')}Feedback")
@@ -122,7 +122,7 @@ class _ActionVoice:
 class _PlainVoice:
     """A topic that takes each text as one message, and tells nothing of it."""
 
-    def __init__(self, topic: Topic, _ears: Ears) -> None:
+    def __init__(self, topic: Topic, _ears: SpeechListener) -> None:
         self._sender = Sender(topic.name, message_class(topic.type))
 
     def say(self, _goal_id: str, utterance: Utterance) -> bool:
@@ -156,7 +156,7 @@ class _SoundVoice(_PlainVoice):
         self._sender.send(kind(sound=kind.ALL, command=kind.PLAY_STOP))
 
 
-_KINDS: dict[str, Callable[[Topic, Ears], _Voice]] = {
+_KINDS: dict[str, Callable[[Topic, SpeechListener], _Voice]] = {
     "pal_interaction_msgs/TtsAction": _ActionVoice,
     "std_msgs/String": _PlainVoice,
     "sound_play/SoundRequest": _SoundVoice,

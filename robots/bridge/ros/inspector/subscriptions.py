@@ -39,7 +39,7 @@ RATE_SAMPLES = 2000
 _encode = msgspec.json.Encoder().encode
 
 
-class Look:
+class Subscription:
     """One topic that is looked at."""
 
     def __init__(self, topic: str, rate_hz: float, awake: threading.Condition) -> None:
@@ -167,14 +167,14 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
     return None
 
 
-class Looks:
+class Subscriptions:
     """All that is looked at. `send` hands on a topic and its `Shown`; while it blocks, nothing is decoded."""
 
     def __init__(self, definitions: Definitions, send: Callable[[str, bytes], None]) -> None:
         self._definitions = definitions
         self._send = send
         self._wanted: Mapping[str, float] = {}
-        self._looks: dict[str, Look] = {}
+        self._subscriptions: dict[str, Subscription] = {}
         self._awake = threading.Condition()
         start_vital(self._run, "looks")
 
@@ -192,12 +192,12 @@ class Looks:
             except Exception:  # a topic that breaks this must not end the view of the others
                 log.exception("a topic cannot be shown")
             with self._awake:
-                if self._wanted.keys() == self._looks.keys():
-                    due_s = min((look.due_s() for look in self._looks.values()), default=None)
+                if self._wanted.keys() == self._subscriptions.keys():
+                    due_s = min((look.due_s() for look in self._subscriptions.values()), default=None)
                     self._awake.wait(None if due_s is None else max(due_s - time.monotonic(), 0.0))
 
     def _show_due(self, now_s: float) -> None:
-        for look in self._looks.values():
+        for look in self._subscriptions.values():
             if look.due_s() <= now_s:
                 self._send(look.topic, look.show(self._definitions, now_s))
 
@@ -205,10 +205,10 @@ class Looks:
         """Make the subscriptions those that are wanted. Asks the master, so it is done on this thread."""
         with self._awake:
             wanted = self._wanted
-        for topic in self._looks.keys() - wanted.keys():
-            self._looks.pop(topic).close()
+        for topic in self._subscriptions.keys() - wanted.keys():
+            self._subscriptions.pop(topic).close()
         for topic, rate_hz in wanted.items():
-            if topic in self._looks:
-                self._looks[topic].gap_s = 1.0 / rate_hz
+            if topic in self._subscriptions:
+                self._subscriptions[topic].gap_s = 1.0 / rate_hz
             else:
-                self._looks[topic] = Look(topic, rate_hz, self._awake)
+                self._subscriptions[topic] = Subscription(topic, rate_hz, self._awake)

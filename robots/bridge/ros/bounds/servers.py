@@ -41,7 +41,7 @@ MOST_ADDRESSES = 256
 UNHEARD = threading.Event()
 
 
-class Callers:
+class CallerLimits:
     """How often each address comes, and who is there now. Safe to use from several threads."""
 
     def __init__(self, most: int) -> None:
@@ -146,7 +146,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
     """rospy's XML-RPC server, bounded."""
 
     def __init__(self, address: tuple[str, int], log_requests: bool = False) -> None:
-        self.callers = Callers(MOST_CALLERS)
+        self.callers = CallerLimits(MOST_CALLERS)
         super().__init__(address, log_requests)
         self.RequestHandlerClass = _Handler
 
@@ -170,7 +170,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
 
 # --- topics -----------------------------------------------------------------------------------------
 
-_handshakes = Callers(MOST_HANDSHAKES)
+_handshakes = CallerLimits(MOST_HANDSHAKES)
 _taking = threading.Lock()  # rospy takes one listener after the other
 
 
