@@ -206,7 +206,7 @@ def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given
     looks = Subscriptions(Definitions(tmp_path), lambda *_: None)
     looks.look_at({"/look/never": NEVER_HZ})
     assert given_up.wait(PATIENCE_S)
-    for look in looks._looks.values():
+    for look in looks._subscriptions.values():
         look.close()
 
 
