@@ -1,7 +1,7 @@
-"""Word from one web process to the others that a robot's lease changed: read it again.
+"""Events between web processes: "this robot's lease changed, read it again".
 
-Only a hint, and it may get lost: whoever misses it finds out at the next look. Nothing is granted, revoked or
-stopped by it.
+An event may get lost; then the other processes see the change at their next regular read. An event grants, revokes
+and stops nothing.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ _RETRY_S = 2.0
 
 
 class LeaseEvents:
-    """The hints about one robot."""
+    """Publishes and receives the events of one robot."""
 
     def __init__(self, robot_id: UUID, on_change: Callable[[], Awaitable[None]]) -> None:
         self._group = f"control.{robot_id.hex}"
         self._on_change = on_change
-        self._name = uuid4().hex
+        self._origin = uuid4().hex
         self._task = asyncio.create_task(self._listen())
 
     async def publish(self) -> None:
-        """Tell the other web processes."""
+        """Inform the other web processes."""
         layer = get_channel_layer()
         if layer is None:
             return
         try:
-            await layer.group_send(self._group, {"type": "control.changed", "by": self._name})
-        except Exception as error:  # noqa: BLE001 - each backend has its own; the slow look makes up for it
-            log.warning("a hint was not sent: %s", error)
+            await layer.group_send(self._group, {"type": "control.changed", "by": self._origin})
+        except Exception as error:  # noqa: BLE001 - each backend has its own errors; the regular read makes up for it
+            log.warning("Other web processes were not informed that a lease changed: %s", error)
 
     async def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._task.cancel()
         with suppress(asyncio.CancelledError):
             await self._task
@@ -52,11 +52,11 @@ class LeaseEvents:
                 await layer.group_add(self._group, channel)
                 try:
                     while True:
-                        hint = await layer.receive(channel)
-                        if hint["by"] != self._name:
+                        event = await layer.receive(channel)
+                        if event["by"] != self._origin:
                             await self._on_change()
                 finally:
                     await layer.group_discard(self._group, channel)
-            except Exception as error:  # noqa: BLE001 - the edge of the loop: it begins again
-                log.warning("no hints from other web processes now: %s", error)
+            except Exception as error:  # noqa: BLE001 - the outermost level: the loop starts again
+                log.warning("No lease events arrive from other web processes now: %s", error)
                 await asyncio.sleep(_RETRY_S)

@@ -1,4 +1,4 @@
-"""May this person control this robot now, and until when? One list of rules; bookings become one more."""
+"""Decides whether a person may control a robot now, and until when. One list of rules; bookings will add a rule."""
 
 from __future__ import annotations
 
@@ -11,70 +11,68 @@ from fleet.accounts.models import User
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
-ROLE_LOWERED = Refusal(
-    "role_lowered", "Your role on this robot is a lower one now; take control again.", "account"
-)
+ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Take control again.", "account")
 ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
 
 
 def out_of_service(robot: Robot) -> Refusal | None:
-    """Why nobody drives this robot, whoever they are."""
+    """Return why the robot cannot be driven by any person; None if it can."""
     if not robot.enabled:
         return ROBOT_DISABLED
     if robot.problems:
-        text = (
-            f"Nobody drives this robot, for its entry in the registry is wrong: {robot.problems}. Tell staff."
-        )
+        text = f"This robot cannot be driven: its entry in the registry is wrong: {robot.problems}. Tell the staff."
         return Refusal("robot_misdescribed", text, "robot")
     return None
 
 
 class Permit(Struct, frozen=True):
-    """Leave to control. `until` None: as far as this rule goes, for any time."""
+    """Permission to control. `until` None: this rule sets no end."""
 
     until: datetime | None = None
-    max_share: float = 1.0  # of the robot's limits
+    max_share: float = 1.0  # share of the robot's speed limits
 
     def narrowed_by(self, other: Permit) -> Permit:
-        """Both permits at once."""
+        """Return the narrower of both permits: the earlier end, the lower share."""
         ends = [until for until in (self.until, other.until) if until is not None]
         return Permit(until=min(ends, default=None), max_share=min(self.max_share, other.max_share))
 
 
 class Rule(Protocol):
-    """One condition of control."""
+    """One condition of control: returns a permit or a refusal."""
 
     def __call__(self, *, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal: ...
 
 
-def account_is_active(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
-    """Closed accounts control nothing."""
+def require_active_account(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
+    """Refuse closed accounts."""
     if user.is_active:
         return Permit()
     return Refusal("account_inactive", "This account is closed; ask the staff.", "account")
 
 
-def robot_is_in_service(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
-    """A robot that is out of service is not driven by anybody, and no robot above its own share of speed."""
+def require_robot_in_service(
+    *, user: User, robot: Robot, role: Role | None, now: datetime
+) -> Permit | Refusal:
+    """Refuse robots that are out of service, and limit the speed to the robot's own share."""
     return out_of_service(robot) or Permit(max_share=robot.max_share)
 
 
-def role_suffices(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
-    """Control needs the role operator or more on this robot."""
+def require_role(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
+    """Require the role operator or higher on this robot."""
     if role is not None and role >= Role.OPERATOR:
         return Permit()
     return Refusal(
         "role_too_low",
-        f"You may watch {robot.name} but not drive it; ask the staff for the role operator.",
+        f"You may watch {robot.name} but not drive it. Ask the staff for the role operator.",
         "account",
     )
 
 
-RULES: tuple[Rule, ...] = (account_is_active, robot_is_in_service, role_suffices)
+RULES: tuple[Rule, ...] = (require_active_account, require_robot_in_service, require_role)
 
 
-def permitted_as(role: Role | None, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
-    """What all rules leave of the right to control, or the first refusal."""
+def permit_for(role: Role | None, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+    """Return the permit that all rules agree on, or the first refusal."""
     permit = Permit()
     for rule in RULES:
         answer = rule(user=user, robot=robot, role=role, now=now)

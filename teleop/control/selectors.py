@@ -1,4 +1,4 @@
-"""What the database says about control, as the values that the rules take."""
+"""Queries about control. They return the values that the rules work on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet.audit.models import Record
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts, roles_on
 from robots.wire import Refusal
-from teleop.control.policy import out_of_service, permitted_as
+from teleop.control.policy import out_of_service, permit_for
 from teleop.control.rules import LeaseState, OpenRequest, Tab
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
 from teleop.models import ControlRequest, ControlSession, Lease
@@ -25,20 +25,20 @@ SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "accoun
 
 
 def lease_of(robot_id: UUID) -> LeaseState | None:
-    """Who has the robot, by the table; it may have lapsed by the clock (`rules.phase`)."""
+    """Return the robot's lease as stored; it may have lapsed by the clock (`rules.phase`)."""
     leases = Lease.objects.filter(robot_id=robot_id, session__isnull=False)
     lease = leases.select_related("session__user").first()
     return None if lease is None else _lease_state(lease)
 
 
 def held_leases() -> list[tuple[UUID, LeaseState]]:
-    """Every robot that somebody has, and who."""
+    """Return every robot with a lease, and the lease."""
     leases = Lease.objects.filter(session__isnull=False).select_related("session__user")
     return [(lease.robot_id, _lease_state(lease)) for lease in leases]
 
 
 def open_requests_of(robot_id: UUID) -> list[OpenRequest]:
-    """Who asks for the robot, oldest first; some may have lapsed (`rules.open_requests`)."""
+    """Return the requests for the robot, oldest first; some may have lapsed (`rules.open_requests`)."""
     requests = ControlRequest.objects.filter(robot_id=robot_id, answered_at=None).select_related("user")
     return [
         OpenRequest(
@@ -55,59 +55,59 @@ def open_requests_of(robot_id: UUID) -> list[OpenRequest]:
 def control_status(
     robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
 ) -> ControlStatus:
-    """The robot's lease, the rights of `people`, and how those of the control sessions ended that are over."""
+    """Read the robot's lease and requests, the rights of `people`, and the ends of `sessions`."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     lease = lease_of(robot_id)
     return ControlStatus(
         read_at=now,
         lease=lease,
-        asks=open_requests_of(robot_id),
+        requests=open_requests_of(robot_id),
         endings=_endings(set(sessions) - {lease.session} if lease else sessions),
         rights=rights_of(people, robot, now),
     )
 
 
 def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
-    """In words for who held it, why each of these control sessions ended, as far as there are words.
+    """Return the reason in words for which each of these control sessions ended, where there are words.
 
-    They stand in the audit log alone: with reasons and names in them they expire, and go when a person is erased.
+    They are in the audit log only: they contain reasons and names, so they expire, and are deleted with a person.
     """
-    # By the index of sessions: SQLite would take that of kinds, and look at every session's end.
+    # Lower() makes SQLite use the index of sessions; by the index of kinds it would read every session's end.
     of_sessions = Record.objects.filter(session_id__in=sessions).alias(what=Lower("kind"))
     ends = of_sessions.filter(what="control.end", content__isnull=False)
-    told = ends.values_list("session_id", "content__data")
-    return {session: data["words"] for session, data in told if session and "words" in data}
+    found = ends.values_list("session_id", "content__data")
+    return {session: data["words"] for session, data in found if session and "words" in data}
 
 
 def rights_of(people: Collection[SignIn], robot: Robot | None, now: datetime) -> dict[SignIn, Rights]:
-    """What each sign-in may do with the robot; nothing if the robot is None: it was deleted.
+    """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
-    Two queries, however many people look; a third if somebody's sign-in ended.
+    It takes two queries for any number of people, and a third one if a sign-in ended.
     """
-    alive = signed_in(people)
-    users = {user.id: user for user in alive.values()}
+    active = signed_in(people)
+    users = {user.id: user for user in active.values()}
     if ended := {user_id for user_id, _ in people} - users.keys():
         users |= User.objects.in_bulk(ended)
     roles = roles_on(robot, users.values()) if robot else {}
     return {
-        person: _rights(users.get(person[0]), person in alive, roles.get(person[0]), robot, now)
+        person: _rights(users.get(person[0]), person in active, roles.get(person[0]), robot, now)
         for person in set(people)
     }
 
 
-def _rights(user: User | None, alive: bool, role: Role | None, robot: Robot | None, now: datetime) -> Rights:
+def _rights(user: User | None, active: bool, role: Role | None, robot: Robot | None, now: datetime) -> Rights:
     if user is None or not user.is_active:
-        return _nothing(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
-    if not alive:
-        return _nothing(SIGNED_OUT)
+        return _no_rights(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
+    if not active:
+        return _no_rights(SIGNED_OUT)
     if robot is None or role is None:
         return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
-    permit = permitted_as(role, user=user, robot=robot, now=now)
+    permit = permit_for(role, user=user, robot=robot, now=now)
     return Rights(True, role, permit)
 
 
 def robot_entry(robot_id: UUID) -> RobotEntry | None:
-    """What pages and the link need to know of the robot; None if it was deleted."""
+    """Return the facts about the robot that pages and the link need; None if it was deleted."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     if robot is None:
         return None
@@ -115,8 +115,8 @@ def robot_entry(robot_id: UUID) -> RobotEntry | None:
     return RobotEntry(out_of_service(robot), robot_facts(robot), link_address(robot), allowed)
 
 
-def _nothing(refusal: Refusal) -> Rights:
-    return Rights(alive=False, role=None, permit=refusal)
+def _no_rights(refusal: Refusal) -> Rights:
+    return Rights(active=False, role=None, permit=refusal)
 
 
 def _endings(sessions: Collection[UUID]) -> dict[UUID, SessionEnd]:
@@ -130,7 +130,7 @@ def _endings(sessions: Collection[UUID]) -> dict[UUID, SessionEnd]:
 def _lease_state(lease: Lease) -> LeaseState:
     session = lease.session
     if session is None or lease.term_ends_at is None or lease.seen_at is None:
-        raise ValueError(f"the lease of robot {lease.robot_id} is held, but incomplete")
+        raise ValueError(f"The lease of robot {lease.robot_id} has a session but is incomplete.")
     return LeaseState(
         session=session.id,
         user=session.user.id,

@@ -1,9 +1,9 @@
-"""Everything that changes who has control. Each step is one transaction with its audit record.
+"""All changes of control. Each one is one transaction together with its audit record.
 
-A step that may not be done raises `ControlRefused`. Races are decided by conditional updates: who finds the lease
-changed since it was read has lost, and is told so. Nothing here talks to a bridge: the caller does, after the commit.
-`highest_fence` is the highest fencing number that the robot's bridge has seen, so that a database restored
-from an older copy cannot hand out a number twice.
+A change that is not allowed raises `ControlRefused`. Conditional updates decide races: if the lease changed since it
+was read, the change is refused. This module does not talk to bridges; its callers do, after the commit.
+`highest_fence` is the highest fencing number that the robot's bridge has seen: with it, a database that was restored
+from an older copy cannot assign a number twice.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from robots.registry.selectors import role_on, supervises
 from robots.registry.services import fence_next
 from robots.wire import NotDone, Refusal
 from teleop.control import rules
-from teleop.control.policy import Permit, permitted_as
+from teleop.control.policy import Permit, permit_for
 from teleop.control.rules import LeaseState, OpenRequest, Tab
 from teleop.control.selectors import lease_of, open_requests_of
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
@@ -36,22 +36,22 @@ T = TypeVar("T")
 
 
 class ControlRefused(NotDone):
-    """A step that may not be done."""
+    """A change of control is not allowed."""
 
 
 class NotStored(ControlRefused):
-    """A step that may be done, and cannot be, for the database lets us down."""
+    """A change of control is allowed, but the database cannot store it."""
 
 
 def database_refusal(error: DatabaseError) -> Refusal:
-    """What to say of a step that the database did not let us do."""
+    """Return the refusal of a change that the database could not store."""
     code, cause = cause_of(error)
     return Refusal(f"database_{code}", f"Not done: {cause}. Try again.", "database")
 
 
 @contextmanager
 def recorded_change() -> Iterator[None]:
-    """One transaction. What cannot be recorded, or stored, is not done."""
+    """Run one transaction. Raises NotStored if the change or its audit record cannot be stored."""
     try:
         with transaction.atomic():
             yield
@@ -61,11 +61,11 @@ def recorded_change() -> Iterator[None]:
         raise NotStored(database_refusal(error)) from error
 
 
-# --- taking and giving --------------------------------------------------------------------------
+# --- take, take over, hand over --------------------------------------------------------------------------
 
 
 def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> LeaseState:
-    """Give control of a robot that nobody else has. From the same person's other tab it moves here."""
+    """Take control of a robot that no other person controls. From the same person's other tab it moves here."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
@@ -75,7 +75,7 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
             lapsed = rules.lapse_reason(before, now)
             reason = EndReason(lapsed) if lapsed else EndReason.MOVED
             _end_session(before, reason, robot, None if lapsed else user, now)
-        taken = _give(robot, user, tab, role, permit, before, highest_fence, now)
+        taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
         _record("control.take", taken, robot, user)
     return taken
 
@@ -83,7 +83,7 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
 def lease_take_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
 ) -> LeaseState:
-    """Take control from its holder, as a supervisor or staff, for a reason that is kept."""
+    """Take control from its holder, as a supervisor or staff. The reason is recorded."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
@@ -92,7 +92,7 @@ def lease_take_over(
         before = _allowed(held, refusal)
         note = f"{user.display_name} took over: {reason}"
         _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
-        taken = _give(robot, user, tab, role, permit, before, highest_fence, now)
+        taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
         _record(
             "control.take_over",
             taken,
@@ -108,17 +108,17 @@ def lease_take_over(
 def lease_hand_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, request_id: int, highest_fence: int, now: datetime
 ) -> LeaseState:
-    """Give control to the person behind an open request."""
+    """Hand control over to the person of an open request."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         held = lease_of(robot_id)
         before = _allowed(held, rules.check_holder(held, tab=tab, now=now))
-        ask = _ask(robot_id, request_id, now)
-        receiver = _user(ask.user)
+        request = _open_request(robot_id, request_id, now)
+        receiver = _user(request.user)
         role, permit = _permit(user=receiver, robot=robot, now=now)
         note = f"You handed over to {receiver.display_name}."
         _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
-        given = _give(robot, receiver, ask.tab, role, permit, before, highest_fence, now)
+        given = _assign(robot, receiver, request.tab, role, permit, before, highest_fence, now)
         _record(
             "control.hand_over",
             given,
@@ -130,23 +130,25 @@ def lease_hand_over(
     return given
 
 
-# --- keeping ------------------------------------------------------------------------------------
+# --- renew, resume ------------------------------------------------------------------------------------
 
 
 def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
-    """Start a fresh term."""
+    """Start a new term."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _, permit = _permit(user=user, robot=robot, now=now)
         held = lease_of(robot_id)
-        before = _allowed(held, rules.check_renew(held, tab=tab, asks=open_requests_of(robot_id), now=now))
+        before = _allowed(
+            held, rules.check_renew(held, tab=tab, requests=open_requests_of(robot_id), now=now)
+        )
         ends = _term_end(permit, now)
         _change_lease(robot_id, before, {"term_ends_at": ends})
         _record("control.renew", before, robot, user, parameters={"term_s": (ends - now).total_seconds()})
 
 
 def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
-    """Go on with a lease on a new connection of its tab: after a reload, a network blip, in a duplicate of the tab."""
+    """Move a lease to a new connection of its tab: after a reload or network failure, or in a duplicated tab."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _permit(user=user, robot=robot, now=now)
@@ -157,22 +159,22 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> N
 
 
 def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
-    """Note when the holder's page was last there, if this connection still holds the lease."""
+    """Store the holder's last sign of life, if this connection still holds the lease."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(seen_at=seen_at)
 
 
 def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> None:
-    """Note that the holder's page is gone; from now on it may come back for `rules.GRACE_S`."""
+    """Store that the holder's page is gone. It may come back within `rules.GRACE_S`."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(connection="", seen_at=now)
 
 
-# --- ending -------------------------------------------------------------------------------------
+# --- end ----------------------------------------------------------------------------------------
 
 
 def lease_expire(*, robot_id: UUID, now: datetime) -> None:
-    """End a lease, if its term or grace is over; refused if it has just been changed or seen."""
+    """End a lease whose term or grace is over. Refused if it has just changed or its page was seen again."""
     with recorded_change():
         held = lease_of(robot_id)
         if held is not None and (why := rules.lapse_reason(held, now)) is not None:
@@ -189,9 +191,9 @@ def lease_end(
     user_id: UUID | None = None,
     now: datetime,
 ) -> None:
-    """End this control session, whichever connection has it by now, unless it is over.
+    """End this control session on whichever connection it is now. Does nothing if it is over.
 
-    Its holder `user_id` gives it back; or the right to it ended, or the bridge does not take it: `refusal`.
+    Either its holder `user_id` releases it, or `refusal` says why: the right to control ended, or the bridge refused.
     """
     note, why = (refusal.text, refusal.code) if refusal else ("", "")
     with recorded_change():
@@ -204,7 +206,7 @@ def lease_end(
 
 
 def leases_end_of_sign_in(sign_in: str, *, user_id: UUID, refusal: Refusal, now: datetime) -> None:
-    """End what was taken with a sign-in that is over (its `rules.fingerprint`): no page could come back to it."""
+    """End all leases of a sign-in that is over (given by its `rules.fingerprint`): no page could resume them."""
     taken = Lease.objects.filter(sign_in=sign_in).exclude(session=None)
     for robot_id, session in list(taken.values_list("robot_id", "session_id")):
         lease_end(
@@ -217,11 +219,11 @@ def leases_end_of_sign_in(sign_in: str, *, user_id: UUID, refusal: Refusal, now:
         )
 
 
-# --- asking -------------------------------------------------------------------------------------
+# --- ask ----------------------------------------------------------------------------------------
 
 
 def control_request(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
-    """OpenRequest the holder for control. Asking again moves the question to this tab. Returns the request's number."""
+    """Ask the holder for control. Asking again moves the request to this tab. Returns the request's number."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _permit(user=user, robot=robot, now=now)
@@ -241,24 +243,24 @@ def control_request(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -
 
 
 def control_request_withdraw(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
-    """Withdraw the question that this connection asked, or that it left behind, if there is one."""
+    """Close this connection's open request, if there is one: withdrawn, or its page is `gone`."""
     outcome = ControlRequest.Outcome.GONE if gone else ControlRequest.Outcome.CANCELLED
     with recorded_change():
-        _answer(now, outcome, robot_id=robot_id, connection=connection)
+        _close_requests(now, outcome, robot_id=robot_id, connection=connection)
 
 
 def requests_lapse(*, now: datetime) -> None:
-    """Close the questions that nobody answered in time."""
+    """Close the requests that got no answer in time."""
     asked_until = now - timedelta(seconds=rules.REQUEST_S)
     with transaction.atomic():
-        _answer(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
+        _close_requests(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
 
 
 # --- stop ---------------------------------------------------------------------------------------
 
 
 def clear_authorize(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: datetime) -> Record:
-    """Check that this person may clear the stop latch, and record it. After this the clear may be sent."""
+    """Check and record that this person clears the stop. The caller sends the clear afterwards."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         held = lease_of(robot_id)
@@ -266,7 +268,7 @@ def clear_authorize(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: date
         return _record("stop.clear", held, robot, user)
 
 
-# --- inside -------------------------------------------------------------------------------------
+# --- helpers ------------------------------------------------------------------------------------
 
 
 def _require(refusal: Refusal | None) -> None:
@@ -275,10 +277,10 @@ def _require(refusal: Refusal | None) -> None:
 
 
 def _allowed(value: T | None, refusal: Refusal | None) -> T:
-    """What a rule has just allowed to use: with that it is there."""
+    """Return the value that a check allowed, after raising its refusal if there is one."""
     _require(refusal)
     if value is None:
-        raise AssertionError("a rule allowed what is not there")
+        raise AssertionError("A check allowed a missing value.")
     return value
 
 
@@ -290,15 +292,15 @@ def _user(user_id: UUID) -> User:
     return User.objects.get(pk=user_id)
 
 
-def _ask(robot_id: UUID, request_id: int, now: datetime) -> OpenRequest:
-    ask = next((ask for ask in open_requests_of(robot_id) if ask.id == request_id), None)
-    return _allowed(ask, rules.check_still_open(ask, now=now))
+def _open_request(robot_id: UUID, request_id: int, now: datetime) -> OpenRequest:
+    request = next((one for one in open_requests_of(robot_id) if one.id == request_id), None)
+    return _allowed(request, rules.check_still_open(request, now=now))
 
 
 def _permit(*, user: User, robot: Robot, now: datetime) -> tuple[Role, Permit]:
-    """Leave to control, and in which role."""
+    """Return the person's role and permit to control. Raises ControlRefused."""
     role = role_on(user, robot)
-    answer = permitted_as(role, user=user, robot=robot, now=now)
+    answer = permit_for(role, user=user, robot=robot, now=now)
     if isinstance(answer, Refusal):
         raise ControlRefused(answer)
     return _allowed(role, None), answer
@@ -308,7 +310,7 @@ def _term_end(permit: Permit, now: datetime) -> datetime:
     return rules.term_end(now, settings.FLEET_CONTROL_TERM_S, permit.until)
 
 
-def _give(
+def _assign(
     robot: Robot,
     user: User,
     tab: Tab,
@@ -318,7 +320,7 @@ def _give(
     highest_fence: int,
     now: datetime,
 ) -> LeaseState:
-    """Put `user` into the lease in place of `before`, with a new control session and fencing number."""
+    """Replace the lease `before` with one of `user`, with a new control session and fencing number."""
     given = LeaseState(
         session=uuid4(),
         user=user.id,
@@ -329,7 +331,7 @@ def _give(
         term_ends_at=_term_end(permit, now),
         seen_at=now,
     )
-    # The lease first: whoever loses a race waits here for the winner, and then finds the lease changed.
+    # The lease first: the loser of a race waits here for the winner, and then finds the lease changed.
     _change_lease(
         robot.id,
         before,
@@ -344,12 +346,12 @@ def _give(
         },
     )
     ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
-    _answer(now, ControlRequest.Outcome.GRANTED, robot=robot, user=user)
+    _close_requests(now, ControlRequest.Outcome.GRANTED, robot=robot, user=user)
     return given
 
 
 def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None:
-    """Give the robot to nobody, if the lease's columns are `still` so. Questions for control are answered by that."""
+    """Empty the lease, if its columns still have the values in `still`. This closes the requests for control."""
     nobody = {
         "session": None,
         "tab": "",
@@ -360,11 +362,11 @@ def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None
         "seen_at": None,
     }
     _change_lease(robot_id, held, nobody, **still)
-    _answer(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
+    _close_requests(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
 
 
-def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> None:
-    """Close the open questions for control that these filters find, each on record."""
+def _close_requests(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> None:
+    """Close and record the open requests that match these filters."""
     for request in ControlRequest.objects.filter(answered_at=None, **which).select_related("user", "robot"):
         still_open = ControlRequest.objects.filter(pk=request.pk, answered_at=None)
         if still_open.update(answered_at=now, outcome=outcome):
@@ -374,15 +376,15 @@ def _answer(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> Non
 
 
 def _change_lease(robot_id: UUID, before: LeaseState | None, to: dict[str, Any], **still: Any) -> None:
-    """Change the lease if it is still as `before`, and `still` so; refused if somebody else was faster."""
+    """Change the lease if it still equals `before` and `still`. Refused if another change was faster."""
     Lease.objects.get_or_create(robot_id=robot_id)
     if _unchanged(robot_id, before).filter(**still).update(**to) == 0:
-        text = "Somebody else was faster: look who has control now."
+        text = "Another person was faster. Look who has control now."
         raise ControlRefused(Refusal("too_late", text, "lease"))
 
 
 def _unchanged(robot_id: UUID, before: LeaseState | None) -> QuerySet[Lease]:
-    """The robot's lease, if it is as it was read; that its page was seen again since changes nothing."""
+    """Select the robot's lease if it still equals `before`, apart from `seen_at`."""
     leases = Lease.objects.filter(robot_id=robot_id)
     if before is None:
         return leases.filter(session=None)
@@ -401,9 +403,9 @@ def _end_session(
     note: str = "",
     why: str = "",
 ) -> None:
-    """End a control session, once, and put on record how: whoever ended it, or the console itself by its rules.
+    """End a control session once, and record how. `by` None: the console ended it by its rules.
 
-    `note` says it in words to who held it (`teleop.control.selectors.end_notes`), `why` in a word to programs.
+    `note` tells the holder the reason in words (`teleop.control.selectors.end_notes`), `why` tells programs its code.
     """
     open_ones = ControlSession.objects.filter(pk=held.session, ended_at=None)
     if not open_ones.update(ended_at=now, end_reason=reason):
@@ -413,8 +415,8 @@ def _end_session(
     _record("control.end", held, robot, by, outcome=reason.value, parameters=parameters, private=names)
 
 
-def _record(kind: str, held: LeaseState | None, robot: Robot, actor: User | None, **told: Any) -> Record:
-    """Put on record what happens to a control session."""
+def _record(kind: str, held: LeaseState | None, robot: Robot, actor: User | None, **facts: Any) -> Record:
+    """Record an event of a control session."""
     return audit.record(
         kind,
         actor=actor,
@@ -422,5 +424,5 @@ def _record(kind: str, held: LeaseState | None, robot: Robot, actor: User | None
         robot_name=robot.name,
         session_id=held.session if held else None,
         fence=held.fence if held else None,
-        **told,
+        **facts,
     )

@@ -1,4 +1,4 @@
-"""Control ends with the sign-in that took it."""
+"""Ends control when its holder signs out."""
 
 from __future__ import annotations
 
@@ -28,4 +28,4 @@ def _signed_out(*, request: HttpRequest, user: User | None, **_: Any) -> None:
             fingerprint(key), user_id=user.pk, refusal=SIGNED_OUT, now=timezone.now()
         )
     except services.ControlRefused as refused:
-        log.warning("control of %s did not end with the sign-in, and lapses by itself: %s", user.pk, refused)
+        log.warning("Control of %s did not end at sign-out; it lapses by itself: %s", user.pk, refused)

@@ -1,4 +1,4 @@
-"""How control of a robot stands, as the database has it, and as one connection is told of it."""
+"""The status of control of a robot: as read from the database, and as a message to one connection."""
 
 from __future__ import annotations
 
@@ -19,46 +19,46 @@ class SessionEnd(Struct, frozen=True):
     """How a control session ended."""
 
     reason: str  # a models.EndReason
-    note: str
+    note: str  # the reason in words for the holder; may be empty
 
 
 class Rights(Struct, frozen=True):
     """What one sign-in may do with one robot now."""
 
-    alive: bool  # signed in, account active
+    active: bool  # signed in, account active
     role: Role | None
     permit: Permit | wire.Refusal  # to control
 
     @property
     def supervises(self) -> bool:
-        """Whether this is a supervisor of the robot, or staff."""
+        """Whether this person is a supervisor of the robot or staff."""
         return self.role is not None and self.role >= Role.SUPERVISOR
 
 
 class ControlStatus(Struct, frozen=True):
-    """One robot's lease and all around it, read at one moment."""
+    """One robot's lease, the requests for it and people's rights, read at one moment."""
 
     read_at: datetime
     lease: LeaseState | None
-    asks: list[OpenRequest]
-    endings: dict[UUID, SessionEnd]  # of the control sessions that were asked for and are over
-    rights: dict[tuple[UUID, str], Rights]  # by (user, session key), of those who were asked for
+    requests: list[OpenRequest]
+    endings: dict[UUID, SessionEnd]  # of the queried control sessions that are over
+    rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
 
 
 class RobotEntry(Struct, frozen=True):
-    """What the registry says of a robot."""
+    """One robot's entry in the registry."""
 
-    refusal: wire.Refusal | None  # why nobody drives it
+    refusal: wire.Refusal | None  # why it cannot be driven now
     facts: wire.RobotFacts
     link: LinkAddress
     allowed: tuple[Allowed, ...]
 
 
 def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Rights) -> wire.Control:
-    """Who has control, as the page in `tab` may see it."""
+    """Return the status of control as a message to the page in `tab`."""
     now, lease = status.read_at, status.lease
     phase = rules.phase(lease, now)
-    asks = rules.open_requests(status.asks, now)
+    requests = rules.open_requests(status.requests, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
     if lease is None or free:
@@ -70,8 +70,8 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         session=str(lease.session) if mine else None,
         remaining_s=round((lease.term_ends_at - now).total_seconds(), 1),
         resumable_s=round(rules.resumable_s(lease, now), 1) if phase is Phase.AWAY else None,
-        requests=[wire.Request(ask.id, ask.name) for ask in asks] if mine or rights.supervises else [],
-        asking=next((ask.id for ask in asks if ask.tab.connection == tab.connection), None),
+        requests=[wire.Request(one.id, one.name) for one in requests] if mine or rights.supervises else [],
+        asking=next((one.id for one in requests if one.tab.connection == tab.connection), None),
         may_take_over=rules.check_take_over(lease, user=user, supervises=rights.supervises, now=now) is None
         and _refusal(rights) is None,
         may_clear=mine or rights.supervises,
@@ -91,8 +91,8 @@ def _refusal(rights: Rights) -> wire.Refusal | None:
     return rights.permit if isinstance(rights.permit, wire.Refusal) else None
 
 
-def comparable(control: wire.Control, status: ControlStatus) -> tuple[object, ...]:
-    """What of `control` is news when it differs: everything but the seconds that run by themselves."""
+def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ...]:
+    """Return a key that differs if `control` changed, apart from its running seconds."""
     return (
         control.state,
         control.holder,

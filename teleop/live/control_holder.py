@@ -24,7 +24,7 @@ from teleop.control import services
 from teleop.control.policy import ROLE_LOWERED, Permit
 from teleop.control.rules import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, open_requests, phase
 from teleop.control.services import ControlRefused
-from teleop.control.status import ControlStatus, Rights, SessionEnd, comparable, control_message
+from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
 from teleop.live import notices
 from teleop.live.lease_renewal import LeaseRenewer
 from teleop.live.robot_hub import RobotHub
@@ -66,8 +66,8 @@ class ControlHolder:
         )
         self._store_end: Callable[[], None] | None = None  # stores the end of the session that was given up
         self._storing = asyncio.Lock()
-        self._reported: tuple[object, ...] | None = None
-        self._requests: set[int] = set()  # open requests of others for this control
+        self._reported_key: tuple[object, ...] | None = None
+        self._requests: set[int] = set()  # open requests of other people for this control
         self._requesting = False  # this connection has an open request
         self._withdrew = False  # it withdrew its request itself, even if an older status still lists it
 
@@ -119,7 +119,7 @@ class ControlHolder:
             return
         try:
             await in_database(services.lease_resume, **self._me(), now=timezone.now())
-            await self._hub.changed()
+            await self._hub.lease_changed()
         except services.NotStored:
             raise
         except ControlRefused:
@@ -133,7 +133,7 @@ class ControlHolder:
         await self._end_lease()
 
     async def ask(self) -> None:
-        """OpenRequest the holder for control."""
+        """Ask the holder for control."""
         self._withdrew = False
         await self._change(services.control_request)
 
@@ -156,15 +156,15 @@ class ControlHolder:
         await self._changed()
 
     async def _changed(self) -> None:
-        self._reported = None  # a request is always answered with `Control`, even if nothing changed
-        await self._hub.changed()
+        self._reported_key = None  # a request is always answered with `Control`, even if nothing changed
+        await self._hub.lease_changed()
 
     def _me(self) -> dict[str, Any]:
         return {"robot_id": self._hub.robot_id, "user_id": self._user_id, "tab": self.tab}
 
     async def _highest_fence(self) -> int:
         """Return the highest fencing number that the bridge knows. LinkRefused: the robot is out of reach."""
-        await self._hub.link_settles()
+        await self._hub.wait_for_link()
         link = self._hub.link
         if not link.up and link.refusal:
             raise LinkRefused(link.refusal)
@@ -197,7 +197,7 @@ class ControlHolder:
             renewer.leave()
         session = renewer.lease.session if renewer else None
         await in_database(_leave, self._hub.robot_id, self.tab.connection, session)
-        await self._hub.changed()
+        await self._hub.lease_changed()
 
     # --- getting and losing control --------------------------------------------------------------------
 
@@ -213,7 +213,7 @@ class ControlHolder:
                 self._hub,
                 mine,
                 permit=rights.permit,
-                settled=self._report_control,
+                answered=self._report_control,
                 # The bridge knows better: it has a higher fencing number, or another session under this one.
                 refused=partial(self._end, EndReason.BRIDGE),
                 delay_s=self._delay_s,
@@ -270,7 +270,7 @@ class ControlHolder:
         if renewer is None:
             return False
         session = self._given_up = renewer.lease.session
-        self._reported = None  # report again, even if the start of this control was never reported
+        self._reported_key = None  # report again, even if the start of this control was never reported
         renewer.revoke(words)
         self._store_end = partial(_end_lease, self._hub.robot_id, session, reason, refusal, by)
         run_in_background(self._keep_ending())
@@ -296,7 +296,7 @@ class ControlHolder:
                     )
                 tries += 1
                 await asyncio.sleep(RETRY_S)
-        await self._hub.changed()
+        await self._hub.lease_changed()
 
     # --- reports -------------------------------------------------------------------------------------
 
@@ -307,24 +307,24 @@ class ControlHolder:
         if status.lease and status.lease.session == self._given_up:
             status = structs.replace(status, lease=None)
         # Wait: the bridge has not answered the first grant, or control was lost and its end is not stored yet.
-        if self._is_mine(status) and not (self._renewer and self._renewer.is_settled):
+        if self._is_mine(status) and not (self._renewer and self._renewer.is_answered):
             return
         control = control_message(status, user=self._user_id, tab=self.tab, rights=self._rights)
-        essence = comparable(control, status)
-        if essence != self._reported:
-            self._reported = essence
+        key = change_key(control, status)
+        if key != self._reported_key:
+            self._reported_key = key
             await self._report(control)
 
     async def _report_requests(self, status: ControlStatus) -> None:
-        requests = open_requests(status.asks, status.read_at)
+        requests = open_requests(status.requests, status.read_at)
         if self._renewer:
             for request in requests:
                 if request.id not in self._requests:
-                    await self._report(notices.somebody_asks(request.name))
+                    await self._report(notices.request_received(request.name))
         self._requests = {request.id for request in requests}
         requesting = any(request.tab.connection == self.tab.connection for request in requests)
         if self._requesting and not requesting and not self._withdrew:
-            await self._report(notices.answered(free=status.lease is None))
+            await self._report(notices.request_closed(free=status.lease is None))
         self._requesting = requesting
 
 

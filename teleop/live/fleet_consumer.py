@@ -72,14 +72,14 @@ class FleetConsumer(MessageSocket):
 
     # --- opening and closing -----------------------------------------------------------------------
 
-    async def opened(self) -> None:
+    async def on_open(self) -> None:
         """Show what there is, and keep looking."""
         self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.user = await in_database(_person, self.person)
         await self._look()
         self._loops = [run_in_background(self._keep_looking()), run_in_background(self._keep_showing())]
 
-    async def closed(self) -> None:
+    async def on_close(self) -> None:
         """Follow no robot any more."""
         for loop in self._loops:
             loop.cancel()
@@ -88,7 +88,7 @@ class FleetConsumer(MessageSocket):
 
     # --- what the page says ------------------------------------------------------------------------
 
-    async def heard(self, raw: str) -> None:
+    async def on_message(self, raw: str) -> None:
         """One message. A stop waits for nothing."""
         match fleet_message(raw):
             case wire.StopAll():
@@ -110,7 +110,7 @@ class FleetConsumer(MessageSocket):
                     self._note()
             case wire.Ping(sent_ms=sent_ms):
                 if await self.within_budget("ping"):
-                    await self.tell(wire.Pong(sent_ms))
+                    await self.send_message(wire.Pong(sent_ms))
 
     def _press_stop(self, slugs: Iterable[str]) -> None:
         flood = not self.spend()  # paid for, and never refused
@@ -150,7 +150,7 @@ class FleetConsumer(MessageSocket):
         told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
         await self.answer(Refused("clear", told))
 
-    def denied(self, of: str, refusal: Refusal) -> RefusedRequest:
+    def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest:
         """By this person; which robot it was about, the record of a stop tells."""
         return RefusedRequest(self.user, self.through, of, refusal)
 
@@ -165,7 +165,7 @@ class FleetConsumer(MessageSocket):
                 self._drawn = False
                 self._noted = self._of_note()
                 try:
-                    await self.tell(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
+                    await self.send_message(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
                 except Exception:
                     self._drawn = True
                     log.exception("a fleet page was not shown the robots")

@@ -1,4 +1,4 @@
-"""Control as one connection has it: the grant at the bridge, renewed for as long as the right to it is confirmed."""
+"""Keeps the grant at the bridge renewed while the database confirms the holder's right to control."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)
 
-GRANT_S = 3.0  # what the bridge is given at a time
+GRANT_S = 3.0  # how long one grant lasts at the bridge
 RENEW_S = 1.0
-CONFIRMED_S = 2.0  # control that was not confirmed by the database for so long is not renewed
+CONFIRMED_S = 2.0  # without confirmation by the database for so long, control is not renewed
 
 
 class LeaseRenewer:
-    """Made when a connection gets the lease. One of `revoke`, `leave` and `pass_on` ends it.
+    """Renews one lease of one connection from its start until `revoke`, `leave` or `pass_on`.
 
-    `delay_s` tells how long the way to the page and back takes (None: not known yet); the bridge reckons with it.
+    `answered` is called after the first grant, `refused` when the bridge refuses this control for good. `delay_s`
+    returns the round trip time to the page (None: not known yet); the bridge adds it to its latency.
     """
 
     def __init__(
@@ -33,73 +34,73 @@ class LeaseRenewer:
         lease: LeaseState,
         *,
         permit: Permit,
-        settled: Callable[[], Awaitable[None]],
+        answered: Callable[[], Awaitable[None]],
         refused: Callable[[Refusal], Awaitable[None]],
         delay_s: Callable[[], float | None],
     ) -> None:
         self.lease = lease
         self.fence = lease.fence
         self.permit = permit
-        self.is_settled = False  # the bridge has answered, or cannot be asked
-        self._room = hub
-        self._settled = settled
+        self.is_answered = False  # the bridge has answered the first grant, or cannot be reached
+        self._hub = hub
+        self._answered = answered
         self._refused = refused
         self._delay_s = delay_s
-        self._again = asyncio.Event()
-        # Whoever had this lease before, on another connection: its stick is over, sequence numbers begin anew.
-        hub.link.send(Pause(self.fence, "The page was opened anew."))
-        self._task = asyncio.create_task(self._keep_granted())
+        self._soon = asyncio.Event()
+        # Another connection may have had this lease: its drive input ends here, sequence numbers start again.
+        hub.link.send(Pause(self.fence, "The page was opened again."))
+        self._task = asyncio.create_task(self._keep_renewing())
 
     def renew_soon(self) -> None:
-        """Grant again without waiting: the link came up, or the permit changed."""
-        self._again.set()
+        """Send the grant again without waiting: the link came up, or the permit changed."""
+        self._soon.set()
 
     def revoke(self, reason: str) -> None:
-        """Control is over."""
+        """End control: tell the bridge, and stop renewing."""
         self._task.cancel()
-        self._room.link.send(Revoke(self.fence, reason[:200]))
+        self._hub.link.send(Revoke(self.fence, reason[:200]))
 
     def leave(self) -> None:
-        """The page is gone, and may come back."""
+        """Pause control: the page is gone and may come back."""
         self._task.cancel()
-        self._room.link.send(Pause(self.fence, "The page is gone."))
+        self._hub.link.send(Pause(self.fence, "The page is gone."))
 
     def pass_on(self) -> None:
-        """Another connection of the same tab goes on with the same grant."""
+        """Stop renewing without a word to the bridge: another connection of the same tab goes on with this grant."""
         self._task.cancel()
 
-    async def _keep_granted(self) -> None:
-        faulty = False  # what lasts is logged once
+    async def _keep_renewing(self) -> None:
+        faulty = False  # a lasting fault is logged once
         while True:
             try:
-                if (refusal := await self._why_over()) is not None:
+                if (refusal := await self._try_grant()) is not None:
                     await self._refused(refusal)
                     return
-                if not self.is_settled:
-                    self.is_settled = True
-                    await self._settled()
+                if not self.is_answered:
+                    self.is_answered = True
+                    await self._answered()
                 faulty = False
             except Exception:
                 if not faulty:
-                    log.exception("control of robot %s was not renewed", self._room.robot_id)
+                    log.exception("Control of robot %s was not renewed.", self._hub.robot_id)
                 faulty = True
-            self._again.clear()
+            self._soon.clear()
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._again.wait(), RENEW_S)
+                await asyncio.wait_for(self._soon.wait(), RENEW_S)
 
-    async def _why_over(self) -> Refusal | None:
-        """Grant if the right to it is confirmed. Returns why the bridge takes no grant of this control any more."""
-        if time.monotonic() - self._room.looked_s < CONFIRMED_S:
+    async def _try_grant(self) -> Refusal | None:
+        """Send the grant if the right to control is confirmed. Returns the bridge's refusal if it is final."""
+        if time.monotonic() - self._hub.confirmed_s < CONFIRMED_S:
             try:
                 await self._grant()
             except LinkRefused as error:
                 if error.refusal.rule == "lease":
                     return error.refusal
-                # The bridge is away or slow. The base stands by then; the page is told by the link.
+                # The bridge is away or slow. The base follow by then; the page is told by the link.
         return None
 
     async def _grant(self) -> None:
-        await self._room.link.grant(
+        await self._hub.link.grant(
             Grant(
                 fence=self.fence,
                 seconds=GRANT_S,

@@ -42,17 +42,17 @@ def control_ended_here(reason: EndReason, refusal: Refusal) -> Notice:
     return Notice(_LEVELS[reason], refusal.code, f"Control ended: {refusal.text}")
 
 
-def cut_off(refusal: Refusal) -> Notice:
+def access_revoked(refusal: Refusal) -> Notice:
     """To somebody who may not even look any more."""
     return Notice(_LEVELS[EndReason.RIGHT], refusal.code, refusal.text)
 
 
-def somebody_asks(name: str) -> Notice:
+def request_received(name: str) -> Notice:
     """To the holder."""
     return Notice("info", "asked", f"{name} asks for control.")
 
 
-def answered(free: bool) -> Notice:
+def request_closed(free: bool) -> Notice:
     """To whoever asked, and did not get it."""
     if free:
         return Notice("info", "free", "The robot is free now: take control.")

@@ -1,4 +1,7 @@
-"""Pictures of a robot to its viewers: each gets the newest when it has drawn the last, never a queue."""
+"""Pictures of a robot for its viewers.
+
+A viewer gets the newest picture after it acknowledged the previous one. Pictures are never queued.
+"""
 
 from __future__ import annotations
 
@@ -14,77 +17,76 @@ log = logging.getLogger(__name__)
 
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
-
-ROUND_TRIPS = 40  # pictures whose way is kept: some four seconds
-SHARE = 0.95
+ROUND_TRIPS = 40  # measured for the delay: about four seconds of pictures
+DELAY_QUANTILE = 0.95
 FULL_RATE_VIEWERS = (
-    30  # onlookers who get every picture; of twice as many each gets every second one, and so on
+    30  # so many viewers get every picture; with twice as many each gets every second one, and so on
 )
 
 
 class PictureViewer:
-    """One page that looks. At most one picture is on its way to it, and none is kept for it."""
+    """One page that shows pictures. At most one picture is unacknowledged, and no picture is stored for a page."""
 
-    def __init__(self, views: PictureFeed, send: Send) -> None:
+    def __init__(self, feed: PictureFeed, send: Send) -> None:
         self.send = send
         self.shown = 0  # number of the last picture sent
-        self.turn = views.admit(self)
-        self.drives = False  # whoever drives gets every picture
+        self.turn = feed.add(self)
+        self.is_driver = False  # the driver gets every picture
         self.sent_s = 0.0
         self._round_trips: deque[float] = deque(maxlen=ROUND_TRIPS)
-        self._views = views
+        self._feed = feed
 
-    async def drawn(self) -> None:
-        """The page has drawn the last picture: send the newest if it missed its turn, else in its turn."""
+    async def acknowledge(self) -> None:
+        """Note that the page has drawn its picture. Send the newest at once if the page missed its turn."""
         self._round_trips.append(time.monotonic() - self.sent_s)
-        if self._views.number - self.shown >= self._views.every or (
-            self.drives and self._views.number > self.shown
+        if self._feed.number - self.shown >= self._feed.turn_length or (
+            self.is_driver and self._feed.number > self.shown
         ):
-            await self._views.show(self)
+            await self._feed.show(self)
         else:
-            self._views.ready.add(self)
+            self._feed.ready.add(self)
 
     @property
     def delay_s(self) -> float | None:
-        """How long a picture takes to be seen and answered, but for one in twenty; None before the first was drawn."""
+        """Round trip time of a picture in seconds, 95th percentile; None before the first acknowledgement."""
         trips = sorted(self._round_trips)
-        return trips[int(SHARE * (len(trips) - 1))] if trips else None
+        return trips[int(DELAY_QUANTILE * (len(trips) - 1))] if trips else None
 
     def leave(self) -> None:
-        """Look no more."""
-        self._views.dismiss(self)
+        """Send no more pictures."""
+        self._feed.remove(self)
 
 
 class PictureFeed:
-    """The newest picture of one robot, and who is ready for the next.
+    """The newest picture of one robot, and the viewers that are ready for the next one.
 
-    A picture is encoded once, by the bridge; all viewers are handed the same text. Sending never waits under
-    Daphne, so one task serves them all. A crowd takes turns: what it costs stays the same however many they are.
+    The bridge encodes a picture once; all viewers get the same text. Under Daphne sending never waits, so one task
+    serves all viewers. Many viewers take turns, so that the cost does not grow with their number.
     """
 
     def __init__(self) -> None:
         self.number = 0
-        self.every = 1  # an onlooker's turn comes with every so many pictures
+        self.turn_length = 1  # a viewer that does not drive gets one of so many pictures
         self.ready: set[PictureViewer] = set()
         self._viewers: set[PictureViewer] = set()
-        self._admitted = 0
+        self._added = 0
         self._newest: dict[str, Any] = {}
         self._news = asyncio.Event()
-        self._task = asyncio.create_task(self._hand_out())
+        self._task = asyncio.create_task(self._keep_sending())
 
-    def admit(self, viewer: PictureViewer) -> int:
-        """Let a viewer in, ready for its first picture. Returns its place in the turns."""
+    def add(self, viewer: PictureViewer) -> int:
+        """Add a viewer, ready for its first picture. Returns its place in the turns."""
         self._viewers.add(viewer)
         self.ready.add(viewer)
-        self._count()
-        self._admitted += 1
-        return self._admitted
+        self._set_turn_length()
+        self._added += 1
+        return self._added
 
-    def dismiss(self, viewer: PictureViewer) -> None:
-        """See a viewer out."""
+    def remove(self, viewer: PictureViewer) -> None:
+        """Remove a viewer."""
         self._viewers.discard(viewer)
         self.ready.discard(viewer)
-        self._count()
+        self._set_turn_length()
 
     def publish(self, raw: str) -> None:
         """Make `raw` the newest picture."""
@@ -96,31 +98,31 @@ class PictureFeed:
         """Send the newest picture to one viewer."""
         viewer.shown = self.number
         viewer.sent_s = time.monotonic()
-        with suppress(OSError):  # it is gone; its own connection notices
+        with suppress(OSError):  # the connection is gone; its consumer notices that itself
             await viewer.send(self._newest)
 
     async def close(self) -> None:
-        """Hand out no more."""
+        """Stop sending."""
         self._task.cancel()
         with suppress(asyncio.CancelledError):
             await self._task
 
-    async def _hand_out(self) -> None:
+    async def _keep_sending(self) -> None:
         while True:
             await self._news.wait()
             self._news.clear()
             due = {viewer for viewer in self.ready if self._has_turn(viewer)}
             self.ready -= due
-            for viewer in sorted(due, key=lambda viewer: not viewer.drives):
+            for viewer in sorted(due, key=lambda viewer: not viewer.is_driver):
                 try:
                     await self.show(viewer)
                 except Exception:
-                    log.exception("a picture was not sent")
+                    log.exception("A picture was not sent.")
 
     def _has_turn(self, viewer: PictureViewer) -> bool:
-        if viewer.drives or self.number - viewer.shown > self.every:
+        if viewer.is_driver or self.number - viewer.shown > self.turn_length:
             return True
-        return (self.number + viewer.turn) % self.every == 0
+        return (self.number + viewer.turn) % self.turn_length == 0
 
-    def _count(self) -> None:
-        self.every = 1 + max(0, len(self._viewers) - 1) // FULL_RATE_VIEWERS
+    def _set_turn_length(self) -> None:
+        self.turn_length = 1 + max(0, len(self._viewers) - 1) // FULL_RATE_VIEWERS

@@ -54,20 +54,20 @@ class RobotConsumer(RobotSocket):
 
     # --- opening and closing -----------------------------------------------------------------------
 
-    async def opened(self) -> None:
-        """Let this person in, if they may look at the robot."""
+    async def on_open(self) -> None:
+        """Join the robot's hub, if this person may see the robot."""
         entry = await self.find_robot()
         if entry is not None:
             self.stop_button = emergency_stop.StopButton(
                 self.user, self.through, partial(self.refuse, "stop")
             )
             self.requests = RequestQueue()
-            self.orders = TaskSender(self)
+            self.tasks = TaskSender(self)
             self.hub = robot_hub.join(self.robot_id, entry, self)
 
-    async def closed(self) -> None:
+    async def on_close(self) -> None:
         """Stop the robot at once; the lease waits for the page to come back."""
-        if not self.entered:
+        if not self.joined:
             return
         self.requests.close()
         if self.viewer:
@@ -82,29 +82,29 @@ class RobotConsumer(RobotSocket):
 
     # --- what the page says ------------------------------------------------------------------------
 
-    async def heard(self, raw: str) -> None:
-        """One message. A drive message takes no detour, a stop waits for nothing."""
+    async def on_message(self, raw: str) -> None:
+        """Act on one message. Drive input takes the shortest way; a stop waits for nothing."""
         message = browser_message(raw)
-        if isinstance(message, wire.Stop):  # paid for, and never refused
+        if isinstance(message, wire.Stop):  # counts for the flood limit, but is never refused
             self.stop_button.press(self.hub.link, flood=not self.spend())
         elif not await self.within_budget(kind_of(message)):
             return
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
         elif isinstance(message, wire.TaskRequest):
-            await self.orders.take(message)
+            await self.tasks.take(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:
-                await self.viewer.drawn()
+                await self.viewer.acknowledge()
         elif isinstance(message, wire.Ping):
-            await self.tell(wire.Pong(message.sent_ms))
+            await self.send_message(wire.Pong(message.sent_ms))
         elif isinstance(message, wire.Refresh):
-            await self._refresh(message)
+            await self._refresh_offers(message)
         elif not self.requests.add(lambda: self._do(message)):
             await self.refuse(kind_of(message), BUSY)
 
-    def heard_now(self, raw: str) -> bool:
-        """The stick of who has control goes on to a bridge on this computer before anything else is done."""
+    def on_message_now(self, raw: str) -> bool:
+        """Forward the holder's drive input to a bridge on this computer at once."""
         fence = self.fence
         if fence is None or not raw.startswith(_DRIVE) or not self.hub.link.has_lane:
             return False
@@ -115,20 +115,20 @@ class RobotConsumer(RobotSocket):
         if not isinstance(drive, wire.Drive) or drive.fence != fence or not self.spend():
             return False
         if not self.hub.link.forward_now(raw):
-            self.refused["link_busy"] += 1  # a newer one follows in a moment
+            self.refused["link_busy"] += 1  # a newer drive input follows in a moment
         return True
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         if drive.fence == self.fence:
             if not await self.hub.link.forward(raw):
-                self.refused["link_busy"] += 1  # a newer one follows in a moment
+                self.refused["link_busy"] += 1  # a newer drive input follows in a moment
             return
         refusal = check_fence(drive.fence, self.fence)
         if refusal is not None:
             await self.refuse("drive", refusal, drive.seq, drive.fence)
 
-    async def _refresh(self, refresh: wire.Refresh) -> None:
-        refusal = self.hub.refresh(self)
+    async def _refresh_offers(self, refresh: wire.Refresh) -> None:
+        refusal = self.hub.refresh_offers(self)
         kind = kind_of(refresh)
         await self.answer(Refused(kind, refusal, refresh.seq) if refusal else Accepted(kind, refresh.seq))
 
@@ -151,9 +151,8 @@ class RobotConsumer(RobotSocket):
 
     async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
         await self.refuse(kind_of(message), refusal)
-        if isinstance(
-            message, wire.Hello
-        ):  # a page says hello once; it reconnects by itself and says it again
+        if isinstance(message, wire.Hello):
+            # A page says hello once per connection. It reconnects by itself, and then says it again.
             await self.close(CloseCode.TRY_AGAIN, refusal.text)
 
     async def _hello(self, hello: wire.Hello) -> None:
@@ -164,20 +163,20 @@ class RobotConsumer(RobotSocket):
             self.hub,
             self.user.id,
             tab,
-            report=self.tell,
+            report=self.send_message,
             delay_s=lambda: self.viewer.delay_s if self.viewer else None,
         )
         await self._welcome()
-        await self.hub.look_for(self)
+        await self.hub.read_status_for(self)
         await self.control.resume()
-        self.viewer = PictureViewer(self.hub.views, self.asgi_send)
-        self.viewer.drives = self.fence is not None
-        self.looks = True
-        self.hub.watchers_changed()
+        self.viewer = PictureViewer(self.hub.pictures, self.asgi_send)
+        self.viewer.is_driver = self.fence is not None
+        self.wants_pictures = True
+        self.hub.viewers_changed()
         if self.hub.link.offers:
-            await self.tell(self.hub.link.offers)
-        await self.hub.link_settles()
-        self.tell_if_gone()
+            await self.send_message(self.hub.link.offers)
+        await self.hub.wait_for_link()
+        self.report_bridge_gone()
 
     async def _change(self, message: wire.BrowserMessage, control: ControlHolder) -> None:
         """Change who has control, or clear the stop."""
@@ -203,74 +202,74 @@ class RobotConsumer(RobotSocket):
 
     @property
     def held_session(self) -> UUID | None:
-        """The control session that this page has."""
+        """The control session of this page; None without control."""
         return self.control.session if self.control else None
 
     @property
     def fence(self) -> int | None:
-        """The fencing number of that."""
+        """Its fencing number."""
         return self.control.fence if self.control else None
 
     @property
     def role_in_control(self) -> Role | None:
-        """The role in which that was got."""
+        """The role with which its person took control."""
         return self.control.role if self.control else None
 
-    async def stands(self, status: ControlStatus) -> None:
+    async def follow(self, status: ControlStatus) -> None:
         """Follow this person's rights and the lease."""
         role_before = self.rights.role
-        await super().stands(status)
-        if not self.may_look:
+        await super().follow(status)
+        if not self.may_see:
             return
         if role_before != self.rights.role:
             await self._welcome()
         if self.control:
             await self.control.follow(status, self.rights)
         if self.viewer:
-            self.viewer.drives = self.fence is not None
+            self.viewer.is_driver = self.fence is not None
 
-    async def edited(self, entry: RobotEntry) -> None:
-        """The robot was edited."""
+    async def robot_edited(self, entry: RobotEntry) -> None:
+        """The registry's entry of the robot changed."""
         await self._welcome()
-        self.tell_if_gone()
+        self.report_bridge_gone()
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
-        """Say that the bridge is away, or grip again when it is back."""
+        """Renew control when the link is up again; tell the page when the bridge is gone."""
         if up and self.control:
             self.control.renew_soon()
-        self.tell_if_gone()
+        self.report_bridge_gone()
 
-    def offered(self, offers: Offers) -> None:
-        """Say what the robot offers now; a page that has not said hello is told then."""
-        if self.looks:
-            run_in_background(self.tell(offers))
+    def offers_changed(self, offers: Offers) -> None:
+        """Tell the page what the robot offers now. A page that has not said hello yet learns it then."""
+        if self.wants_pictures:
+            run_in_background(self.send_message(offers))
 
     def ended_at_bridge(self, ended: Ended) -> None:
-        """Look what came in between, and grip again if nothing did."""
+        """Send the grant again: the bridge ended this control, and refuses it now if that is final."""
         if self.control and ended.fence == self.fence:
             self.control.renew_soon()
 
     def refused_at_bridge(self, refused: Refused) -> None:
-        """Pass on what was refused of ours."""
+        """Pass on a refusal that concerns this page's control."""
         if self.fence is not None and refused.fence == self.fence:
             run_in_background(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
 
-    async def cut_off(self, refusal: Refusal) -> None:
-        """This person may not even see the robot any more."""
+    async def revoke_access(self, refusal: Refusal) -> None:
+        """End control and close: this person may not see the robot any more."""
         if self.control:
             self.control.revoke(refusal)
         if self.viewer:
             self.viewer.leave()
-        await super().cut_off(refusal)
+        await super().revoke_access(refusal)
 
     # --- what the page is told -----------------------------------------------------------------------
 
     async def _welcome(self) -> None:
         if self.control is not None and self.rights.role:
             role = cast(wire.Role, self.rights.role.value)
-            await self.tell(wire.Welcome(wire.PROTOCOL, self.name, role, self.hub.entry.facts))
+            await self.send_message(wire.Welcome(wire.PROTOCOL, self.name, role, self.hub.entry.facts))
 
-    def tell_if_gone(self) -> None:
-        """Say that the bridge is away; a page that has not said hello is told then."""
+    def report_bridge_gone(self) -> None:
+        """Tell the page that the bridge is gone. A page that has not said hello yet learns it then."""
         if self.control is not None:
-            super().tell_if_gone()
+            super().report_bridge_gone()

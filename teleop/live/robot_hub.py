@@ -1,8 +1,8 @@
-"""A hub: one robot and everybody who has its page open in this web process.
+"""The hub of one robot: its link, its feeds, and all its connections in this web process.
 
-It holds the link, hands out the pictures and looks at the database for all of them together: every half second
-for those who have control or look closely, else every two. A stale look changes nothing for the better: who may
-control is confirmed again and again, and whoever is not confirmed is not renewed at the bridge.
+The hub reads the database for all of them together: every 0.5 s for the holder of control and for connections that ask
+for it (`checked_often`), every 2 s for all. Control is renewed at the bridge only while these reads confirm it, so a
+stale read never prolongs control.
 """
 
 from __future__ import annotations
@@ -33,94 +33,97 @@ from teleop.live.topic_feed import TopicFeed
 
 log = logging.getLogger(__name__)
 
-LINK_TRY_S = 5.0  # on a computer that has much else to do, to open a link takes a while
+LINK_TRY_S = 5.0  # a busy computer needs a while to open a link
 LINK_WAIT_S = 0.5
-LOOK_S = 0.5
-REFRESH_S = 1.0  # the robot is asked at most so often what it offers
-LOOKS_PER_FULL = 4  # everybody's rights and the registry: every so many looks
+STATUS_S = 0.5
+REFRESH_S = 1.0  # shortest time between two requests to read again what the robot offers
+FULL_EVERY = 4  # one of so many reads covers everybody's rights and the registry
 
 
 class Member(Protocol):
-    """One page, as its hub sees it."""
+    """One connection to the robot: a page, or an application."""
 
     id: str
     person: SignIn
     name: str
-    looks: bool  # pictures are wanted
-    heard_s: float  # when the page last said anything, by the monotonic clock
+    wants_pictures: bool
+    heard_s: float  # monotonic time of its last message
 
     @property
     def held_session(self) -> UUID | None:
-        """The control session that this page has."""
+        """The control session that it has."""
 
     @property
-    def closely(self) -> bool:
-        """Whether this person's rights are looked at each time."""
+    def checked_often(self) -> bool:
+        """Whether its person's rights are read every time, not only at full reads."""
 
-    async def stands(self, status: ControlStatus) -> None:
-        """How control stands now."""
+    async def follow(self, status: ControlStatus) -> None:
+        """Take over the status of control, which the hub has just read."""
 
-    async def edited(self, entry: RobotEntry) -> None:
-        """What the registry says of the robot, at each full look."""
+    async def robot_edited(self, entry: RobotEntry) -> None:
+        """The registry's entry of the robot changed."""
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
-        """The link to the bridge came or went."""
+        """The link to the bridge came up or went down."""
 
-    def offered(self, offers: Offers) -> None:
-        """The robot offers something else."""
+    def offers_changed(self, offers: Offers) -> None:
+        """The robot's capabilities changed."""
 
     def ended_at_bridge(self, ended: Ended) -> None:
-        """The bridge ended somebody's control."""
+        """The bridge ended control, of this or another member."""
 
     def refused_at_bridge(self, refused: Refused) -> None:
-        """The bridge refused somebody's message."""
+        """The bridge refused a message, of this or another member."""
 
 
 class RobotHub:
-    """See the module. Made by `join`, gone with its last member."""
+    """One robot in this web process (see the module). `join` makes it; it ends with its last member."""
 
     def __init__(self, robot_id: UUID, entry: RobotEntry) -> None:
         self.robot_id = robot_id
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
-        self.views = PictureFeed()
-        self.topics = TopicFeed(self._look_at)
+        self.pictures = PictureFeed()
+        self.topics = TopicFeed(self._subscribe_topics)
         self.members: dict[str, Member] = {}
         self.link_is_up = asyncio.Event()
         self._refreshed_s = float("-inf")
-        self.looked_s = time.monotonic()  # when the rights of all who have control were last looked up
-        self._one_look = asyncio.Lock()
-        self._lease_events = LeaseEvents(robot_id, self.look)
-        self._looking = asyncio.create_task(self._keep_looking())
+        self.confirmed_s = time.monotonic()  # monotonic time when the holder's rights were last read
+        self._reading = asyncio.Lock()
+        self._lease_events = LeaseEvents(robot_id, self.read_status)
+        self._reader = asyncio.create_task(self._keep_reading())
         self.link.subscribe(self)
 
     # --- members -----------------------------------------------------------------------------------
 
     def add(self, member: Member) -> None:
-        """Let a page in."""
+        """Add a connection."""
         self.members[member.id] = member
-        self.watchers_changed()
+        self.viewers_changed()
 
     async def remove(self, member: Member) -> None:
-        """See a page out; the last one closes the hub."""
+        """Remove a connection. The hub ends with its last one."""
         self.members.pop(member.id, None)
         if self.members:
-            self.watchers_changed()
+            self.viewers_changed()
             return
         _hubs.pop(self.robot_id, None)
-        self._looking.cancel()  # first: it might follow another link yet
+        self._reader.cancel()  # first: it might still subscribe to another link
         with suppress(asyncio.CancelledError):
-            await self._looking
+            await self._reader
         self.link.unsubscribe(self)
         await self._lease_events.close()
-        await self.views.close()
+        await self.pictures.close()
 
-    def watchers_changed(self) -> None:
-        """Tell the bridge who looks."""
-        self.link.watch(self, {member.name for member in self.members.values() if member.looks})
+    def viewers_changed(self) -> None:
+        """Tell the bridge the names of the viewers."""
+        self.link.watch(self, {member.name for member in self.members.values() if member.wants_pictures})
 
-    def refresh(self, member: Member) -> Refusal | None:
-        """Have the robot read again what it offers; if it has just done so, `member` is told. Returns why not."""
+    def refresh_offers(self, member: Member) -> Refusal | None:
+        """Let the bridge read again what the robot offers; if it did so just now, inform `member`.
+
+        Returns a refusal if the bridge is out of reach.
+        """
         if not self.link.up:
             return self.link.refusal
         now_s = time.monotonic()
@@ -128,72 +131,72 @@ class RobotHub:
             self._refreshed_s = now_s
             self.link.send(Refresh())
         elif self.link.offers:
-            member.offered(self.link.offers)
+            member.offers_changed(self.link.offers)
         return None
 
-    def _look_at(self, topics: Mapping[str, float]) -> None:
-        """Tell the bridge whose messages are looked at."""
+    def _subscribe_topics(self, topics: Mapping[str, float]) -> None:
+        """Tell the bridge the subscribed topics and their rates in Hz."""
         self.link.look_at(self, topics)
 
-    async def link_settles(self) -> None:
-        """Wait for a link that is just being made, and a moment for a bridge that could not be reached."""
+    async def wait_for_link(self) -> None:
+        """Wait until a new link is up, or a moment if the bridge could not be reached."""
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self.link.tried.wait(), LINK_TRY_S)
             await asyncio.wait_for(self.link_is_up.wait(), LINK_WAIT_S)
 
     # --- the database ------------------------------------------------------------------------------
 
-    async def changed(self) -> None:
-        """This process changed the lease: everybody is told, here and elsewhere.
+    async def lease_changed(self) -> None:
+        """Inform everybody, here and in other web processes, that this process changed the lease.
 
-        What is done is done: who cannot be told now finds out at a later look.
+        The change itself is stored: if this fails, the next regular read informs them.
         """
         await self._lease_events.publish()
         try:
-            await self.look()
+            await self.read_status()
         except DatabaseError as error:
-            log.warning("a change of who has robot %s is not told yet: %s", self.robot_id, error)
+            log.warning("A change of control of robot %s is not shown yet: %s", self.robot_id, error)
 
-    async def look(self) -> None:
-        """Read how control stands, for everybody here. On return, they know what was true when this was called."""
-        await self._look([member.person for member in self.members.values()])
+    async def read_status(self) -> None:
+        """Read the status of control for all members. On return, they know the status at the time of the call."""
+        await self._read_status([member.person for member in self.members.values()])
 
-    async def look_for(self, member: Member) -> None:
-        """Read how control stands, for one who has just come."""
-        await self._look([member.person])
+    async def read_status_for(self, member: Member) -> None:
+        """Read the status of control for a new member."""
+        await self._read_status([member.person])
 
-    async def _look(self, people: Collection[SignIn]) -> None:
-        # One after the other: what members are told never goes back in time.
-        async with self._one_look:
-            status, looked_s = await in_database(self._read, people)
+    async def _read_status(self, people: Collection[SignIn]) -> None:
+        # One read after the other: members must never see an older status after a newer one.
+        async with self._reading:
+            status, confirmed_s = await in_database(self._read, people)
             if self._holders.issubset(people):
-                self.looked_s = looked_s
+                self.confirmed_s = confirmed_s
             for member in list(self.members.values()):
                 try:
-                    await member.stands(status)
-                except Exception:  # one page's fault is not the others'
-                    log.exception("a page of robot %s was not told how control stands", self.robot_id)
+                    await member.follow(status)
+                except Exception:  # a fault of one page must not affect the others
+                    log.exception("A page of robot %s could not follow the status of control.", self.robot_id)
 
     @property
     def _holders(self) -> set[SignIn]:
         return {member.person for member in self.members.values() if member.held_session}
 
     def _read(self, people: Collection[SignIn]) -> tuple[ControlStatus, float]:
-        """How control stands, and since when by the monotonic clock that is known: an answer may be long on its way."""
-        looked_s = time.monotonic()
+        """Return the status of control, and the monotonic time before the read: the answer may take long."""
+        confirmed_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         if rules.phase(status.lease, status.read_at) is not Phase.LAPSED:
-            return status, looked_s
-        # It is over by the clock, even if nothing can be written; or somebody else expires it, or it came back.
+            return status, confirmed_s
+        # The lease is over by the clock. Store that, unless its page came back, or another process was faster.
         with suppress(ControlRefused, DatabaseError):
-            self._note_seen()
+            self._store_seen()
             lease_expire(robot_id=self.robot_id, now=status.read_at)
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
-        return status, looked_s
+        return status, confirmed_s
 
-    def _note_seen(self) -> None:
-        """The holder's page was there when it last spoke; it pings, and a cut network looks like an open connection."""
+    def _store_seen(self) -> None:
+        """Store when the holder's page last sent a message: with a cut network the connection still looks open."""
         for member in list(self.members.values()):
             if session := member.held_session:
                 silent = timedelta(seconds=time.monotonic() - member.heard_s)
@@ -204,34 +207,34 @@ class RobotHub:
                     seen_at=timezone.now() - silent,
                 )
 
-    async def _keep_looking(self) -> None:
-        looks = 0
+    async def _keep_reading(self) -> None:
+        reads = 0
         reachable = True
         while True:
-            await asyncio.sleep(LOOK_S)
-            looks += 1
+            await asyncio.sleep(STATUS_S)
+            reads += 1
             try:
-                await self._regular_look(full=looks % LOOKS_PER_FULL == 0)
+                await self._read_regularly(full=reads % FULL_EVERY == 0)
                 if not reachable:
-                    log.info("the database answers again")
+                    log.info("The database answers again.")
                 reachable = True
             except DatabaseError as error:
                 if reachable:
-                    log.error("rights cannot be checked, so control is not renewed: %s", error)
+                    log.error("Rights cannot be checked, so control is not renewed: %s", error)
                 reachable = False
             except Exception:
-                log.exception("a look at the lease failed")
+                log.exception("Reading the status of control failed.")
 
-    async def _regular_look(self, *, full: bool) -> None:
-        closely = [member.person for member in self.members.values() if member.closely]
+    async def _read_regularly(self, *, full: bool) -> None:
+        holders = [member.person for member in self.members.values() if member.checked_often]
         if not full:
-            if closely:
-                await self._look(closely)
+            if holders:
+                await self._read_status(holders)
             return
         await self._read_registry()
-        await self.look()
+        await self.read_status()
         if any(member.held_session for member in self.members.values()):
-            await in_database(self._note_seen)
+            await in_database(self._store_seen)
 
     async def _read_registry(self) -> None:
         entry = await in_database(robot_entry, self.robot_id)
@@ -243,46 +246,46 @@ class RobotHub:
             self.link.unsubscribe(self)
             self.link = link
             self.link.subscribe(self)
-            self.watchers_changed()
-            self._look_at(self.topics.wanted)
+            self.viewers_changed()
+            self._subscribe_topics(self.topics.rates_hz)
         for member in list(self.members.values()):
-            await member.edited(entry)
+            await member.robot_edited(entry)
 
     # --- the link (robots.link.client.Listener) -------------------------------------------------------------
 
     def on_view(self, raw: str) -> None:
-        """A picture for all who look."""
-        self.views.publish(raw)
+        """Pass a picture to all viewers."""
+        self.pictures.publish(raw)
 
     def on_status(self, state: State) -> None:
-        """Pages see the state in their pictures."""
+        """Do nothing: pictures contain the state."""
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
-        """Pages say so."""
+        """Inform all members."""
         if up:
             self.link_is_up.set()
         else:
             self.link_is_up.clear()
-            self.topics.forget()
+            self.topics.clear()
         for member in list(self.members.values()):
             member.link_changed(up, refusal)
 
     def on_offers(self, offers: Offers) -> None:
-        """For every page."""
+        """Inform all members."""
         for member in list(self.members.values()):
-            member.offered(offers)
+            member.offers_changed(offers)
 
     def on_seen(self, topic: str, shown: str) -> None:
-        """A message for all who look at its topic."""
+        """Pass a sample to all subscribers of its topic."""
         self.topics.publish(topic, shown)
 
     def on_ended(self, ended: Ended) -> None:
-        """For whoever held it."""
+        """Inform all members; the holder acts on it."""
         for member in list(self.members.values()):
             member.ended_at_bridge(ended)
 
     def on_refused(self, refused: Refused) -> None:
-        """For whoever sent it."""
+        """Inform all members; the sender acts on it."""
         for member in list(self.members.values()):
             member.refused_at_bridge(refused)
 
@@ -291,7 +294,7 @@ _hubs: dict[UUID, RobotHub] = {}
 
 
 def join(robot_id: UUID, entry: RobotEntry, member: Member) -> RobotHub:
-    """The robot's hub, with `member` in it."""
+    """Return the robot's hub after adding `member`."""
     hub = _hubs.get(robot_id)
     if hub is None:
         hub = _hubs[robot_id] = RobotHub(robot_id, entry)

@@ -1,4 +1,4 @@
-"""A WebSocket about one robot, for as long as its person may see that robot."""
+"""A WebSocket about one robot, open as long as its person may see that robot."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from teleop.recording.refusals import RefusedRequest
 
 
 class RobotSocket(MessageSocket):
-    """Base of what is opened about one robot: one member of its hub (`robot_hub.Member`), which hears nothing yet."""
+    """Base of the WebSockets about one robot: a member of its hub (`robot_hub.Member`) that ignores its events."""
 
-    through: str  # what this door is called on record
+    through: str  # name of this interface in the audit log
     hub: robot_hub.RobotHub
     person: SignIn
     user: User
@@ -31,10 +31,10 @@ class RobotSocket(MessageSocket):
         super().__init__()
         self.id = uuid4().hex
         self.name = ""
-        self.looks = False
+        self.wants_pictures = False
 
     async def find_robot(self) -> RobotEntry | None:
-        """The robot of this address, if there is one that this person may see; else the connection is closed."""
+        """Return the entry of the robot in the address; close the connection if this person may not see it."""
         slug = self.scope["url_route"]["kwargs"]["slug"]
         self.person = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         found = await in_database(_find, slug, self.person)
@@ -46,13 +46,13 @@ class RobotSocket(MessageSocket):
         return entry
 
     @property
-    def entered(self) -> bool:
-        """Whether the robot was found, and its hub entered."""
+    def joined(self) -> bool:
+        """Whether the robot was found and its hub joined."""
         return hasattr(self, "hub")
 
-    def denied(self, of: str, refusal: Refusal) -> RefusedRequest | None:
-        """By this person at this robot, in the control session that they have here."""
-        if not self.entered:
+    def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest | None:
+        """Name the person, the robot, and the control session of this connection."""
+        if not self.joined:
             return None
         return RefusedRequest(
             self.user,
@@ -65,67 +65,69 @@ class RobotSocket(MessageSocket):
             fence=self.fence,
         )
 
-    async def cut_off(self, refusal: Refusal) -> None:
-        """This person may not even look any more."""
-        await self.tell(notices.cut_off(refusal))
-        code = CloseCode.NOT_PERMITTED if self.rights.alive else CloseCode.SIGNED_OUT
+    async def revoke_access(self, refusal: Refusal) -> None:
+        """Close the connection: this person may not see the robot any more."""
+        await self.send_message(notices.access_revoked(refusal))
+        code = CloseCode.NOT_PERMITTED if self.rights.active else CloseCode.SIGNED_OUT
         await self.close(code, refusal.text)
 
     # --- what the hub says (robot_hub.Member) -----------------------------------------------------------
 
     @property
     def held_session(self) -> UUID | None:
-        """None: this has no control."""
+        """None: no control."""
         return None
 
     @property
     def fence(self) -> int | None:
-        """The fencing number of its control."""
+        """The fencing number of its control; None without control."""
         return None
 
     @property
-    def closely(self) -> bool:
-        """Whether this person's rights are looked at each time."""
+    def checked_often(self) -> bool:
+        """Whether this person's rights are read every time."""
         return self.held_session is not None
 
-    async def stands(self, status: ControlStatus) -> None:
+    async def follow(self, status: ControlStatus) -> None:
         """Follow this person's rights."""
         self.rights = status.rights.get(self.person, self.rights)
-        if not self.may_look:
+        if not self.may_see:
             permit = self.rights.permit
-            nothing = Refusal("no_role", "You may not look.", "account")
-            await self.cut_off(permit if isinstance(permit, Refusal) else nothing)
+            no_role = Refusal("no_role", "You may not see this robot.", "account")
+            await self.revoke_access(permit if isinstance(permit, Refusal) else no_role)
 
     @property
-    def may_look(self) -> bool:
+    def may_see(self) -> bool:
         """Whether this person may still see the robot."""
-        return self.rights.alive and self.rights.role is not None
+        return self.rights.active and self.rights.role is not None
 
-    async def edited(self, entry: RobotEntry) -> None:
-        """The robot was edited."""
+    async def robot_edited(self, entry: RobotEntry) -> None:
+        """The registry's entry of the robot changed."""
 
     def link_changed(self, up: bool, refusal: Refusal | None) -> None:
-        """The link to the bridge came or went."""
-        self.tell_if_gone()
+        """Inform the client when the bridge is gone."""
+        self.report_bridge_gone()
 
-    def tell_if_gone(self) -> None:
-        """Say that the bridge is away, if it is."""
+    def report_bridge_gone(self) -> None:
+        """Tell the client that the bridge is gone, if it is."""
         refusal = self.hub.entry.refusal or self.hub.link.refusal
         if refusal and not self.hub.link.up:
-            run_in_background(self.tell(BridgeGone(refusal, self.hub.link.seen_at, self.hub.link.pending)))
+            run_in_background(
+                self.send_message(BridgeGone(refusal, self.hub.link.seen_at, self.hub.link.pending))
+            )
 
-    def offered(self, offers: Offers) -> None:
-        """The robot offers something else."""
+    def offers_changed(self, offers: Offers) -> None:
+        """The robot's capabilities changed."""
 
     def ended_at_bridge(self, ended: Ended) -> None:
-        """The bridge ended somebody's control."""
+        """The bridge ended control."""
 
     def refused_at_bridge(self, refused: Refused) -> None:
-        """The bridge refused somebody's message."""
+        """The bridge refused a message."""
 
 
 def _find(slug: str, person: SignIn) -> tuple[User, UUID, RobotEntry, Rights] | None:
-    """The person, the robot if they may see it, and what they may do with it."""
+    """Return person, robot, entry and rights; None if the person may not see the robot."""
     user = User.objects.get(pk=person[0])
     robot = robots_visible_to(user).filter(slug=slug).first()
     entry = robot_entry(robot.id) if robot else None

@@ -61,14 +61,14 @@ class MessageSocket(AsyncConsumer):
         self._idle = False
         self.heard_s = time.monotonic()  # when the page last said anything
 
-    async def opened(self) -> None:
+    async def on_open(self) -> None:
         """The handshake is done."""
 
-    async def heard(self, raw: str) -> None:
+    async def on_message(self, raw: str) -> None:
         """A text message came in. Raises WireError if it is none of ours. Must not wait for anything slow."""
         raise NotImplementedError
 
-    async def closed(self) -> None:
+    async def on_close(self) -> None:
         """The connection is gone."""
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -78,14 +78,14 @@ class MessageSocket(AsyncConsumer):
         await receive()  # websocket.connect
         await send({"type": "websocket.accept"})
         try:
-            await self.opened()
+            await self.on_open()
             if offer := scope.get("extensions", {}).get(_HEAR_NOW):
                 offer(self._hear_now)
             while (event := await self._next(receive))["type"] != "websocket.disconnect":
                 if not self._closing:
                     await self._received(event)
         finally:
-            await self.closed()
+            await self.on_close()
             if self.refused:
                 log.info("%s: refused on this connection: %s", scope["path"], dict(self.refused))
 
@@ -96,12 +96,12 @@ class MessageSocket(AsyncConsumer):
         return event
 
     def _hear_now(self, raw: str) -> bool:
-        if not self._idle or self._closing or not self.heard_now(raw):
+        if not self._idle or self._closing or not self.on_message_now(raw):
             return False
         self.heard_s = time.monotonic()
         return True
 
-    def heard_now(self, raw: str) -> bool:
+    def on_message_now(self, raw: str) -> bool:
         """A text message came in while nothing waits. False: it was not looked at, and comes to `heard` in its turn."""
         return False
 
@@ -111,17 +111,17 @@ class MessageSocket(AsyncConsumer):
         try:
             if raw is None:
                 raise WireError(Refusal("not_text", "Only text frames are taken.", "wire"))
-            await self.heard(raw)
+            await self.on_message(raw)
         except WireError as error:
             of, seq = heading(raw or "")
             if await self.within_budget(of):
                 await self.refuse(of, error.refusal, seq)
 
-    async def tell(self, message: BrowserReport | TopicsReport | FleetReport) -> None:
+    async def send_message(self, message: BrowserReport | TopicsReport | FleetReport) -> None:
         """Send a message to the page."""
-        await self.tell_raw(encode(message).decode())
+        await self.send_encoded(encode(message).decode())
 
-    async def tell_raw(self, message: str) -> None:
+    async def send_encoded(self, message: str) -> None:
         """Send what is encoded already."""
         if not self._closing:
             await self.asgi_send({"type": "websocket.send", "text": message})
@@ -132,21 +132,21 @@ class MessageSocket(AsyncConsumer):
         """Count a message that is not carried out, and say why, though not more often than anybody can read."""
         self._denied(of, refusal)
         if self._replies.spend(time.monotonic()):
-            await self.tell(Refused(of, refusal, seq, fence))
+            await self.send_message(Refused(of, refusal, seq, fence))
 
     async def answer(self, answer: Accepted | Refused) -> None:
         """Give an order its one answer."""
         if isinstance(answer, Refused):
             self._denied(answer.of, answer.refusal)
-        await self.tell(answer)
+        await self.send_message(answer)
 
     def _denied(self, of: str, refusal: Refusal) -> None:
         self.refused[refusal.code] += 1
-        denied = self.denied(of, refusal)
+        denied = self.refused_request(of, refusal)
         if denied is not None:
             refusals.note(denied)
 
-    def denied(self, of: str, refusal: Refusal) -> RefusedRequest | None:
+    def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest | None:
         """What goes on record of a refusal; None: nobody is there to whom it happened."""
         raise NotImplementedError
 
@@ -162,7 +162,7 @@ class MessageSocket(AsyncConsumer):
         flood = Refusal("flood", text, "wire", {"limit_per_s": FLOOD_PER_S})
         await self.refuse(of, flood)
         if self.refused["flood"] >= FLOOD_CLOSES_AFTER:
-            await self.tell(Refused(of, flood))
+            await self.send_message(Refused(of, flood))
             await self.close(CloseCode.FLOOD, text)
         return False
 

@@ -28,68 +28,68 @@ class TopicsConsumer(RobotSocket):
     """One connection that looks at one robot's topics: its questions, its live views."""
 
     through = "topics"
-    closely = True  # what it sees are the robot's messages themselves
+    checked_often = True  # what it sees are the robot's messages themselves
 
     def __init__(self) -> None:
         super().__init__()
         self.viewer: TopicViewer | None = None
-        self.watching: CameraAudit | None = None
+        self.camera_audit: CameraAudit | None = None
         self._under_way = 0
         self._questions = Budget(QUESTIONS_PER_S, QUESTIONS_BURST)
 
-    async def opened(self) -> None:
+    async def on_open(self) -> None:
         """Let this person in, if they may look at the robot."""
         entry = await self.find_robot()
         if entry is not None:
             self.hub = robot_hub.join(self.robot_id, entry, self)
-            self.watching = CameraAudit(self.user, self.robot_id, entry.facts.name)
+            self.camera_audit = CameraAudit(self.user, self.robot_id, entry.facts.name)
             self.viewer = TopicViewer(self.hub.topics, self._show)
-            await self.hub.link_settles()
-            self.tell_if_gone()
+            await self.hub.wait_for_link()
+            self.report_bridge_gone()
 
-    async def closed(self) -> None:
+    async def on_close(self) -> None:
         """Look no more; a call that is under way goes on record all the same."""
         self._look_away()
-        if self.entered:
+        if self.joined:
             await self.hub.remove(self)
 
-    async def cut_off(self, refusal: Refusal) -> None:
+    async def revoke_access(self, refusal: Refusal) -> None:
         """This person may not look any more."""
         self._look_away()
-        await super().cut_off(refusal)
+        await super().revoke_access(refusal)
 
     def _look_away(self) -> None:
         if self.viewer:
             self.viewer.leave()
-        if self.watching:
-            self.watching.end_all()
+        if self.camera_audit:
+            self.camera_audit.end_all()
 
     async def _show(self, event: dict[str, Any]) -> None:
-        if self.watching and not self.watching.shown(event["text"]):
+        if self.camera_audit and not self.camera_audit.shown(event["text"]):
             await self.refuse("look", WATCHED_OFTEN)
             raise Withheld
         await self.asgi_send(event)
 
     # --- what is asked -----------------------------------------------------------------------------
 
-    async def heard(self, raw: str) -> None:
+    async def on_message(self, raw: str) -> None:
         """One message."""
         message = topics_message(raw)
         if self.viewer is None or not await self.within_budget(kind_of(message)):
             return
         match message:
             case wire.Subscribe(topic=topic, rate_hz=rate_hz):
-                refusal = self.viewer.look(topic, rate_hz)
+                refusal = self.viewer.subscribe(topic, rate_hz)
                 if refusal is not None:
                     await self.refuse("look", refusal)
             case wire.Unsubscribe(topic=topic):
-                self.viewer.look_away(topic)
-                if self.watching:
-                    self.watching.end(topic)
+                self.viewer.unsubscribe(topic)
+                if self.camera_audit:
+                    self.camera_audit.end(topic)
             case wire.Ack():
-                self.viewer.drawn()
+                self.viewer.acknowledge()
             case wire.Ping(sent_ms=sent_ms):
-                await self.tell(wire.Pong(sent_ms))
+                await self.send_message(wire.Pong(sent_ms))
             case question if self._under_way < MAX_PENDING and self._questions.spend(time.monotonic()):
                 self._under_way += 1
                 run_in_background(self._answer(question))
@@ -98,7 +98,7 @@ class TopicsConsumer(RobotSocket):
 
     async def _answer(self, question: TopicQuery) -> None:
         try:
-            await self.tell_raw(await self._found_out(question))
+            await self.send_encoded(await self._found_out(question))
         except NotDone as refused:
             await self.answer(Refused(kind_of(question), refused.refusal, question.seq))
         finally:

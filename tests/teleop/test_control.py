@@ -353,8 +353,8 @@ async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page,
             assert looks.acquire(timeout=5)
         cancel(**kwargs)
 
-    monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
-    monkeypatch.setattr(robot_hub, "LOOKS_PER_FULL", 1)
+    monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
+    monkeypatch.setattr(robot_hub, "FULL_EVERY", 1)
     monkeypatch.setattr(robot_hub, "control_status", looked)
     monkeypatch.setattr(services, "control_request_withdraw", cancelled_after_a_look)
     await asker.say("ask_cancel")
@@ -541,7 +541,7 @@ async def test_what_another_process_changed_is_seen_at_the_next_look(open_page, 
 
 async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot, operator, monkeypatch):
     page = await open_page("observer")
-    monkeypatch.setattr("teleop.live.robot_hub.LOOK_S", 60)
+    monkeypatch.setattr("teleop.live.robot_hub.STATUS_S", 60)
     await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
     await taken_elsewhere(robot, operator)
     elsewhere = LeaseEvents(robot.id, on_change=lambda: pytest.fail("its own hint"))
@@ -584,7 +584,7 @@ def short_grace(monkeypatch):
     """A page is late after 0.6 s and gone after 1.2 s; the database is looked at often."""
     monkeypatch.setattr(rules, "LOST_AFTER_S", 0.6)
     monkeypatch.setattr(rules, "GRACE_S", 1.2)
-    monkeypatch.setattr(robot_hub, "LOOK_S", 0.05)
+    monkeypatch.setattr(robot_hub, "STATUS_S", 0.05)
 
 
 async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_though_the_connection_stands(
@@ -612,8 +612,8 @@ async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_g
 
 
 async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(open_page, bridge, monkeypatch):
-    monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
-    monkeypatch.setattr(robot_hub, "LOOKS_PER_FULL", 1)
+    monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
+    monkeypatch.setattr(robot_hub, "FULL_EVERY", 1)
     noted, looks, control_status = threading.Event(), threading.Semaphore(0), robot_hub.control_status
 
     def looked(*args, **kwargs):
@@ -694,10 +694,10 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
         await close(hints)
 
     closing = threading.Event()
-    monkeypatch.setattr(robot_hub, "LOOK_S", 0.02)
+    monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
     page = await open_page("observer")
     [hub] = robot_hub._hubs.values()
-    monkeypatch.setattr(hub, "watchers_changed", told.set)
+    monkeypatch.setattr(hub, "viewers_changed", told.set)
     monkeypatch.setattr(robot_hub, "robot_entry", edited)
     monkeypatch.setattr(LeaseEvents, "close", closes)
     assert await asyncio.to_thread(asked.wait, 10)
@@ -714,6 +714,6 @@ async def test_one_pages_fault_leaves_the_others_informed(open_page, bridge, mon
     async def fails(_standing):
         raise RuntimeError("a fault of ours")
 
-    monkeypatch.setattr(first, "stands", fails)
+    monkeypatch.setattr(first, "follow", fails)
     await second.say("take")
     await second.hears("control", state="yours")

@@ -25,8 +25,8 @@ pytestmark = pytest.mark.django_db(transaction=True)
 class Program:
     """A door to a robot that is no web page: a member of the robot's hub that owns a ControlHolder."""
 
-    looks = False
-    closely = True
+    wants_pictures = False
+    checked_often = True
 
     def __init__(self, user, session_key):
         self.id = uuid4().hex
@@ -43,7 +43,7 @@ class Program:
         self.control = ControlHolder(
             self.hub, self.user.id, tab, report=self.reports.put, delay_s=lambda: None
         )
-        await self.hub.link_settles()
+        await self.hub.wait_for_link()
 
     async def close(self):
         await self.control.leave()
@@ -62,18 +62,18 @@ class Program:
     def held_session(self):
         return self.control.session if self.control else None
 
-    async def stands(self, status):
+    async def follow(self, status):
         self.rights = status.rights.get(self.person, self.rights)
         if self.control:
             await self.control.follow(status, self.rights)
 
-    async def edited(self, entry): ...
+    async def robot_edited(self, entry): ...
 
     def link_changed(self, up, refusal):
         if up and self.control:
             self.control.renew_soon()
 
-    def offered(self, offers): ...
+    def offers_changed(self, offers): ...
 
     def ended_at_bridge(self, ended): ...
 

@@ -8,16 +8,16 @@ from teleop.live.topic_feed import MAX_SUBSCRIPTIONS, TopicFeed, TopicViewer
 
 
 @pytest.fixture
-async def looks():
-    """The looks of one robot; `wanted` is what its bridge was told last."""
-    looks = TopicFeed(lambda wanted: setattr(looks, "told", dict(wanted)))
-    yield looks
-    for viewer in list(looks.viewers):
+async def feed():
+    """The feed of one robot; `wanted` is what its bridge was told last."""
+    feed = TopicFeed(lambda wanted: setattr(feed, "told", dict(wanted)))
+    yield feed
+    for viewer in list(feed.viewers):
         viewer.leave()
 
 
 @pytest.fixture
-def viewer(looks):
+def viewer(feed):
     """`viewer()`: a connection; `sent` is what it was sent."""
 
     def one():
@@ -25,7 +25,7 @@ def viewer(looks):
             new.sent.append(event["text"])
             new.was_sent.set()
 
-        new = TopicViewer(looks, send)
+        new = TopicViewer(feed, send)
         new.sent = []
         new.was_sent = asyncio.Event()
         return new
@@ -38,28 +38,28 @@ async def turns(count=5):
         await asyncio.sleep(0)
 
 
-async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_message(looks, viewer):
+async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_message(feed, viewer):
     stalled, lively = viewer(), viewer()
-    stalled.look("/a", 10.0)
-    lively.look("/a", 1e9)
+    stalled.subscribe("/a", 10.0)
+    lively.subscribe("/a", 1e9)
     for number in range(1000):
-        looks.publish("/a", str(number))
+        feed.publish("/a", str(number))
         await turns()
-        lively.drawn()
+        lively.acknowledge()
     assert stalled.sent == ["0"]
     assert lively.sent[-1] == "999"
     assert len(lively.sent) > 900
-    assert len(looks.newest) == 1
+    assert len(feed.newest) == 1
 
 
-async def test_the_last_message_is_shown_though_none_follows(looks, viewer):
+async def test_the_last_message_is_shown_though_none_follows(feed, viewer):
     one = viewer()
-    one.look("/a", 4.0)
-    looks.publish("/a", "first")
+    one.subscribe("/a", 4.0)
+    feed.publish("/a", "first")
     await turns()
-    one.drawn()
-    looks.publish("/a", "second")
-    looks.publish("/a", "last")
+    one.acknowledge()
+    feed.publish("/a", "second")
+    feed.publish("/a", "last")
     await turns()
     assert one.sent == ["first"]  # the next is due in 0.25 s
     one.was_sent.clear()
@@ -67,94 +67,94 @@ async def test_the_last_message_is_shown_though_none_follows(looks, viewer):
     assert one.sent == ["first", "last"]
 
 
-async def test_each_is_shown_as_often_as_it_asked(looks, viewer):
+async def test_each_is_shown_as_often_as_it_asked(feed, viewer):
     seldom, often = viewer(), viewer()
-    seldom.look("/a", 0.001)
-    often.look("/a", 1e9)
-    assert looks.told == {"/a": 1e9}
+    seldom.subscribe("/a", 0.001)
+    often.subscribe("/a", 1e9)
+    assert feed.told == {"/a": 1e9}
     for number in range(20):
-        looks.publish("/a", str(number))
+        feed.publish("/a", str(number))
         await turns()
-        seldom.drawn()
-        often.drawn()
+        seldom.acknowledge()
+        often.acknowledge()
     assert (len(seldom.sent), len(often.sent)) == (1, 20)
 
 
-async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(looks, viewer):
+async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(feed, viewer):
     one = viewer()
     for topic in ("/a", "/b"):
-        one.look(topic, 1e9)
-        looks.publish(topic, f"{topic} 1")
+        one.subscribe(topic, 1e9)
+        feed.publish(topic, f"{topic} 1")
         await turns()
-        looks.publish(topic, f"{topic} 2")
+        feed.publish(topic, f"{topic} 2")
     await turns()
     assert one.sent == ["/a 1", "/b 1"]
-    one.drawn()
+    one.acknowledge()
     await turns()
     assert one.sent[2:] == ["/a 2"]
 
 
-async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is_acknowledged(looks, viewer):
+async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is_acknowledged(feed, viewer):
     one = viewer()
     for number in range(100):
         topic = f"/topic{number}"
-        one.look(topic, 1e9)
-        looks.publish(topic, topic)
+        one.subscribe(topic, 1e9)
+        feed.publish(topic, topic)
         await turns()
-        one.look_away(topic)
+        one.unsubscribe(topic)
     assert len(one.sent) == MAX_SUBSCRIPTIONS
-    assert looks.newest == {}
-    one.look("/topic0", 1e9)  # its first message was not drawn yet
-    looks.publish("/topic0", "again")
+    assert feed.newest == {}
+    one.subscribe("/topic0", 1e9)  # its first message was not drawn yet
+    feed.publish("/topic0", "again")
     await turns()
     assert len(one.sent) == MAX_SUBSCRIPTIONS
-    one.drawn()
+    one.acknowledge()
     await turns()
     assert one.sent[MAX_SUBSCRIPTIONS:] == ["again"]
 
 
-async def test_no_more_is_on_its_way_than_a_connection_may_look_at(looks, viewer):
+async def test_no_more_is_on_its_way_than_a_connection_may_look_at(feed, viewer):
     one = viewer()
     for number in range(MAX_SUBSCRIPTIONS - 1):
-        one.look(f"/old{number}", 1e9)
-        looks.publish(f"/old{number}", "old")
+        one.subscribe(f"/old{number}", 1e9)
+        feed.publish(f"/old{number}", "old")
     await turns()
     for number in range(MAX_SUBSCRIPTIONS - 1):
-        one.look_away(f"/old{number}")
+        one.unsubscribe(f"/old{number}")
     for topic in ("/a", "/b"):
-        one.look(topic, 1e9)
-        looks.publish(topic, topic)
+        one.subscribe(topic, 1e9)
+        feed.publish(topic, topic)
     await turns()
     assert len(one.sent) == MAX_SUBSCRIPTIONS
 
 
-async def test_an_acknowledgement_of_nothing_does_nothing(looks, viewer):
+async def test_an_acknowledgement_of_nothing_does_nothing(feed, viewer):
     one = viewer()
-    one.drawn()
-    one.look("/a", 1e9)
-    looks.publish("/a", "first")
-    looks.publish("/b", "nobody looks")
+    one.acknowledge()
+    one.subscribe("/a", 1e9)
+    feed.publish("/a", "first")
+    feed.publish("/b", "nobody feed")
     await turns()
     assert one.sent == ["first"]
 
 
-async def test_a_connection_whose_sending_fails_costs_the_others_nothing(looks, viewer):
+async def test_a_connection_whose_sending_fails_costs_the_others_nothing(feed, viewer):
     async def fails(_event):
         raise RuntimeError("a fault of ours")
 
-    broken, lively = TopicViewer(looks, fails), viewer()
-    broken.look("/a", 10.0)
-    lively.look("/a", 10.0)
-    looks.publish("/a", "first")
+    broken, lively = TopicViewer(feed, fails), viewer()
+    broken.subscribe("/a", 10.0)
+    lively.subscribe("/a", 10.0)
+    feed.publish("/a", "first")
     await turns()
     assert lively.sent == ["first"]
 
 
-async def test_when_the_bridge_goes_what_it_said_last_is_shown_to_nobody(looks, viewer):
-    viewer().look("/a", 10.0)
-    looks.publish("/a", "old")
-    looks.forget()
+async def test_when_the_bridge_goes_what_it_said_last_is_shown_to_nobody(feed, viewer):
+    viewer().subscribe("/a", 10.0)
+    feed.publish("/a", "old")
+    feed.clear()
     late = viewer()
-    late.look("/a", 10.0)
+    late.subscribe("/a", 10.0)
     await turns()
     assert late.sent == []

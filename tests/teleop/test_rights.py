@@ -11,7 +11,7 @@ from robots import wire
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
 from teleop.live import lease_renewal, robot_hub
-from teleop.live.robot_hub import LOOK_S
+from teleop.live.robot_hub import STATUS_S
 from teleop.live.socket import CloseCode
 from teleop.models import ControlSession, EndReason
 from tests.teleop.support import eventually
@@ -172,7 +172,7 @@ def away(*_args, **_kwargs):
 
 async def is_not_renewed(bridge):
     """Soon the last grant was the last."""
-    await asyncio.sleep(LOOK_S + lease_renewal.CONFIRMED_S)  # what was confirmed before counts that long
+    await asyncio.sleep(STATUS_S + lease_renewal.CONFIRMED_S)  # what was confirmed before counts that long
     granted = len(bridge.all(wire.Grant))
     with pytest.raises(asyncio.TimeoutError):
         await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * lease_renewal.RENEW_S)

@@ -102,24 +102,24 @@ def test_another_person_does_not_resume_even_with_the_tabs_token():
 
 
 def test_the_holder_may_renew():
-    assert rules.check_renew(HELD, tab=HER_TAB, asks=[], now=NOW) is None
+    assert rules.check_renew(HELD, tab=HER_TAB, requests=[], now=NOW) is None
 
 
 def test_the_holder_may_not_renew_while_somebody_asks():
-    refusal = rules.check_renew(HELD, tab=HER_TAB, asks=[HE_ASKS], now=NOW)
+    refusal = rules.check_renew(HELD, tab=HER_TAB, requests=[HE_ASKS], now=NOW)
     assert refusal.code == "somebody_asks"
     assert "Olaf" in refusal.text
 
 
 def test_a_question_that_lapsed_does_not_keep_the_holder_from_renewing():
     still_there = msgspec.structs.replace(HELD, seen_at=after(rules.REQUEST_S))
-    assert rules.check_renew(still_there, tab=HER_TAB, asks=[HE_ASKS], now=after(rules.REQUEST_S)) is None
+    assert rules.check_renew(still_there, tab=HER_TAB, requests=[HE_ASKS], now=after(rules.REQUEST_S)) is None
 
 
 def test_only_the_page_that_has_control_renews():
-    assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, asks=[], now=NOW)) == "not_holder"
-    assert code(rules.check_renew(None, tab=HER_TAB, asks=[], now=NOW)) == "no_lease"
-    assert code(rules.check_renew(HELD, tab=HER_TAB, asks=[], now=after(900))) == "lease_over"
+    assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, requests=[], now=NOW)) == "not_holder"
+    assert code(rules.check_renew(None, tab=HER_TAB, requests=[], now=NOW)) == "no_lease"
+    assert code(rules.check_renew(HELD, tab=HER_TAB, requests=[], now=after(900))) == "lease_over"
 
 
 def test_one_asks_for_what_somebody_else_has():

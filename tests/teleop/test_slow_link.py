@@ -74,13 +74,13 @@ def test_a_page_whose_answers_come_late_is_told_to_the_gate_with_the_next_grant(
     """
     now = SimpleNamespace(s=0.0)
     monkeypatch.setattr(picture_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
-    views = SimpleNamespace(admit=lambda _: 1, number=0, every=1, ready=set())
+    views = SimpleNamespace(add=lambda _: 1, number=0, every=1, ready=set())
     viewer = PictureViewer(views, send=None)
 
     def answers(*delays_s):
         for delay_s in delays_s:
             viewer.sent_s, now.s = now.s, now.s + delay_s
-            asyncio.run(viewer.drawn())
+            asyncio.run(viewer.acknowledge())
         grant = wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0, delay_s=viewer.delay_s)
         driven.core.grant(grant, 1, driven.now_s)
         return driven.gate.operator_delay_s

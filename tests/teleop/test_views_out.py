@@ -66,7 +66,7 @@ async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
     for number in range(1000):
         views.publish(str(number))
         await asyncio.sleep(0)
-        await lively.drawn()
+        await lively.acknowledge()
     await asyncio.sleep(0)
     await views.close()
     assert sent["stalled"] == ["0"]
@@ -87,13 +87,13 @@ async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_pictu
         return PictureViewer(views, send)
 
     crowd = [viewer(name) for name in range(3 * FULL_RATE_VIEWERS)]
-    crowd[0].drives = True
+    crowd[0].is_driver = True
     for number in range(1, 101):
         views.publish(str(number))
         await asyncio.sleep(0)
         for onlooker in crowd:
             if onlooker.shown == number:
-                await onlooker.drawn()
+                await onlooker.acknowledge()
     await views.close()
     assert len(sent[0]) == 100
     assert all(33 <= len(sent[name]) <= 35 for name in range(1, len(crowd)))
@@ -117,6 +117,6 @@ async def test_a_viewer_whose_sending_fails_costs_the_others_nothing():
         arrived.clear()
         views.publish(str(number))
         await asyncio.wait_for(arrived.wait(), 5)
-        await lively.drawn()
+        await lively.acknowledge()
     assert sent == ["0", "1"]
     await views.close()
