@@ -584,8 +584,8 @@ class Core:
         """The first rule that forbids motion, lease and age apart."""
         if closed := self.why_closed(now_s):
             return closed
-        if inputs := self.tasks.why_stand(now_s) or self._drives.why_not:
-            return inputs
+        if refusal := self.tasks.why_stand(now_s) or self._drives.why_not:
+            return refusal
         if stick.owes:
             what = (
                 "Let the stick return to the middle"

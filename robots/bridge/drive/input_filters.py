@@ -118,7 +118,7 @@ class OneEuro(Struct, frozen=True, tag_field="step", tag="one_euro"):
 class Mean(Struct, frozen=True, tag_field="step", tag="mean"):
     """The mean of the newest `count` inputs, as far back as they are `similar` to the newest (axis ranges).
 
-    The former scheme. With 0.4 it shows the lag and jitter that GATE.md gives for it (docs/figures.md).
+    The former scheme. With 0.4 it shows the lag and jitter that docs/gate.md gives for it (docs/figures.md).
     """
 
     count: Annotated[int, Meta(ge=2, le=20)] = 5

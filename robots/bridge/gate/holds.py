@@ -1,4 +1,4 @@
-"""Limits on speed by how the sensors are and where they look, whatever is in the way (GATE.md, method 9).
+"""Limits on speed by how the sensors are and where they look, whatever is in the way (docs/gate.md, 9).
 
 A `Fault` is data without which the robot does not move at all; a `Hold` lets it move, no faster than so.
 """

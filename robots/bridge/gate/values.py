@@ -48,7 +48,7 @@ class LaserScan(NamedTuple):
 
 
 class Parameters(Struct, frozen=True):
-    """GATE.md's parameters, with the values found good there."""
+    """The parameters of docs/gate.md."""
 
     lateral_margin_m: float = 0.03  # m_lat
     front_margin_m: float = 0.08  # m_front

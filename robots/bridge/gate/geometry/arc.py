@@ -1,4 +1,4 @@
-"""When the hull first touches a point, if the twist stays as it is (GATE.md, method 1).
+"""When the hull first touches a point, if the twist stays as it is (docs/gate.md, 1).
 
 A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame
 each point of the world then runs on a circle about C, the other way round. `Line` and `Circle` hold these courses, seen

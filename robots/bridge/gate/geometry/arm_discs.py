@@ -1,4 +1,4 @@
-"""The arm as part of the footprint: discs along its links (GATE.md, method 9, "arm away from home")."""
+"""The arm as part of the footprint: discs along its links (docs/gate.md, 9)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The largest part of a wanted twist that is safe among known points (GATE.md, methods 1-5).
+"""The largest part of a wanted twist that is safe among known points (docs/gate.md, 1-5).
 
 Pure: everything is an argument, nothing is kept.
 """

@@ -1,4 +1,4 @@
-"""Whether a twist still lets the robot stop clear of everything, played out pose by pose (GATE.md, method 6).
+"""Whether a twist still lets the robot stop clear of everything, played out pose by pose (docs/gate.md, 6).
 
 The arcs of methods 1 to 5 are followed exactly only by a base without limits. A real one still obeys what was sent
 a moment ago, and changes its speeds no faster than it can, which bends the arc. So the motion is played: the

@@ -1,4 +1,4 @@
-"""What moves by itself (GATE.md, method 10): points that stand where the scan of 0.4 s ago saw free space.
+"""What moves by itself (docs/gate.md, 10): points that stand where the scan of 0.4 s ago saw free space.
 
 Free space that is occupied now proves that something came; the robot's own motion, edges and occlusion prove
 nothing and are left alone. How fast it came is the way from an object that is no longer where it was to the one that

@@ -1,4 +1,4 @@
-"""What was seen and cannot be seen now (GATE.md, method 7): points in the odometry frame, forgotten in time.
+"""What was seen and cannot be seen now (docs/gate.md, 7): points in the odometry frame, forgotten in time.
 
 Two clocks of forgetting: seconds since a point was last seen, and the way since, because the odometry drifts with it:
 metres, and turns as so many metres more. Until then a point comes nearer by what the odometry may be off. Points that

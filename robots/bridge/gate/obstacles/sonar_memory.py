@@ -1,4 +1,4 @@
-"""What sonars heard, kept as arcs until a sensor that covers the place shows it free (GATE.md, method 7).
+"""What sonars heard, kept as arcs until a sensor that covers the place shows it free (docs/gate.md, 7).
 
 An echo says: something is on this arc, nobody knows where on it. A thin leg leaves the cone while it is still in the
 way, and then the sonar is silent. So silence about a place is told apart from news of it:

@@ -1,4 +1,4 @@
-"""From what a depth camera measured to columns that the robot must not run into (GATE.md, methods 7 and 8).
+"""From what a depth camera measured to columns that the robot must not run into (docs/gate.md, 7 and 8).
 
 A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's own
 bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:

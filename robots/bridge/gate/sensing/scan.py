@@ -1,4 +1,4 @@
-"""From what a laser or a sonar measured to points in the base frame (GATE.md, method 8 and "Parameters")."""
+"""From what a laser or a sonar measured to points in the base frame (docs/gate.md, 8)."""
 
 from __future__ import annotations
 

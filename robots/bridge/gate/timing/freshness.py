@@ -1,4 +1,4 @@
-"""How old is too old (GATE.md, method 9).
+"""How old is too old (docs/gate.md, 9).
 
 Age counts from arrival on the bridge's monotonic clock, and only what carries a newer stamp counts as arrived.
 A stamp is never compared with the console's clock: a robot whose clock is an hour off is not stale.

@@ -1,4 +1,4 @@
-"""How long the robot takes from a command to odometry that shows it, measured while it is driven (GATE.md, T).
+"""How long the robot takes from a command to odometry that shows it, measured while it is driven (docs/gate.md, 11).
 
 Each time the commands change by enough, what the odometry did after it is set beside what a base with the profile's
 accelerations would have done with these commands, each of them late by d; the d that fits best is one measurement. A
