@@ -12,18 +12,18 @@ import { isNeutral, Stick } from "../drive/stick.js";
 import { TurnAndLook } from "../drive/turn.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { mark, parts } from "../lib/dom.js";
-import { Pulse } from "../lib/heartbeat.js";
+import { Heartbeat } from "../lib/heartbeat.js";
 import { Notices } from "../lib/notices.js";
 import { question } from "../lib/question.js";
-import { Echoes, RoundTrips } from "../lib/round_trips.js";
+import { DelayEchoes, RoundTrips } from "../lib/round_trips.js";
 import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
-import { Desk } from "../tasks/task_panel.js";
+import { TaskPanel } from "../tasks/task_panel.js";
 import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
 import { ControlPanel } from "./control_panel.js";
-import { Errands, isErrand } from "./control_requests.js";
-import { Face } from "./status_bar.js";
+import { ControlRequests, isControlRequest } from "./control_requests.js";
+import { StatusBar } from "./status_bar.js";
 import { StopButton } from "./stop_button.js";
 
 const LOOK_MS = 250;
@@ -48,25 +48,25 @@ class ControlPage {
   #tab;
   #clock = tabClock();
   #socket;
-  #pulse;
+  #heartbeat;
   #stick = new Stick();
   #joystick;
   #turn;
   #sender;
   #stopButton;
   #clear;
-  #errands;
+  #requests;
   #stopAsked = 0; // number of the stop that the question to clear is about
   #panel;
   #options;
   #picture;
   #chart;
-  #face;
+  #statusBar;
   #notices;
-  #desk;
+  #taskPanel;
   #tabs;
   #screen = screenLock();
-  #echoes = new Echoes();
+  #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
   #control = null;
   #mine = false; // control, as the server last said; also while the connection is lost
@@ -90,7 +90,7 @@ class ControlPage {
     this.#tab = tab;
     this.#parts = parts(document);
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
-    this.#pulse = new Pulse(this.#socket);
+    this.#heartbeat = new Heartbeat(this.#socket);
     this.#joystick = new Joystick(this.#parts.zone, this.#stick);
     this.#turn = new TurnAndLook(this.#parts.turn, this.#stick, (may) =>
       this.#tell(
@@ -106,28 +106,28 @@ class ControlPage {
     this.#options = new DrivingOptions(root, this.#parts);
     this.#picture = new Picture(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
-    this.#face = new Face(root, this.#parts);
+    this.#statusBar = new StatusBar(root, this.#parts);
     this.#notices = new Notices(this.#parts);
-    this.#desk = new Desk(this.#parts, {
+    this.#taskPanel = new TaskPanel(this.#parts, {
       addresses: root.dataset,
       send: (message) => this.#socket.send(message),
       notices: this.#notices,
       clock: this.#clock,
     });
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
-    this.#errands = new Errands(
+    this.#requests = new ControlRequests(
       (message) => this.#socket.send(message),
       (notice) => this.#notices.add(notice),
     );
     this.#clear = question(this.#parts["clear-dialog"], () =>
-      this.#errands.send({ t: "clear", number: this.#stopAsked }),
+      this.#requests.send({ t: "clear", number: this.#stopAsked }),
     );
     this.#stopButton = new StopButton(this.#parts.stop, {
       send: () => this.#sendStop(),
       answered: (sinceMs) => this.#viewMs > sinceMs && this.#state.stop.state !== "clear",
-      say: (text) => this.#face.stopSays(text),
+      say: (text) => this.#statusBar.stopSays(text),
       fail: (text) => {
-        this.#face.stopSays(gettext("Not confirmed"));
+        this.#statusBar.stopSays(gettext("Not confirmed"));
         this.#tell("error", "stop", text);
       },
     });
@@ -151,17 +151,17 @@ class ControlPage {
       this.#options,
       this.#picture,
       this.#chart,
-      this.#face,
+      this.#statusBar,
       this.#tabs,
-      this.#desk,
-      this.#errands,
+      this.#taskPanel,
+      this.#requests,
       this.#notices,
       this.#stopButton,
       this.#clear,
       this.#joystick,
       this.#turn,
       this.#screen,
-      this.#pulse,
+      this.#heartbeat,
       this.#socket,
     ];
     for (const part of opened) part.close();
@@ -188,7 +188,7 @@ class ControlPage {
     });
     on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
-    on(this.#stick, "change", ({ axes }) => this.#face.hint(this.#reverseHint(axes)));
+    on(this.#stick, "change", ({ axes }) => this.#statusBar.hint(this.#reverseHint(axes)));
     on(this.#parts.clear, "click", () => {
       this.#stopAsked = this.#state?.stop.number ?? 0;
       this.#clear.ask();
@@ -228,13 +228,13 @@ class ControlPage {
       this.#zero("released");
       this.#sender.stop();
     }
-    this.#errands.send(message);
+    this.#requests.send(message);
   }
 
   /** Another tab: the base stands, and nothing is latched by it. */
   #changed(tab, before) {
     if (before !== null) this.#zero("tab-changed");
-    if (!this.#outdated) this.#desk.tab = tab;
+    if (!this.#outdated) this.#taskPanel.tab = tab;
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -255,7 +255,7 @@ class ControlPage {
   // --- connection ------------------------------------------------------------------------------
 
   #opened() {
-    this.#pulse.begin();
+    this.#heartbeat.begin();
     this.#socket.send({ t: "hello", tab: this.#tab });
     this.#look();
   }
@@ -264,8 +264,8 @@ class ControlPage {
     this.#left ||= this.#control?.state === "yours";
     this.#control = null;
     this.#panel.control = null;
-    this.#desk.lost();
-    this.#errands.lost();
+    this.#taskPanel.lost();
+    this.#requests.lost();
     this.#follow();
     this.#look();
     if (CLOSED_FOR_GOOD.has(code)) location.reload();
@@ -276,8 +276,8 @@ class ControlPage {
   }
 
   #heard(message) {
-    this.#pulse.heard(message);
-    if (this.#desk.heard(message)) return;
+    this.#heartbeat.heard(message);
+    if (this.#taskPanel.heard(message)) return;
     switch (message.t) {
       case "view":
         return this.#onView(message);
@@ -286,7 +286,7 @@ class ControlPage {
       case "welcome":
         return this.#onWelcome(message);
       case "offers":
-        this.#desk.offers = message;
+        this.#taskPanel.offers = message;
         return;
       case "notice":
         return this.#notices.add(message);
@@ -296,7 +296,7 @@ class ControlPage {
         this.#gone = message.refusal;
         this.#pending = message.stop;
         this.#seen = message.seen_at ?? this.#seen;
-        this.#desk.away();
+        this.#taskPanel.away();
         return this.#look();
     }
   }
@@ -307,14 +307,14 @@ class ControlPage {
     this.#facts = robot;
     this.#options.facts = robot;
     this.#picture.facts = robot;
-    this.#face.facts = robot;
-    this.#desk.welcome = welcome;
+    this.#statusBar.facts = robot;
+    this.#taskPanel.welcome = welcome;
   }
 
   /** A page left open over an upgrade asks for nothing any more but the stop, by the form's own address. */
   #outdate() {
     this.#outdated = true;
-    this.#desk.tab = null;
+    this.#taskPanel.tab = null;
     this.#socket.close();
   }
 
@@ -326,7 +326,7 @@ class ControlPage {
     const begins = this.#mine && control.fence !== fence;
     if (begins) this.#stick.neutralise("control-began");
     // Without having been asked for just now it was handed over, or goes on after a reload or a loss of the connection.
-    if (!this.#errands.heard(control) && begins) {
+    if (!this.#requests.heard(control) && begins) {
       const handed = gettext("Control was handed to you.");
       this.#tell("success", "control", asking ? handed : gettext("You have control."));
     }
@@ -342,7 +342,7 @@ class ControlPage {
   #follow() {
     const drives = this.#drives;
     const none = this.#control === null ? undefined : null; // as long as nobody has told
-    this.#desk.fence = drives ? this.#control.fence : none;
+    this.#taskPanel.fence = drives ? this.#control.fence : none;
     if (drives) {
       this.#sender.start(this.#control.fence);
     } else {
@@ -358,7 +358,7 @@ class ControlPage {
     // A stick that rests asked for nothing.
     if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
       return;
-    if (isErrand(of)) return this.#errands.refused(of, refusal);
+    if (isControlRequest(of)) return this.#requests.refused(of, refusal);
     if (of === "stop") this.#stopButton.refused(refusal.text);
     else this.#tell("warning", `${of} ${refusal.code}`, refusal.text);
   }
@@ -377,7 +377,7 @@ class ControlPage {
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     this.#chart.add(view.state);
-    this.#desk.state = view.state;
+    this.#taskPanel.state = view.state;
     this.#turn.state = view.state;
     this.#followGate(view.state, before);
     this.#look();
@@ -385,7 +385,7 @@ class ControlPage {
 
   /** What ends a stick: the latch always; a full hold of the gate ends one that nobody's finger is on. */
   #followGate({ stop, verdict }, before) {
-    if (stop.state === "clear") this.#errands.done("clear");
+    if (stop.state === "clear") this.#requests.done("clear");
     if (stop.state !== "clear" && before?.stop.state === "clear") this.#stick.neutralise("stopped");
     if (this.#joystick.sticks && isHeld(verdict)) this.#stick.neutralise("held");
   }
@@ -400,7 +400,7 @@ class ControlPage {
   #zero(reason) {
     this.#stick.neutralise(reason);
     this.#sender.zero();
-    this.#desk.zero();
+    this.#taskPanel.zero();
   }
 
   // --- what is shown ---------------------------------------------------------------------------
@@ -414,7 +414,7 @@ class ControlPage {
     if (document.hidden) this.#hiddenMs = now;
     const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));
     mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);
-    this.#face.show({
+    this.#statusBar.show({
       outdated: this.#outdated,
       connected: this.#socket.open,
       gone: this.#gone,
@@ -425,7 +425,7 @@ class ControlPage {
       asksNeutral: now - this.#freeMs > NEUTRAL_SAID_AFTER_MS,
       cut,
       mayClear: Boolean(this.#control?.may_clear),
-      delayMs: this.#pulse.delayMs,
+      delayMs: this.#heartbeat.delayMs,
       echoMs: this.#echoTrips.median,
     });
   }

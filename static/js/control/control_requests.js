@@ -3,7 +3,7 @@
 import { FORGOTTEN_MS, PATIENCE_MS } from "../tasks/tasks.js";
 import { clockText } from "./lease.js";
 
-/** Kinds of messages that are errands, each in words. */
+/** Kinds of messages that are requests, each in words. */
 function labels() {
   return {
     take: gettext("Take control"),
@@ -18,7 +18,7 @@ function labels() {
 }
 
 /** @param {string} t kind of a message for the server */
-export function isErrand(t) {
+export function isControlRequest(t) {
   return t in labels();
 }
 
@@ -58,7 +58,7 @@ function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewe
   }
 }
 
-export class Errands {
+export class ControlRequests {
   #send;
   #tell;
   #waiting = new Map(); // by what was asked for: timers, and whether it was said to be late

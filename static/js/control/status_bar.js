@@ -16,7 +16,7 @@ import { SAID_MS } from "./stop_button.js";
 
 const LOW_BATTERY_PERCENT = 20;
 
-export class Face {
+export class StatusBar {
   #root;
   #parts;
   #details;

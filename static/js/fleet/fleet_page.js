@@ -14,7 +14,7 @@ import {
 import { StopButton } from "../control/stop_button.js";
 import { StopWords } from "../control/stop_words.js";
 import { mark, parts, say, sayOrHide, show } from "../lib/dom.js";
-import { Pulse } from "../lib/heartbeat.js";
+import { Heartbeat } from "../lib/heartbeat.js";
 import { matches, searches } from "../lib/list.js";
 import { recallInTab, rememberInTab } from "../lib/prefs.js";
 import { LiveSocket, socketUrl } from "../lib/socket.js";
@@ -76,7 +76,7 @@ function stopWord(state, unknown) {
 
 export class FleetPage {
   #socket;
-  #pulse;
+  #heartbeat;
   #cards = new Map();
   #connection;
   #words;
@@ -88,7 +88,7 @@ export class FleetPage {
 
   constructor(root) {
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
-    this.#pulse = new Pulse(this.#socket);
+    this.#heartbeat = new Heartbeat(this.#socket);
     const page = parts(document);
     this.#connection = page.connection;
     this.#words = new StopWords(page["stop-all-state"]);
@@ -124,7 +124,7 @@ export class FleetPage {
     for (const stop of this.#stops) stop.close();
     this.#words.close();
     this.#clear?.close();
-    this.#pulse.close();
+    this.#heartbeat.close();
     this.#socket.close();
   }
 
@@ -200,13 +200,13 @@ export class FleetPage {
   }
 
   #opened() {
-    this.#pulse.begin();
+    this.#heartbeat.begin();
     this.#heardMs = -Infinity;
     this.#look();
   }
 
   #heard(message) {
-    this.#pulse.heard(message);
+    this.#heartbeat.heard(message);
     if (message.t === "refused" && message.of === "clear") this.#clear?.refused(message.refusal);
     else if (message.t === "refused") this.#refused(message.refusal);
     if (message.t !== "fleet") return;

@@ -5,7 +5,7 @@ import { RoundTrips } from "./round_trips.js";
 const PING_MS = 1000;
 const SILENCE_MS = 4000; // then the connection is given up and made anew
 
-export class Pulse {
+export class Heartbeat {
   #socket;
   #trips = new RoundTrips();
   #unansweredMs = null; // since when a ping waits for any word

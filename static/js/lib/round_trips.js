@@ -24,7 +24,7 @@ export class RoundTrips {
 }
 
 /** When each numbered message left, until the robot's bridge echoes the number. */
-export class Echoes {
+export class DelayEchoes {
   #sent = new Map();
 
   sent(seq, nowMs) {

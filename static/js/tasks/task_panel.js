@@ -17,7 +17,7 @@ function noVoice() {
   return gettext("This robot has no voice.");
 }
 
-export class Desk {
+export class TaskPanel {
   #orders;
   #motions;
   #say;

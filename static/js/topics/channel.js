@@ -1,6 +1,6 @@
 /** The connection for the robot's topics: questions with one answer each, and live views. */
 
-import { Pulse } from "../lib/heartbeat.js";
+import { Heartbeat } from "../lib/heartbeat.js";
 import { LiveSocket } from "../lib/socket.js";
 import { PATIENCE_MS as LATE_MS } from "../tasks/tasks.js";
 
@@ -22,7 +22,7 @@ class RefusedError extends Error {
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
-  #pulse = null;
+  #heartbeat = null;
   #listening = null; // a closed socket may have more to say: nobody hears it
   #seq = 0;
   #asked = new Map();
@@ -37,7 +37,7 @@ export class TopicsChannel extends EventTarget {
   open() {
     if (this.#socket) return;
     this.#socket = new LiveSocket(this.#url);
-    this.#pulse = new Pulse(this.#socket);
+    this.#heartbeat = new Heartbeat(this.#socket);
     this.#listening = new AbortController();
     const { signal } = this.#listening;
     this.#socket.addEventListener("open", () => this.#opened(), { signal });
@@ -50,7 +50,7 @@ export class TopicsChannel extends EventTarget {
   close() {
     if (!this.#socket) return;
     this.#listening.abort();
-    this.#pulse.close();
+    this.#heartbeat.close();
     this.#socket.close();
     this.#socket = null;
     this.#lost();
@@ -97,7 +97,7 @@ export class TopicsChannel extends EventTarget {
   }
 
   #opened() {
-    this.#pulse.begin();
+    this.#heartbeat.begin();
     if (!document.hidden) this.#lookAsSeen();
     this.dispatchEvent(new CustomEvent("open"));
   }
@@ -119,7 +119,7 @@ export class TopicsChannel extends EventTarget {
   }
 
   #heard(message) {
-    this.#pulse.heard(message);
+    this.#heartbeat.heard(message);
     if (message.t === "shown") {
       this.#looks.get(message.topic)?.shown(message);
       requestAnimationFrame(() => this.#socket?.send({ t: "ack" }));

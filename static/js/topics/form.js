@@ -1,7 +1,7 @@
 /** A form for a message, made from its definition: nested fields, lists of messages, constants as choices, time. */
 
 import { make, makeButton, say, sayOrHide } from "../lib/dom.js";
-import { blankText, parsed, parsedArray } from "./written.js";
+import { blankText, parsed, parsedArray } from "./value_parsing.js";
 
 const MOST_MADE = 20; // messages of a list that has a fixed number: more are written as JSON
 

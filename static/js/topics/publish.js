@@ -2,7 +2,7 @@
 
 import { dim, make, makeButton, sayOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
-import { parsedJson } from "./written.js";
+import { parsedJson } from "./value_parsing.js";
 
 const RATE_HZ = [0.1, 50]; // the slowest and the fastest, but for once
 

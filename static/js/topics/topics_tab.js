@@ -8,11 +8,11 @@ import { publishedNoMore } from "../tasks/tasks.js";
 import { useLabel } from "../tasks/uses.js";
 import { TopicsChannel } from "./channel.js";
 import { typeText } from "./fields.js";
+import { candidates, InputChoice } from "./input_choice.js";
 import { PublishPanel } from "./publish.js";
 import { Repeater } from "./repeater.js";
 import { ParameterView, ServiceCall } from "./services.js";
-import { Watch } from "./watch.js";
-import { Choices, candidates } from "./where.js";
+import { TopicView } from "./topic_view.js";
 
 const LOOK_HZ = 5;
 const LOOKS_AT_MOST = 8;
@@ -50,7 +50,7 @@ export class TopicsTab {
     this.#parts = parts;
     this.#orders = orders;
     this.#channel = new TopicsChannel(url);
-    this.#choices = new Choices(parts.uses);
+    this.#choices = new InputChoice(parts.uses);
     this.#publish = new PublishPanel(parts, (topic, type) =>
       this.#channel.ask({ t: "describe", topic, type }),
     );
@@ -267,7 +267,7 @@ export class TopicsTab {
       );
       return;
     }
-    const watch = new Watch(name, type);
+    const watch = new TopicView(name, type);
     watch.addEventListener("end", () => this.#lookAway(name));
     watch.addEventListener("refused", ({ detail }) => this.#warn(detail));
     this.#watches.set(name, watch);

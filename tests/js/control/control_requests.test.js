@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Errands, isErrand } from "../../../static/js/control/control_requests.js";
+import { ControlRequests, isControlRequest } from "../../../static/js/control/control_requests.js";
 
 describe("errands", () => {
   let sent;
   let told;
-  let errands;
+  let requests;
   let open;
   const texts = () => told.map(({ text }) => text);
 
@@ -14,10 +14,10 @@ describe("errands", () => {
     told = [];
     open = true;
     const send = (message) => open && sent.push(message) > 0;
-    errands = new Errands(send, (notice) => told.push(notice));
+    requests = new ControlRequests(send, (notice) => told.push(notice));
   });
   afterEach(() => {
-    errands.close();
+    requests.close();
     vi.useRealTimers();
   });
 
@@ -29,57 +29,57 @@ describe("errands", () => {
     ["ask", { state: "other", holder: "Ann", asking: 3 }, "Ann knows that you ask for control."],
     ["ask_cancel", { state: "other", holder: "Ann" }, "You ask for control no more."],
   ])("of kind %s are told of once, when they are done", (t, control, text) => {
-    errands.send({ t });
+    requests.send({ t });
     expect(sent).toEqual([{ t }]);
-    expect(errands.heard(control)).toBe(true);
-    expect(errands.heard(control)).toBe(false);
+    expect(requests.heard(control)).toBe(true);
+    expect(requests.heard(control)).toBe(false);
     vi.advanceTimersByTime(20_000);
     expect(told).toEqual([{ level: "success", code: `${t} done`, text }]);
   });
 
   it("are not done by what was so before", () => {
-    errands.send({ t: "take" });
-    errands.send({ t: "ask" });
-    expect(errands.heard({ state: "other", holder: "Ann" })).toBe(false);
+    requests.send({ t: "take" });
+    requests.send({ t: "ask" });
+    expect(requests.heard({ state: "other", holder: "Ann" })).toBe(false);
     expect(told).toEqual([]);
   });
 
   it("that keep control are not done by other news of the same term, such as that somebody asks", () => {
-    errands.heard({ state: "yours", remaining_s: 200 });
+    requests.heard({ state: "yours", remaining_s: 200 });
     vi.advanceTimersByTime(10_000);
-    errands.send({ t: "renew" });
-    expect(errands.heard({ state: "yours", remaining_s: 190, requests: [{ id: 1 }] })).toBe(false);
-    expect(errands.heard({ state: "yours", remaining_s: 900 })).toBe(true);
-    errands.send({ t: "renew" }); // at once
-    expect(errands.heard({ state: "yours", remaining_s: 899.9 })).toBe(true);
+    requests.send({ t: "renew" });
+    expect(requests.heard({ state: "yours", remaining_s: 190, requests: [{ id: 1 }] })).toBe(false);
+    expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(true);
+    requests.send({ t: "renew" }); // at once
+    expect(requests.heard({ state: "yours", remaining_s: 899.9 })).toBe(true);
     expect(texts()).toEqual(["You keep control: 15:00 left.", "You keep control: 15:00 left."]);
   });
 
   it("that keep control soon after it was taken are done by an answer that a busy console gives late", () => {
-    errands.heard({ state: "yours", remaining_s: 900 });
+    requests.heard({ state: "yours", remaining_s: 900 });
     vi.advanceTimersByTime(1000);
-    errands.send({ t: "renew" });
+    requests.send({ t: "renew" });
     vi.advanceTimersByTime(400);
-    expect(errands.heard({ state: "yours", remaining_s: 899.7 })).toBe(true);
+    expect(requests.heard({ state: "yours", remaining_s: 899.7 })).toBe(true);
   });
 
   it("leave the words to the console where it has them", () => {
-    errands.send({ t: "hand_over", request: 3 });
-    expect(errands.heard({ state: "other", holder: "Ann" })).toBe(true);
+    requests.send({ t: "hand_over", request: 3 });
+    expect(requests.heard({ state: "other", holder: "Ann" })).toBe(true);
     expect(told).toEqual([]);
   });
 
   it("are done by what the robot reports", () => {
-    errands.done("clear"); // somebody else cleared it
-    errands.send({ t: "clear", number: 2 });
-    errands.done("clear");
-    errands.done("clear");
+    requests.done("clear"); // somebody else cleared it
+    requests.send({ t: "clear", number: 2 });
+    requests.done("clear");
+    requests.done("clear");
     expect(texts()).toEqual(["The stop is cleared."]);
   });
 
   it("that are refused say what was asked for, and why not", () => {
-    errands.send({ t: "renew" });
-    errands.refused("renew", { code: "somebody_asks", text: "Bo asks for control." });
+    requests.send({ t: "renew" });
+    requests.refused("renew", { code: "somebody_asks", text: "Bo asks for control." });
     vi.advanceTimersByTime(20_000);
     expect(told).toEqual([
       { level: "warning", code: "renew somebody_asks", text: "Keep control: Bo asks for control." },
@@ -87,32 +87,32 @@ describe("errands", () => {
   });
 
   it("that get no answer within 0.75 s say so, and a late answer is told too, but not one minutes later", () => {
-    errands.send({ t: "take" });
+    requests.send({ t: "take" });
     vi.advanceTimersByTime(749);
     expect(told).toEqual([]);
     vi.advanceTimersByTime(1);
     expect(texts()).toEqual(["Take control: no answer within 0.75 s. It may still come."]);
-    expect(errands.heard({ state: "yours", remaining_s: 900 })).toBe(true);
+    expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(true);
     expect(texts()).toHaveLength(2);
-    errands.send({ t: "renew" });
+    requests.send({ t: "renew" });
     vi.advanceTimersByTime(60_000);
-    expect(errands.heard({ state: "yours", remaining_s: 900 })).toBe(false);
+    expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(false);
     expect(texts()).toHaveLength(3);
   });
 
   it("that were said to get no answer are not told once more when the connection is lost", () => {
-    errands.send({ t: "take" });
+    requests.send({ t: "take" });
     vi.advanceTimersByTime(4000);
-    errands.lost();
+    requests.lost();
     expect(texts()).toHaveLength(1);
   });
 
   it("are told of without a connection, and when it is lost", () => {
-    errands.send({ t: "release" });
-    errands.lost();
-    errands.lost();
+    requests.send({ t: "release" });
+    requests.lost();
+    requests.lost();
     open = false;
-    errands.send({ t: "take_over", reason: "a test" });
+    requests.send({ t: "take_over", reason: "a test" });
     expect(texts()).toEqual([
       "Release: The connection was lost before an answer came.",
       "Take over: There is no connection to the console.",
@@ -120,7 +120,7 @@ describe("errands", () => {
   });
 
   it("are known by their kind", () => {
-    expect(isErrand("clear")).toBe(true);
-    expect(isErrand("drive")).toBe(false);
+    expect(isControlRequest("clear")).toBe(true);
+    expect(isControlRequest("drive")).toBe(false);
   });
 });

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Face } from "../../../static/js/control/status_bar.js";
+import { StatusBar } from "../../../static/js/control/status_bar.js";
 
 const STOP = { state: "clear", by: null, reason: "", standstill_ms: null };
 const STATE = {
@@ -21,7 +21,7 @@ const LIVE = { connected: true, gone: null, state: STATE, sinceViewMs: 0, cut: f
 const LOST = { ...LIVE, connected: false, cut: true };
 const STOPPED = { ...STATE, stop: { ...STOP, state: "stopped", standstill_ms: 300 } };
 
-describe("the face of the control page", () => {
+describe("the statusBar of the control page", () => {
   const named = {};
   const parts = new Proxy(named, {
     get(_parts, name) {
@@ -29,48 +29,48 @@ describe("the face of the control page", () => {
       return named[name];
     },
   });
-  let face;
+  let statusBar;
 
   beforeEach(() => {
     vi.useFakeTimers();
-    face = new Face(document.createElement("main"), parts);
+    statusBar = new StatusBar(document.createElement("main"), parts);
   });
   afterEach(() => {
-    face.close();
+    statusBar.close();
     vi.useRealTimers();
   });
 
   it("announces a lost connection each time", () => {
     for (let time = 0; time < 2; time += 1) {
       parts.live.textContent = "";
-      face.show(LOST);
-      face.show(LOST);
+      statusBar.show(LOST);
+      statusBar.show(LOST);
       expect(parts.live.textContent).toContain("No connection");
-      face.show(LIVE);
+      statusBar.show(LIVE);
       vi.advanceTimersByTime(5000);
     }
   });
 
   it("leaves the word to the robot once it reports the stop", () => {
-    face.show(LIVE);
-    face.stopSays("Stop sent");
-    face.show(LIVE);
+    statusBar.show(LIVE);
+    statusBar.stopSays("Stop sent");
+    statusBar.show(LIVE);
     expect(parts["stop-state"].textContent).toBe("Stop sent");
-    face.show({ ...LIVE, state: STOPPED });
+    statusBar.show({ ...LIVE, state: STOPPED });
     expect(parts["stop-state"].textContent).toBe("Standstill after 300\u00a0ms");
-    face.show(LIVE);
+    statusBar.show(LIVE);
     expect(parts["stop-state"].textContent).toBe("");
   });
 
   it("tells what becomes of a stop while the last that was heard of the robot is old", () => {
     const old = { ...LOST, state: STOPPED };
-    face.show(old);
-    face.stopSays("Sending the stop");
+    statusBar.show(old);
+    statusBar.stopSays("Sending the stop");
     vi.advanceTimersByTime(4000);
-    face.show(old);
+    statusBar.show(old);
     expect(parts["stop-state"].textContent).toBe("Sending the stop");
     vi.advanceTimersByTime(4000);
-    face.show(old);
+    statusBar.show(old);
     expect(parts["stop-state"].textContent).toBe(""); // that of before would seem to be the answer
   });
 
@@ -78,15 +78,15 @@ describe("the face of the control page", () => {
     const text = "held to 0.3 m/s: the camera's picture is 1.2 s old";
     const limits = [{ code: "depth_stale", text, mps: 0.3 }];
     const state = { ...STATE, verdict: { ...STATE.verdict, limits } };
-    face.show({ ...LIVE, state });
+    statusBar.show({ ...LIVE, state });
     expect(parts.limits.textContent).toBe(text);
-    face.show({ ...LOST, state });
+    statusBar.show({ ...LOST, state });
     expect(parts.limits.textContent).toBe("");
   });
 
   it("calls a connection by what came of it: one that is open and silent is none", () => {
     const told = (now) => {
-      face.show({ ...LIVE, ...now });
+      statusBar.show({ ...LIVE, ...now });
       return [parts.connection.textContent, parts.connection.dataset.level];
     };
     expect(told({})).toEqual(["Connected", "ok"]);

@@ -1,19 +1,19 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Pulse } from "../../../static/js/lib/heartbeat.js";
+import { Heartbeat } from "../../../static/js/lib/heartbeat.js";
 
 describe("the pulse", () => {
   let socket;
-  let pulse;
+  let heartbeat;
 
   beforeEach(() => {
     vi.useFakeTimers();
     socket = { open: true, send: vi.fn(), reset: vi.fn() };
-    pulse = new Pulse(socket);
-    pulse.begin();
+    heartbeat = new Heartbeat(socket);
+    heartbeat.begin();
   });
 
   afterEach(() => {
-    pulse.close();
+    heartbeat.close();
     vi.useRealTimers();
   });
 
@@ -28,15 +28,15 @@ describe("the pulse", () => {
   it("takes any word for a sign of life", () => {
     for (let seconds = 0; seconds < 20; seconds += 1) {
       vi.advanceTimersByTime(1000);
-      pulse.heard({ t: "fleet" });
+      heartbeat.heard({ t: "fleet" });
     }
     expect(socket.reset).not.toHaveBeenCalled();
-    expect(pulse.delayMs).toBeNull();
+    expect(heartbeat.delayMs).toBeNull();
   });
 
   it("does not count the silence of the connection before", () => {
     vi.advanceTimersByTime(4900);
-    pulse.begin();
+    heartbeat.begin();
     vi.advanceTimersByTime(4000);
     expect(socket.reset).not.toHaveBeenCalled();
   });
@@ -45,7 +45,7 @@ describe("the pulse", () => {
     socket.open = false;
     vi.advanceTimersByTime(20_000);
     socket.open = true;
-    pulse.close();
+    heartbeat.close();
     vi.advanceTimersByTime(20_000);
     expect(socket.send).not.toHaveBeenCalled();
     expect(socket.reset).not.toHaveBeenCalled();
@@ -55,7 +55,7 @@ describe("the pulse", () => {
     vi.advanceTimersByTime(1000);
     const [{ sent_ms }] = socket.send.mock.calls[0];
     vi.advanceTimersByTime(80);
-    pulse.heard({ t: "pong", sent_ms });
-    expect(pulse.delayMs).toBe(80);
+    heartbeat.heard({ t: "pong", sent_ms });
+    expect(heartbeat.delayMs).toBe(80);
   });
 });

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Echoes, RoundTrips } from "../../../static/js/lib/round_trips.js";
+import { DelayEchoes, RoundTrips } from "../../../static/js/lib/round_trips.js";
 
 describe("round trips", () => {
   it("are told by the middle one of the last few, so that one hiccup does not show", () => {
@@ -10,7 +10,7 @@ describe("round trips", () => {
   });
 
   it("are measured from a number's sending to its first echo", () => {
-    const echoes = new Echoes();
+    const echoes = new DelayEchoes();
     echoes.sent(1, 100);
     echoes.sent(2, 130);
     expect(echoes.heard(2, 150)).toBe(20);

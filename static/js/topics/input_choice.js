@@ -32,7 +32,7 @@ function why(name, type, offer, role) {
 }
 
 /** One row for each use that the robot has. Event "choose": {use, topic}, topic null for the default; "list": {use}. */
-export class Choices extends EventTarget {
+export class InputChoice extends EventTarget {
   #list;
   #rows = new Map();
   #offers = {};

@@ -1,5 +1,5 @@
 import { describe, expect, it, vi } from "vitest";
-import { Choices, candidates } from "../../../static/js/topics/where.js";
+import { candidates, InputChoice } from "../../../static/js/topics/input_choice.js";
 
 const TWIST = "geometry_msgs/Twist";
 const OFFER = { topic: "/key_vel", type: TWIST, chooseable: { "/phone_vel": "operator" } };
@@ -42,7 +42,7 @@ describe("where input could go", () => {
 describe("the rows of where input goes", () => {
   it("marks the default, and leads back to it with one press", () => {
     const list = document.createElement("ul");
-    const choices = new Choices(list);
+    const choices = new InputChoice(list);
     const chosen = vi.fn();
     choices.addEventListener("choose", ({ detail }) => chosen(detail));
     choices.uses = { drive: OFFER };
@@ -60,7 +60,7 @@ describe("the rows of where input goes", () => {
 
   it("say why input would be in vain", () => {
     const list = document.createElement("ul");
-    const choices = new Choices(list);
+    const choices = new InputChoice(list);
     choices.uses = { drive: { ...OFFER, refusal: { text: "Nothing listens to /key_vel." } } };
     expect(list.querySelector(".quiet").textContent).toBe("Nothing listens to /key_vel.");
     choices.uses = { drive: OFFER };

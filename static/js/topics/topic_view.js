@@ -7,7 +7,7 @@ import { FieldPlot } from "./plot.js";
 const SILENCE_MS = 4000; // a topic that is looked at is told of every second, whether anything comes on it or not
 
 /** Events: "refused" (detail: in words), "end". */
-export class Watch extends EventTarget {
+export class TopicView extends EventTarget {
   element;
   #type;
   #figures = make("p", { className: "quiet", text: gettext("Waiting for a message.") });

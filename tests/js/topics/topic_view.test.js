@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { Watch } from "../../../static/js/topics/watch.js";
+import { TopicView } from "../../../static/js/topics/topic_view.js";
 
 vi.mock("../../../static/js/lib/uplot.js", () => ({
   Plot: class {
@@ -21,7 +21,7 @@ describe("a topic that is looked at", () => {
   const button = (label) => table().querySelector(`button[aria-label="${label}"]`);
 
   beforeEach(() => {
-    watch = new Watch("/a", TYPE);
+    watch = new TopicView("/a", TYPE);
     document.body.replaceChildren(watch.element);
   });
 
