@@ -1,4 +1,4 @@
-"""Who had control of what, in the admin: to read, never to change. In the look of the audit log's lists."""
+"""Control sessions in the admin: read-only, in the style of the audit log's lists."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason
 from teleop.reports.durations import clock
 
-GOES_ON = "goes_on"  # in place of how it ended
+GOES_ON = "goes_on"  # value of the filter for sessions that have not ended
 _COLUMNS = [
     *("control_session", "robot", "robot_id", "person", "person_id", "fence"),
     *("began_utc", "ended_utc", "ended_by"),
@@ -37,12 +37,12 @@ Sessions = QuerySet[ControlSession]
 
 @admin.register(ControlSession)
 class ControlSessionAdmin(ListAdmin):
-    """Every stretch of control, newest first. Pages are cut by the time at which a stretch began."""
+    """Every control session, newest first. Pages are split by the time at which a session began."""
 
     outcomes_are = gettext_lazy("Ended by")
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """By day, robot, person, and how it ended."""
+        """Filter by day, robot, person and end reason."""
         form = FilterForm(
             request.GET, kinds=[], without=["q", "kind", "session"], outcomes_are=self.outcomes_are
         )
@@ -53,8 +53,8 @@ class ControlSessionAdmin(ListAdmin):
         return form
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
-        """One page, and where to go from it."""
-        sessions = _of_the_filters(form)
+        """Return one page and the links to its neighbours."""
+        sessions = _filtered(form)
         of_the_days = sessions.filter(_days(form))
         before, after = number(request, "before"), number(request, "after")
         if after is not None:
@@ -82,10 +82,10 @@ class ControlSessionAdmin(ListAdmin):
         }
 
     def exported(self, request: HttpRequest, form: FilterForm, format_: exports.Format) -> HttpResponseBase:
-        """Every session that the filters leave."""
+        """Export every session that matches the filters."""
         return exports.response_of(
             _COLUMNS,
-            _chunks(_of_the_filters(form).filter(_days(form))),
+            _chunks(_filtered(form).filter(_days(form))),
             form.wanted(),
             actor=person_of(request),
             name="control-sessions",
@@ -94,7 +94,7 @@ class ControlSessionAdmin(ListAdmin):
 
 
 def _chunks(sessions: Sessions) -> Iterator[list[exports.Facts]]:
-    """Some at a time, newest first, for there may be many."""
+    """Yield the sessions in chunks, newest first: there may be many."""
     found = _first_of(sessions, exports.CHUNK)
     while found:
         yield [_facts(session) for session in found]
@@ -102,7 +102,7 @@ def _chunks(sessions: Sessions) -> Iterator[list[exports.Facts]]:
 
 
 def _first_of(sessions: Sessions, count: int, *, newest: bool = True) -> list[ControlSession]:
-    """So many of the newest, or oldest, in that order, and all that began in the same moment as the last of them."""
+    """Return `count` of the newest or oldest sessions, and all that began at the same moment as the last of them."""
     sign = "-" if newest else ""
     found = list(sessions.order_by(f"{sign}started_at", f"{sign}pk")[: count + 1])
     if len(found) <= count:
@@ -125,7 +125,7 @@ def _facts(session: ControlSession) -> exports.Facts:
     return dict(zip(_COLUMNS, facts, strict=True))
 
 
-def _of_the_filters(form: FilterForm) -> Sessions:
+def _filtered(form: FilterForm) -> Sessions:
     wanted = form.wanted()
     which = Q()
     if wanted.robot:
@@ -148,7 +148,7 @@ def _days(form: FilterForm) -> Q:
 
 
 def _day_beside(sessions: Sessions, edge: datetime.date | None, *, later: bool) -> datetime.date | None:
-    """The next day after, or before, `edge` on which a session began."""
+    """Return the next day after, or before, `edge` on which a session began."""
     if edge is None:
         return None
     if later:
@@ -177,7 +177,7 @@ def _line(session: ControlSession, note: str) -> Line:
 
 
 def _first(day: datetime.date) -> datetime.datetime:
-    """The first moment of a day, UTC."""
+    """Return the first moment of a day, UTC."""
     return datetime.datetime.combine(day, datetime.time.min, datetime.timezone.utc)
 
 
@@ -186,7 +186,7 @@ def _last(day: datetime.date) -> datetime.datetime:
 
 
 def _key(moment: datetime.datetime) -> int:
-    """Microseconds since 1970."""
+    """Return microseconds since 1970."""
     return (moment - _EPOCH) // _MICROSECOND
 
 

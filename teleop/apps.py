@@ -7,5 +7,5 @@ class TeleopConfig(AppConfig):
     verbose_name = _("Control")
 
     def ready(self) -> None:
-        """Importing connects the receiver."""
+        """Import the module that connects the signal receiver."""
         from teleop.control import signals  # noqa: F401

@@ -1,4 +1,4 @@
-"""Who drives: control sessions, the lease of each robot, and who asks for it."""
+"""Control sessions, the lease of each robot, and requests for control."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robots.registry.models import Robot
 
 
 class EndReason(models.TextChoices):
-    """How a control session came to its end."""
+    """Why a control session ended."""
 
     RELEASED = "released", _("given back")
     MOVED = "moved", _("moved to another tab of the same person")
@@ -26,7 +26,7 @@ class EndReason(models.TextChoices):
 
 
 class ControlSession(models.Model):
-    """One stretch of one person's control of one robot."""
+    """One person's control of one robot, from take to end."""
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
     robot = models.ForeignKey(
@@ -64,7 +64,7 @@ class ControlSession(models.Model):
 
 
 class Lease(models.Model):
-    """Who has a robot now: one row per robot, written by conditional updates only."""
+    """The lease of a robot: one row per robot, written by conditional updates only."""
 
     robot = models.OneToOneField(Robot, primary_key=True, on_delete=models.CASCADE, related_name="lease")
     session = models.OneToOneField(ControlSession, null=True, blank=True, on_delete=models.PROTECT)
@@ -80,7 +80,7 @@ class Lease(models.Model):
 
 
 class ControlRequest(models.Model):
-    """A question for control, put to the holder."""
+    """A request to the holder for control."""
 
     class Outcome(models.TextChoices):
         GRANTED = "granted", "got control"

@@ -1,4 +1,4 @@
-"""Addresses of the pages."""
+"""Addresses of the pages of this app."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pages."""
+"""The fleet page and the control page."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from robots.wire import PROTOCOL
 
 @require_safe
 def fleet(request: HttpRequest) -> HttpResponse:
-    """A card for each robot that this person may see."""
+    """Show a card for each robot that this person may see."""
     return render(request, "teleop/fleet.html", {"robots": robots_visible_to(person_of(request))})
 
 
 @require_safe
 def control(request: HttpRequest, slug: str) -> HttpResponse:
-    """One robot: drive it, or watch who does."""
+    """Show one robot: to drive it, or to watch."""
     person = person_of(request)
     robot = robot_seen_by(person, slug)
-    told = {"robot": robot, "supervises": supervises(person, robot), "protocol": PROTOCOL}
-    return render(request, "teleop/control.html", told)
+    context = {"robot": robot, "supervises": supervises(person, robot), "protocol": PROTOCOL}
+    return render(request, "teleop/control.html", context)

@@ -76,14 +76,14 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 @pytest.fixture(autouse=True)
 def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
     """What is refused in a test is written in it or not at all."""
-    own = RepeatSuppressor(refusals.put_on_record)
+    own = RepeatSuppressor(refusals.write_record)
     yield from _while_test_lasts(own, refusals, monkeypatch)
 
 
 @pytest.fixture(autouse=True)
 def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emergency_stop.Press]]:
     """Stops that are pressed in a test are written in it or not at all: the next test would wait for the database."""
-    own = RepeatSuppressor(emergency_stop.put_on_record, most=None)
+    own = RepeatSuppressor(emergency_stop.write_record, most=None)
     yield from _while_test_lasts(own, emergency_stop, monkeypatch)
 
 

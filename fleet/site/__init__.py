@@ -1,1 +1,1 @@
-"""Composition: the one place that puts all apps together: URLs, ASGI application, WebSocket access."""
+"""Composition: the one place that joins all apps: URLs, ASGI application, WebSocket access."""

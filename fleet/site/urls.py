@@ -1,4 +1,4 @@
-"""Every address of the console."""
+"""All addresses of the console."""
 
 from django.contrib import admin
 from django.contrib.auth.decorators import login_not_required
@@ -11,7 +11,7 @@ from fleet.site import views
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
 
-# The texts of the pages' scripts, as a script: a policy without inline scripts allows it.
+# The texts of the pages' scripts, as a script file: the content security policy forbids inline scripts.
 _script_texts = login_not_required(
     cache_control(private=True, max_age=300)(JavaScriptCatalog.as_view(packages=["fleet"]))
 )

@@ -1,4 +1,4 @@
-"""Pages of the project itself."""
+"""Pages that belong to no app: errors, admin sign-in, cookies, privacy, health."""
 
 from __future__ import annotations
 
@@ -20,22 +20,20 @@ from django.views.decorators.http import require_safe
 from fleet.audit.kinds import Kept
 
 WHY_KEPT = {
-    Kept.SPEECH: _("So that a sentence can be traced to whoever had a robot say it."),
-    Kept.DRIVING: _("So that it can be seen where a robot drove, how fast, and what its gate held back."),
-    Kept.OTHER: _(
-        "Reasons, names, addresses and browsers: so that misuse of accounts and rights comes to light."
-    ),
+    Kept.SPEECH: _("To find the person who made a robot say a sentence."),
+    Kept.DRIVING: _("To see where and how fast a robot drove, and where its gate intervened."),
+    Kept.OTHER: _("Reasons, names, addresses and browsers: to find misuse of accounts and rights."),
 }
 
 
 def not_found(request: HttpRequest, exception: Exception) -> HttpResponse:
-    """Django's handler of 404. Its own one reads the request's body, which fails again if that is broken."""
+    """Handle 404. Django's own handler reads the request's body, which fails again if the body is broken."""
     return render(request, "404.html", status=404)
 
 
 @login_not_required
 def admin_login(request: HttpRequest) -> HttpResponse:
-    """Where Django's admin sends whoever may not see it. To sign in there is one door, and it is not here."""
+    """Redirect from the admin's sign-in page: the console has only one sign-in page, and this is not it."""
     if not request.user.is_authenticated:
         return redirect_to_login(request.GET.get("next", reverse("admin:index")))
     if request.user.is_staff:
@@ -46,7 +44,7 @@ def admin_login(request: HttpRequest) -> HttpResponse:
 @login_not_required
 @require_safe
 def cookies(request: HttpRequest) -> HttpResponse:
-    """Which cookies are kept, and why."""
+    """Show the cookies that the console sets, and why."""
     names = {"session": settings.SESSION_COOKIE_NAME, "csrf": settings.CSRF_COOKIE_NAME}
     hours = settings.SESSION_COOKIE_AGE // 3600
     return render(request, "cookies.html", {"names": names, "session_hours": hours})
@@ -55,7 +53,7 @@ def cookies(request: HttpRequest) -> HttpResponse:
 @login_not_required
 @require_safe
 def privacy(request: HttpRequest) -> HttpResponse:
-    """What is kept of people, why, and for how long."""
+    """Show the personal data that the console keeps, why, and for how long."""
     records_days = settings.FLEET_AUDIT_KEEP_RECORDS_DAYS
     days = {kept: min(settings.FLEET_AUDIT_KEEP_DAYS[kept.value], records_days) for kept in Kept}
     classes = [{"what": kept.label, "why": WHY_KEPT[kept], "days": days[kept]} for kept in Kept]
@@ -66,7 +64,7 @@ def privacy(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def healthz(_request: HttpRequest) -> JsonResponse:
-    """For monitors: is the database reachable, and is its schema this version's?"""
+    """Report to monitors whether the database answers and has the schema of this version."""
     try:
         trouble = _trouble()
     except DatabaseError:

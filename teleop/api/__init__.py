@@ -1,1 +1,1 @@
-"""The REST API."""
+"""The REST API: robots, their state, speech and emergency stop."""

@@ -1,4 +1,4 @@
-"""Addresses of the REST interface, under /api/."""
+"""Addresses of the REST API, under /api/."""
 
 from __future__ import annotations
 

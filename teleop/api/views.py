@@ -1,6 +1,6 @@
-"""REST for pages and lab tooling: the robots, how they are, what they say and said.
+"""REST views for pages and lab tooling: robots, their state, their phrases and speech.
 
-What is refused is explained like everywhere else.
+Errors are refusals, as everywhere: a code, a sentence, a rule.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.
 
 
 class BadQuery(APIException):
-    """What stands behind the ? of an address makes no sense."""
+    """A query parameter is not valid."""
 
     status_code = 400
     default_code = "invalid"
 
 
-def explained(error: Exception, context: dict[str, Any]) -> Response | None:
-    """Every error as a refusal: a code for programs, a sentence for people, the rule behind it."""
+def refusal_response(error: Exception, context: dict[str, Any]) -> Response | None:
+    """Answer an error with a refusal: a code for programs, a sentence for people, the rule behind it."""
     response = exception_handler(error, context)
     if response is None:
         return None
@@ -67,14 +67,14 @@ def explained(error: Exception, context: dict[str, Any]) -> Response | None:
     rule: Rule = "account" if response.status_code == 403 else "wire"
     refusal = Refusal(code, text, rule)
     response.data = msgspec.to_builtins(refusal)
-    _note(refusal, context["request"])
+    _record(refusal, context["request"])
     return response
 
 
-def _note(refusal: Refusal, request: Request) -> None:
-    """Put on record what was refused to somebody who is signed in and asked for it themselves.
+def _record(refusal: Refusal, request: Request) -> None:
+    """Record a refusal for a signed-in person.
 
-    What is refused early is refused before it is known who asks: to find out may be refused as well (a forged request).
+    Some requests are refused before their person is known, and finding out may fail as well (a forged request).
     """
     try:
         person = request.user
@@ -83,26 +83,26 @@ def _note(refusal: Refusal, request: Request) -> None:
     if isinstance(person, User):
         match = request.resolver_match
         asked = f"{request.method} {match.route if match else ''}".strip()
-        refusals.note(RefusedRequest(person, "rest", asked, refusal))
+        refusals.record_soon(RefusedRequest(person, "rest", asked, refusal))
 
 
 class FleetApi(APIView):
-    """What the addresses below have in common."""
+    """Base of the views below."""
 
     def get_exception_handler(self) -> Callable[[Exception, dict[str, Any]], Response | None]:
-        """Explain refusals."""
-        return explained
+        """Answer errors with refusals."""
+        return refusal_response
 
     def person(self) -> User:
-        """Who asks."""
+        """Return the person of the request."""
         return person_of(self.request)
 
     def visible(self, slug: str) -> Robot:
-        """The robot, if the person may see it; else 404."""
+        """Return the robot if the person may see it; else 404."""
         return robot_seen_by(self.person(), slug)
 
     def number(self, name: str, default: int, most: int) -> int:
-        """A whole number, from 1 to `most`, behind the ? of the address."""
+        """Return a query parameter that is a whole number from 1 to `most`."""
         given = self.request.query_params.get(name, str(default))
         if not (re.fullmatch("[0-9]{1,19}", given) and 1 <= int(given) <= most):
             raise BadQuery(f"{name} must be a whole number from 1 to {most}.")
@@ -113,17 +113,17 @@ class RobotList(FleetApi):
     """GET: the robots that this person may see."""
 
     def get(self, request: Request) -> Response:
-        """Names and roles; how a robot is, its own address tells."""
+        """Return names and roles; the state of a robot is at its own address."""
         robots = list(robots_visible_to(self.person()))
         roles = roles_of(self.person(), robots)
         return Response([entry(robot, roles.get(robot.id)) for robot in robots])
 
 
 class RobotDetail(FleetApi):
-    """GET: one robot, and how it is as far as its bridge knows."""
+    """GET: one robot and its state, as far as its bridge knows it."""
 
     def get(self, request: Request, slug: str) -> Response:
-        """Facts, holder, state; `refusal` says why the state is not known."""
+        """Return facts, holder and state; `refusal` says why the state is unknown."""
         robot = self.visible(slug)
         lease = lease_of(robot.id)
         held = lease is not None and rules.lapse_reason(lease, timezone.now()) is None
@@ -143,22 +143,22 @@ class RobotDetail(FleetApi):
 
 
 class RobotPhrases(FleetApi):
-    """GET: the ready-made messages of one robot, in their order."""
+    """GET: the phrases of one robot, in their order."""
 
     def get(self, request: Request, slug: str) -> Response:
-        """Each as it is said, with its language and tags."""
+        """Return each phrase with its language and tags."""
         lines = [(phrase.pk, phrase.line) for phrase in phrases_of(self.visible(slug))]
         return Response([{"id": number, **msgspec.to_builtins(line)} for number, line in lines])
 
 
 class RobotSpeech(FleetApi):
-    """GET: what one robot was made to say, newest first, from the audit log.
+    """GET: the history of one robot's speech, newest first, from the audit log.
 
-    `limit` entries (50) with numbers below `before`; those of others are for supervisors and staff.
+    `limit` entries (50) with numbers below `before`. Only supervisors and staff get entries of other people.
     """
 
     def get(self, request: Request, slug: str) -> Response:
-        """`more`: there are older ones."""
+        """Return the entries; `more` says whether there are older ones."""
         robot = self.visible(slug)
         before = self.number("before", HIGHEST_NUMBER, HIGHEST_NUMBER)
         limit = self.number("limit", 50, LONGEST_PAGE)
@@ -167,16 +167,16 @@ class RobotSpeech(FleetApi):
 
 
 class NoSuchAddress(FleetApi):
-    """Whatever else is asked for here."""
+    """Any other address: 404."""
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
-        """404, in words."""
+        """Raise 404 with a sentence."""
         super().initial(request, *args, **kwargs)
         raise NotFound("There is no such address.")
 
 
 def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
-    """A robot in a list, with one's role on it."""
+    """Return a robot's entry in a list, with the person's role on it."""
     return {
         "slug": robot.slug,
         "name": robot.name,
@@ -188,14 +188,14 @@ def entry(robot: Robot, role: Role | None) -> dict[str, Any]:
 
 
 def _seen_at(state: State | None) -> datetime | None:
-    """When the robot itself was last heard, as far as its bridge knows: REST has no link that would know more."""
+    """Return when the robot was last heard, as far as its bridge knows; REST has no link of its own that knows more."""
     if state is None or state.unseen_s is None:
         return None
     return timezone.now() - timedelta(seconds=state.unseen_s)
 
 
 def _pending(robot: Robot) -> PendingStop | None:
-    """The newest stop that nobody has confirmed yet."""
+    """Return the newest pending stop."""
     waiting = courier.pending_stops().of(name_of(robot.id))
     return waiting[-1].told() if waiting else None
 

@@ -1,1 +1,1 @@
-"""Work off the event loop's critical path: database threads and background tasks."""
+"""Database threads and background tasks, so that the event loop never waits for slow work."""

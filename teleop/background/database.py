@@ -1,7 +1,6 @@
-"""The way from the event loop to the database: a few threads of their own.
+"""Database calls from the event loop, in a few separate threads.
 
-Channels' default is one thread for all consumers: one that waits for a lock would keep everybody's rights from
-being checked.
+Channels' default is one thread for all consumers: one call that waits for a lock would delay the check of all rights.
 """
 
 from __future__ import annotations
@@ -17,17 +16,19 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _threads = ThreadPoolExecutor(max_workers=4, thread_name_prefix="database")
-_beside = ThreadPoolExecutor(max_workers=1, thread_name_prefix="beside")  # rights are confirmed in the others
+_background_thread = ThreadPoolExecutor(
+    max_workers=1, thread_name_prefix="beside"
+)  # separate: rights are confirmed in `_threads`
 
 
 async def in_database(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
-    """Run `function` in a thread that may use the database."""
+    """Run `function` in a database thread and return its result."""
     call = database_sync_to_async(function, thread_sensitive=False, executor=_threads)
     return await call(*args, **kwargs)
 
 
 def in_database_background(function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-    """In a thread of its own, for what nobody waits for: only the end of the process does."""
+    """Run `function` in a separate thread, for work without a waiting caller; the end of the process waits for it."""
 
     def call() -> R:
         try:
@@ -35,4 +36,4 @@ def in_database_background(function: Callable[P, R], /, *args: P.args, **kwargs:
         finally:
             close_old_connections()
 
-    return _beside.submit(call)
+    return _background_thread.submit(call)

@@ -1,4 +1,4 @@
-"""Work that runs beside a connection: nothing that a person waits for on the stick."""
+"""Background work of a connection, so that drive input never waits for it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _running: set[asyncio.Task[None]] = set()  # the event loop alone keeps no refer
 
 
 def run_in_background(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-    """Run `work` to its end, also when the connection that began it is gone. Log its errors."""
+    """Run `work` to its end, even if the connection that started it is gone. Logs its errors."""
     task = asyncio.create_task(work)
     _running.add(task)
     task.add_done_callback(_done)
@@ -27,7 +27,7 @@ def _done(task: asyncio.Task[None]) -> None:
 
 
 class RequestQueue:
-    """Slow requests of one connection, run one after the other beside its drive input."""
+    """Slow requests of one connection, run one after the other in parallel to its drive input."""
 
     LONGEST = 8
 

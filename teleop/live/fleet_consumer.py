@@ -1,4 +1,4 @@
-"""The live fleet page: a card for each robot that its person may see."""
+"""The WebSocket of the fleet page: a card for each robot that its person may see."""
 
 from __future__ import annotations
 
@@ -33,63 +33,63 @@ from teleop.stop.emergency_stop import StopButton, clear
 log = logging.getLogger(__name__)
 
 RIGHTS_S = 2.0
-CALM_S = 1.0  # between two pictures when nothing of note changed
-BUSY_S = 0.1  # and when it did
+SLOW_S = 1.0  # between two updates when no important value changed
+FAST_S = 0.1  # and when one did
 
 _SILENT = Refusal(
-    "bridge_silent", "The robot’s bridge says nothing: it is held up, or its computer is.", "robot"
+    "bridge_silent", "The robot’s bridge does not answer: it or its computer is busy or frozen.", "robot"
 )
 _UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
 _NONE = Refusal("no_such_robot", "There is no robot in service that you may stop.", "account")
 
 
-class Visible(Struct, frozen=True):
+class VisibleRobot(Struct, frozen=True):
     """A robot that the person may see."""
 
     id: UUID
     slug: str
     enabled: bool
-    refusal: Refusal | None  # why nobody drives it
+    refusal: Refusal | None  # why it cannot be driven now
     link: LinkAddress
     may_clear: bool
 
 
 class FleetConsumer(MessageSocket):
-    """One fleet page. It is sent the newest picture when it has drawn the last, never a queue."""
+    """One fleet page. It gets the newest update after it acknowledged the previous one; updates are never queued."""
 
     through = "fleet page"
 
     def __init__(self) -> None:
         super().__init__()
-        self._robots: dict[str, Visible] = {}
+        self._robots: dict[str, VisibleRobot] = {}
         self._links: dict[str, BridgeLink] = {}
-        self._drawn = True
-        self._news = asyncio.Event()
-        self._noted: list[object] = []
+        self._acknowledged = True
+        self._changed = asyncio.Event()
+        self._shown_key: list[object] = []
         self._buttons: dict[str, StopButton] = {}
-        self._clearing: set[str] = set()  # robots whose clear is under way
+        self._clearing: set[str] = set()  # robots with a running clear
         self._loops: list[asyncio.Task[None]] = []
 
     # --- opening and closing -----------------------------------------------------------------------
 
     async def on_open(self) -> None:
-        """Show what there is, and keep looking."""
+        """Show the robots, and keep them up to date."""
         self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
         self.user = await in_database(_person, self.person)
-        await self._look()
-        self._loops = [run_in_background(self._keep_looking()), run_in_background(self._keep_showing())]
+        await self._read_robots()
+        self._loops = [run_in_background(self._keep_reading()), run_in_background(self._keep_showing())]
 
     async def on_close(self) -> None:
-        """Follow no robot any more."""
+        """Unsubscribe from all robots."""
         for loop in self._loops:
             loop.cancel()
         for link in self._links.values():
             link.unsubscribe(self)
 
-    # --- what the page says ------------------------------------------------------------------------
+    # --- messages ----------------------------------------------------------------------------------
 
     async def on_message(self, raw: str) -> None:
-        """One message. A stop waits for nothing."""
+        """Act on one message. A stop waits for nothing."""
         match fleet_message(raw):
             case wire.StopAll():
                 if slugs := [robot.slug for robot in self._robots.values() if robot.enabled]:
@@ -103,17 +103,17 @@ class FleetConsumer(MessageSocket):
                     await self.refuse("stop", _UNKNOWN)
             case wire.ClearRobot(slug=slug, number=number):
                 if await self.within_budget("clear"):
-                    await self._clear_soon(slug, number)
+                    await self._clear_in_background(slug, number)
             case wire.Ack():
                 if await self.within_budget("ack"):
-                    self._drawn = True
-                    self._note()
+                    self._acknowledged = True
+                    self._wake()
             case wire.Ping(sent_ms=sent_ms):
                 if await self.within_budget("ping"):
                     await self.send_message(wire.Pong(sent_ms))
 
     def _press_stop(self, slugs: Iterable[str]) -> None:
-        flood = not self.spend()  # paid for, and never refused
+        flood = not self.spend()  # counts for the flood limit, but is never refused
         for slug in slugs:
             button = self._buttons.get(slug)
             if button is None:
@@ -122,12 +122,11 @@ class FleetConsumer(MessageSocket):
             button.press(self._links[slug], flood=flood)
 
     async def _not_stopped(self, slug: str, refusal: Refusal) -> None:
-        """Say of which robot, always: whoever pressed Stop all must know where to go."""
-        told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
-        await self.answer(Refused("stop", told))
+        """Always name the robot: after "Stop all" the person must know which robot may still move."""
+        await self.answer(Refused("stop", _with_slug(refusal, slug)))
 
-    async def _clear_soon(self, slug: str, number: int) -> None:
-        """Each robot for itself, beside the others: checked, recorded, sent with the stop's number."""
+    async def _clear_in_background(self, slug: str, number: int) -> None:
+        """Check, record and send a clear, for each robot in parallel."""
         if slug not in self._robots:
             await self._not_cleared(slug, _UNKNOWN)
         elif slug in self._clearing:
@@ -147,29 +146,28 @@ class FleetConsumer(MessageSocket):
             self._clearing.discard(slug)
 
     async def _not_cleared(self, slug: str, refusal: Refusal) -> None:
-        told = structs.replace(refusal, figures={**refusal.figures, "slug": slug})
-        await self.answer(Refused("clear", told))
+        await self.answer(Refused("clear", _with_slug(refusal, slug)))
 
     def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest:
-        """By this person; which robot it was about, the record of a stop tells."""
+        """Name the person only: the record of a stop names its robot."""
         return RefusedRequest(self.user, self.through, of, refusal)
 
-    # --- what the page is shown --------------------------------------------------------------------
+    # --- updates -----------------------------------------------------------------------------------
 
     async def _keep_showing(self) -> None:
         while True:
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._news.wait(), CALM_S)
-            self._news.clear()
-            if self._drawn:
-                self._drawn = False
-                self._noted = self._of_note()
+                await asyncio.wait_for(self._changed.wait(), SLOW_S)
+            self._changed.clear()
+            if self._acknowledged:
+                self._acknowledged = False
+                self._shown_key = self._change_key()
                 try:
                     await self.send_message(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
                 except Exception:
-                    self._drawn = True
-                    log.exception("a fleet page was not shown the robots")
-            await asyncio.sleep(BUSY_S)
+                    self._acknowledged = True
+                    log.exception("A fleet page was not updated.")
+            await asyncio.sleep(FAST_S)
 
     def _card(self, slug: str) -> FleetCard:
         link, robot = self._links[slug], self._robots[slug]
@@ -178,12 +176,12 @@ class FleetConsumer(MessageSocket):
         state = link.state if known else None
         return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending)
 
-    def _note(self) -> None:
-        if self._drawn and self._of_note() != self._noted:
-            self._news.set()
+    def _wake(self) -> None:
+        if self._acknowledged and self._change_key() != self._shown_key:
+            self._changed.set()
 
-    def _of_note(self) -> list[object]:
-        """What people want to see at once when it changes."""
+    def _change_key(self) -> list[object]:
+        """Return the values whose change people want to see at once."""
         return [
             (
                 link.up,
@@ -195,20 +193,20 @@ class FleetConsumer(MessageSocket):
             for state in (link.state,)
         ]
 
-    # --- what it is made of ------------------------------------------------------------------------
+    # --- visible robots ----------------------------------------------------------------------------
 
-    async def _keep_looking(self) -> None:
+    async def _keep_reading(self) -> None:
         while True:
             await asyncio.sleep(RIGHTS_S)
             try:
-                await self._look()
+                await self._read_robots()
             except DatabaseError as error:
-                log.warning("the robots of a fleet page were not looked up: %s", error)
+                log.warning("The robots of a fleet page could not be read: %s", error)
             except Exception:
-                log.exception("looking up the robots of a fleet page failed")
+                log.exception("Reading the robots of a fleet page failed.")
 
-    async def _look(self) -> None:
-        """Follow the robots that this person may see now."""
+    async def _read_robots(self) -> None:
+        """Subscribe to the robots that this person may see now."""
         visible = await in_database(_visible_to, self.person)
         if visible is None:
             await self.close(CloseCode.SIGNED_OUT, SIGNED_OUT.text)
@@ -223,45 +221,49 @@ class FleetConsumer(MessageSocket):
         for link in fresh:
             link.subscribe(self)
 
-    # --- what the links say (robots.link.client.Listener) ---------------------------------------------------
+    # --- events of the links (robots.link.client.Listener) --------------------------------------------------
 
     def on_view(self, raw: str) -> None:
-        """Not asked for: cards show the state."""
+        """Ignore pictures: cards show the state."""
 
     def on_status(self, state: State) -> None:
-        """Show it soon if it is of note."""
-        self._note()
+        """Send an update soon if an important value changed."""
+        self._wake()
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
-        """Show it soon."""
-        self._note()
+        """Send an update soon."""
+        self._wake()
 
     def on_offers(self, offers: Offers) -> None:
-        """Not on a card."""
+        """Ignore: not on a card."""
 
     def on_seen(self, topic: str, shown: str) -> None:
-        """Not on a card."""
+        """Ignore: not on a card."""
 
     def on_ended(self, ended: Ended) -> None:
-        """The state tells."""
+        """Ignore: the state shows it."""
 
     def on_refused(self, refused: Refused) -> None:
-        """Not for this page."""
+        """Ignore: no request of this page."""
+
+
+def _with_slug(refusal: Refusal, slug: str) -> Refusal:
+    return structs.replace(refusal, figures={**refusal.figures, "slug": slug})
 
 
 def _person(person: SignIn) -> User:
     return User.objects.get(pk=person[0])
 
 
-def _visible_to(person: SignIn) -> Iterable[Visible] | None:
-    """The robots that this sign-in may see; None if it ended."""
+def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
+    """Return the robots that this sign-in may see; None if it ended."""
     user = signed_in([person]).get(person)
     if user is None:
         return None
     robots = list(robots_visible_to(user))
     roles = roles_of(user, robots)
     return [
-        Visible(
+        VisibleRobot(
             robot.id,
             robot.slug,
             robot.enabled,

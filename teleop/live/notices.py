@@ -1,4 +1,4 @@
-"""What a page is told in words when control changes."""
+"""Notices in words for a page when control changes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from teleop.control.rules import GRACE_S
 from teleop.control.status import SessionEnd
 from teleop.models import EndReason
 
-# News: people decided it. A warning: the rules ended it, and the holder may want it back. An error: something failed.
+# info: people decided it. warning: the rules ended it, and the holder may want it back. error: something failed.
 _LEVELS: dict[EndReason, Level] = {
     EndReason.HANDED_OVER: "info",
     EndReason.MOVED: "info",
@@ -20,9 +20,9 @@ _LEVELS: dict[EndReason, Level] = {
 }
 
 _TEXTS = {
-    EndReason.RELEASED: "Control was given back.",
+    EndReason.RELEASED: "You released control.",
     EndReason.MOVED: "You have control in another tab now.",
-    EndReason.TERM: "Your term is over. Take control again if nobody else does.",
+    EndReason.TERM: "Your term is over. You can take control again.",
     EndReason.AWAY: f"Your page was out of reach for more than {GRACE_S:.0f} s, so control ended.",
 }
 
@@ -31,33 +31,33 @@ GOES_ON_ELSEWHERE = Notice("info", "elsewhere", "Control goes on in another tab.
 
 
 def control_ended(ending: SessionEnd) -> Notice:
-    """Why control ended, to the page that had it."""
+    """Tell the page that had control why it ended."""
     reason = EndReason(ending.reason)
     text = _TEXTS.get(reason, ending.note) or str(reason.label)
     return Notice(_LEVELS[reason], reason.value, text)
 
 
 def control_ended_here(reason: EndReason, refusal: Refusal) -> Notice:
-    """The same, where this page itself was told why."""
+    """Tell the page why control ended, where the reason is a refusal."""
     return Notice(_LEVELS[reason], refusal.code, f"Control ended: {refusal.text}")
 
 
 def access_revoked(refusal: Refusal) -> Notice:
-    """To somebody who may not even look any more."""
+    """Tell a person that they may not see the robot any more."""
     return Notice(_LEVELS[EndReason.RIGHT], refusal.code, refusal.text)
 
 
 def request_received(name: str) -> Notice:
-    """To the holder."""
+    """Tell the holder that another person asks for control."""
     return Notice("info", "asked", f"{name} asks for control.")
 
 
 def request_closed(free: bool) -> Notice:
-    """To whoever asked, and did not get it."""
+    """Tell the person who asked that they did not get control."""
     if free:
         return Notice("info", "free", "The robot is free now: take control.")
     return Notice(
         "info",
         "not_handed_over",
-        "Your question for control is closed; ask again if you still need the robot.",
+        "Your request for control is closed. Ask again if you still need the robot.",
     )

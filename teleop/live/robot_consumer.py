@@ -92,7 +92,7 @@ class RobotConsumer(RobotSocket):
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
         elif isinstance(message, wire.TaskRequest):
-            await self.tasks.take(message)
+            await self.tasks.start(message)
         elif isinstance(message, wire.Ack):
             if self.viewer:
                 await self.viewer.acknowledge()

@@ -1,4 +1,4 @@
-"""Addresses of the WebSockets."""
+"""WebSocket addresses."""
 
 from __future__ import annotations
 

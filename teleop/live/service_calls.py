@@ -1,4 +1,4 @@
-"""Services that are called and parameters that are set: by staff, from the allow-list, on record first."""
+"""Service calls and parameter changes: for staff, from the allow-list, recorded before they are sent."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from teleop.live.tasks import check_role, required_role
 
 log = logging.getLogger(__name__)
 
-Call = CallService | SetParameter
+ServiceCall = CallService | SetParameter
 
-_STAFF_ONLY = Refusal("role_too_low", "Only staff call services and set parameters.", "account")
+_STAFF_ONLY = Refusal("role_too_low", "Only staff may call services and set parameters.", "account")
 
 
-async def execute(call: Call, *, hub: RobotHub, user: User, rights: Rights) -> str:
-    """Have it done. Returns the robot's answer, encoded; raises ControlRefused or LinkRefused."""
-    refusal = _why_not(call, hub, rights)
+async def execute(call: ServiceCall, *, hub: RobotHub, user: User, rights: Rights) -> str:
+    """Check, record and send a call. Returns the robot's encoded answer. Raises ControlRefused or LinkRefused."""
+    refusal = _check(call, hub, rights)
     if refusal is not None:
         raise ControlRefused(refusal)
     begun = await in_database(_record, call, hub, user)
@@ -47,7 +47,7 @@ async def execute(call: Call, *, hub: RobotHub, user: User, rights: Rights) -> s
     return answer
 
 
-def _why_not(call: Call, hub: RobotHub, rights: Rights) -> Refusal | None:
+def _check(call: ServiceCall, hub: RobotHub, rights: Rights) -> Refusal | None:
     if rights.role != Role.STAFF:
         return _STAFF_ONLY
     if isinstance(call, CallService):
@@ -55,13 +55,13 @@ def _why_not(call: Call, hub: RobotHub, rights: Rights) -> Refusal | None:
     return check_role(rights, required_role(hub.entry.allowed, "set", call.name), call.name)
 
 
-def _record(call: Call, hub: RobotHub, user: User) -> Record:
+def _record(call: ServiceCall, hub: RobotHub, user: User) -> Record:
     if isinstance(call, CallService):
         kind, facts, given = "service.call", {"service": call.service}, {"fields": _recorded(call.fields)}
     else:
         kind, facts, given = "parameter.set", {"name": call.name}, {"value": _recorded(call.value)}
     with recorded_change():
-        held = lease_of(hub.robot_id)  # staff may call while somebody else has control
+        held = lease_of(hub.robot_id)  # staff may call while another person has control
         own = held if held and held.user == user.pk else None
         return audit.record(
             kind,
@@ -80,17 +80,17 @@ def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
     try:
         audit.record(begun.kind, actor=user, of=begun, outcome=outcome, private=words)
     except (audit.AuditUnavailable, DatabaseError) as error:
-        log.error("the outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)
+        log.error("The outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)
 
 
 def _recorded(given: Any) -> Any:
-    """What was given; if it is long its text, of which the log takes the beginning."""
+    """Return the value for the record; a long value as text, because the log cuts long text."""
     text = msgspec.json.encode(given)
     return given if len(text) <= TEXT_BYTES else text.decode()
 
 
 class _Answered(Struct):
-    """What matters here of a `wire.TopicAnswer`."""
+    """The part of a `wire.TopicAnswer` that matters here."""
 
     refusal: wire.Refusal | None = None
 

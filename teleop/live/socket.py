@@ -1,7 +1,7 @@
-"""A WebSocket that speaks typed messages: what all consumers have in common.
+"""Base of all WebSocket consumers: typed messages, flood limit, refusals.
 
-Channels' own loop makes a task and a thread hop for each message, 0.3 ms; on the way of the stick that is most of
-the time. This one hands each message straight to `heard`, and what takes long is done beside it.
+Channels' own loop needs a task and a thread switch for each message: 0.3 ms, most of the time that drive input spends
+here. This loop passes each message directly to `on_message`; slow work runs in the background.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from teleop.recording.refusals import RefusedRequest
 
 log = logging.getLogger(__name__)
 
-FLOOD_PER_S = 200.0  # messages; a stick sends 30
-FLOOD_BURST = 400.0  # what a stall of some seconds may leave behind
-FLOOD_CLOSES_AFTER = 400  # refused messages
-REPLIES_PER_S = 10.0  # refusals that are answered; the others are only counted
+FLOOD_PER_S = 200.0  # messages; a joystick sends 30
+FLOOD_BURST = 400.0  # a stall of some seconds may leave so many messages behind
+FLOOD_CLOSES_AFTER = 400  # messages refused for flooding
+REPLIES_PER_S = 10.0  # refusals that are sent; more are only counted
 REPLIES_BURST = 20.0
 
 
-_HEAR_NOW = "fleet.hear_now"  # the server's (`fleet.server.websocket`)
+_HEAR_NOW = "fleet.hear_now"  # ASGI extension of the server (`fleet.server.websocket`)
 
 
 class CloseCode:
-    """Why the server closes a WebSocket, for the page to act on."""
+    """Codes with which the server closes a WebSocket; pages act on them."""
 
     SIGNED_OUT = 4401
     NOT_PERMITTED = 4403
@@ -51,7 +51,7 @@ class CloseCode:
 
 
 class MessageSocket(AsyncConsumer):
-    """Base of the consumers. Subclasses say what happens when it opens, hears something, and closes."""
+    """Base of the consumers. Subclasses define what happens on open, on a message and on close."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()  # messages not carried out, by code
@@ -59,20 +59,20 @@ class MessageSocket(AsyncConsumer):
         self._replies = Budget(REPLIES_PER_S, REPLIES_BURST)
         self._closing = False
         self._idle = False
-        self.heard_s = time.monotonic()  # when the page last said anything
+        self.heard_s = time.monotonic()  # time of the last message
 
     async def on_open(self) -> None:
-        """The handshake is done."""
+        """Run after the handshake."""
 
     async def on_message(self, raw: str) -> None:
-        """A text message came in. Raises WireError if it is none of ours. Must not wait for anything slow."""
+        """Act on a text message. Raises WireError if it is not valid. Must not wait for slow work."""
         raise NotImplementedError
 
     async def on_close(self) -> None:
-        """The connection is gone."""
+        """Run after the connection is gone."""
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """The ASGI application."""
+        """Run the connection (ASGI application)."""
         self.scope: Any = scope
         self.asgi_send = send
         await receive()  # websocket.connect
@@ -87,7 +87,9 @@ class MessageSocket(AsyncConsumer):
         finally:
             await self.on_close()
             if self.refused:
-                log.info("%s: refused on this connection: %s", scope["path"], dict(self.refused))
+                log.info(
+                    "%s: messages refused on this connection, by code: %s", scope["path"], dict(self.refused)
+                )
 
     async def _next(self, receive: Any) -> Any:
         self._idle = True
@@ -102,7 +104,10 @@ class MessageSocket(AsyncConsumer):
         return True
 
     def on_message_now(self, raw: str) -> bool:
-        """A text message came in while nothing waits. False: it was not looked at, and comes to `heard` in its turn."""
+        """Act at once on a text message that arrived while no other waits.
+
+        False: not done; the message comes to `on_message` in its turn.
+        """
         return False
 
     async def _received(self, event: dict[str, Any]) -> None:
@@ -110,7 +115,7 @@ class MessageSocket(AsyncConsumer):
         raw = event.get("text")
         try:
             if raw is None:
-                raise WireError(Refusal("not_text", "Only text frames are taken.", "wire"))
+                raise WireError(Refusal("not_text", "Only text frames are accepted.", "wire"))
             await self.on_message(raw)
         except WireError as error:
             of, seq = heading(raw or "")
@@ -118,47 +123,47 @@ class MessageSocket(AsyncConsumer):
                 await self.refuse(of, error.refusal, seq)
 
     async def send_message(self, message: BrowserReport | TopicsReport | FleetReport) -> None:
-        """Send a message to the page."""
+        """Send a message to the client."""
         await self.send_encoded(encode(message).decode())
 
     async def send_encoded(self, message: str) -> None:
-        """Send what is encoded already."""
+        """Send an encoded message to the client."""
         if not self._closing:
             await self.asgi_send({"type": "websocket.send", "text": message})
 
     async def refuse(
         self, of: str, refusal: Refusal, seq: int | None = None, fence: int | None = None
     ) -> None:
-        """Count a message that is not carried out, and say why, though not more often than anybody can read."""
-        self._denied(of, refusal)
+        """Count and record a message that is not carried out, and tell the client why, at most `REPLIES_PER_S`."""
+        self._record_refusal(of, refusal)
         if self._replies.spend(time.monotonic()):
             await self.send_message(Refused(of, refusal, seq, fence))
 
     async def answer(self, answer: Accepted | Refused) -> None:
-        """Give an order its one answer."""
+        """Send the one answer to a task request or query."""
         if isinstance(answer, Refused):
-            self._denied(answer.of, answer.refusal)
+            self._record_refusal(answer.of, answer.refusal)
         await self.send_message(answer)
 
-    def _denied(self, of: str, refusal: Refusal) -> None:
+    def _record_refusal(self, of: str, refusal: Refusal) -> None:
         self.refused[refusal.code] += 1
-        denied = self.refused_request(of, refusal)
-        if denied is not None:
-            refusals.note(denied)
+        refused = self.refused_request(of, refusal)
+        if refused is not None:
+            refusals.record_soon(refused)
 
     def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest | None:
-        """What goes on record of a refusal; None: nobody is there to whom it happened."""
+        """Return the facts of a refusal for the audit log; None: record nothing."""
         raise NotImplementedError
 
     def spend(self) -> bool:
-        """Count one thing that this connection says. False: it is more than it may."""
+        """Count one message. False: it exceeds the flood limit."""
         return self._budget.spend(time.monotonic())
 
     async def within_budget(self, of: str) -> bool:
-        """Whether this connection may say one thing more. Refuses if not, and closes when it goes on and on."""
+        """Count one message. If it exceeds the flood limit, refuse it and return False; close after many of these."""
         if self.spend():
             return True
-        text = f"More than {FLOOD_PER_S:.0f} messages a second."
+        text = f"More than {FLOOD_PER_S:.0f} messages per second."
         flood = Refusal("flood", text, "wire", {"limit_per_s": FLOOD_PER_S})
         await self.refuse(of, flood)
         if self.refused["flood"] >= FLOOD_CLOSES_AFTER:
@@ -167,14 +172,14 @@ class MessageSocket(AsyncConsumer):
         return False
 
     async def close(self, code: int, reason: str) -> None:
-        """Close the connection; what still comes in is not looked at."""
+        """Close the connection and ignore further messages."""
         if not self._closing:
             self._closing = True
             await self.asgi_send({"type": "websocket.close", "code": code, "reason": reason})
 
 
 async def no_such_address(scope: Any, receive: Any, send: Any) -> None:
-    """The ASGI application at every address that is none: closes, so that a page gives up."""
+    """Close a connection at an unknown address, so that the page does not try again (ASGI application)."""
     await receive()  # websocket.connect
     await send({"type": "websocket.accept"})
     await send(

@@ -1,4 +1,7 @@
-"""What a page asks of the robot besides driving: whether this person may, and the one answer that each order gets."""
+"""Task requests of one connection: checks the person's role, passes them to the bridge, and answers each one once.
+
+Tasks are everything that people ask of a robot besides driving: motions, speech, publishing, topic choice.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +28,16 @@ from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)
 
-MAX_PENDING = 8  # orders of one page
-BUSY = Refusal("busy", "Too much at once: wait for the answers.", "wire")
+MAX_PENDING = 8  # requests per connection
+BUSY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 
 _NOT_YOURS = Refusal(
-    "no_lease", "Only whoever has control, supervisors and staff may cancel what runs.", "lease"
+    "no_lease", "Only the person in control, supervisors and staff may cancel a running task.", "lease"
 )
 
 
-class Page(Protocol):
-    """Where orders come from."""
+class TaskOwner(Protocol):
+    """The connection that requests tasks."""
 
     hub: RobotHub
     user: User
@@ -42,43 +45,43 @@ class Page(Protocol):
 
     @property
     def fence(self) -> int | None:
-        """The fencing number of its control, if it has control."""
+        """The fencing number of its control; None without control."""
 
     @property
     def role_in_control(self) -> Role | None:
-        """The role in which it got control."""
+        """The role with which its person took control."""
 
     async def answer(self, answer: Accepted | Refused) -> None:
-        """Tell the page what became of an order."""
+        """Send the answer to a request."""
 
 
 class TaskSender:
-    """The orders of one page. What its person may not ask for goes no further; all else the bridge judges, and does."""
+    """The task requests of one connection. Refuses those that its person may not make; the bridge judges the others."""
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
-        self._under_way = 0
+    def __init__(self, owner: TaskOwner) -> None:
+        self._owner = owner
+        self._pending = 0
 
-    async def take(self, order: TaskRequest) -> None:
-        """Begin an order. Its answer comes beside: the stick never waits for it."""
-        refusal = self._why_not(order) or (BUSY if self._under_way >= MAX_PENDING else None)
+    async def start(self, request: TaskRequest) -> None:
+        """Send a request to the bridge. Its answer arrives in the background: drive input never waits for it."""
+        refusal = self._check(request) or (BUSY if self._pending >= MAX_PENDING else None)
         if refusal is not None:
-            await self._answer(order, refusal)
+            await self._answer(request, refusal)
             return
-        self._under_way += 1
-        run_in_background(self._hand_on(order))
+        self._pending += 1
+        run_in_background(self._forward(request))
 
-    def _why_not(self, order: TaskRequest) -> Refusal | None:
-        if order.fence is None:
-            return None if self._page.rights.supervises else _NOT_YOURS
-        return check_fence(order.fence, self._page.fence) or self._why_not_there(order)
+    def _check(self, request: TaskRequest) -> Refusal | None:
+        if request.fence is None:
+            return None if self._owner.rights.supervises else _NOT_YOURS
+        return check_fence(request.fence, self._owner.fence) or self._check_topic(request)
 
-    def _why_not_there(self, order: TaskRequest) -> Refusal | None:
-        """What the allow-list and this person's role have against where the order goes."""
-        allowed, offers = self._page.hub.entry.allowed, self._page.hub.link.offers or wire.Offers()
-        match order:
+    def _check_topic(self, request: TaskRequest) -> Refusal | None:
+        """Check the request's topic against the allow-list and the person's role."""
+        allowed, offers = self._owner.hub.entry.allowed, self._owner.hub.link.offers or wire.Offers()
+        match request:
             case wire.Publish(type=type_) if type_ in twists.TYPES:
-                return None  # the bridge passes it through the gate, as the stick, or not at all
+                return None  # the bridge passes it through the gate like drive input, or refuses it
             case wire.Publish(topic=topic, type=type_):
                 needed = required_role(allowed, "publish", topic, type_)
             case wire.Choose(topic=str(topic), use=use) if not _is_default(offers, use, topic):
@@ -87,53 +90,56 @@ class TaskSender:
                 needed = required_role(allowed, "choose", topic, use="speech")
             case _:
                 return None
-        return check_role(self._page.rights, needed, topic) or self._why_not_yet(needed, topic)
+        return check_role(self._owner.rights, needed, topic) or self._check_role_at_take(needed, topic)
 
-    def _why_not_yet(self, needed: Role | None, topic: str) -> Refusal | None:
-        """A role that rose counts from the next control on: what this one began would outlive its fall."""
-        got_in = self._page.role_in_control
-        if needed is None or got_in is None or got_in >= needed:
+    def _check_role_at_take(self, needed: Role | None, topic: str) -> Refusal | None:
+        """Require the role already at the take: a role that rose counts from the next take on.
+
+        Otherwise a task could outlive the later loss of that role.
+        """
+        role_at_take = self._owner.role_in_control
+        if needed is None or role_at_take is None or role_at_take >= needed:
             return None
         text = (
-            f"For {topic} one needs the role {needed.value}, and you took control as {got_in.value}: "
-            "release it and take it again."
+            f"{topic} needs the role {needed.value}, but you took control as {role_at_take.value}: "
+            "release control and take it again."
         )
-        figures = {"name": topic, "role": needed.value, "taken_as": got_in.value}
+        figures = {"name": topic, "role": needed.value, "taken_as": role_at_take.value}
         return Refusal("role_of_control", text, "account", figures)
 
-    async def _hand_on(self, order: TaskRequest) -> None:
+    async def _forward(self, request: TaskRequest) -> None:
         try:
-            answer = await self._asked(order)
+            answer = await self._ask_bridge(request)
             refusal = answer.refusal if isinstance(answer, Refused) else None
         except LinkRefused as refused:
             refusal = refused.refusal
         finally:
-            self._under_way -= 1
-        if refusal and refusal.code == "bridge_silent":  # the page has said so long ago
-            log.warning("%s of robot %s got no answer", kind_of(order), self._page.hub.robot_id)
+            self._pending -= 1
+        if refusal and refusal.code == "bridge_silent":  # the page shows that already
+            log.warning("%s for robot %s got no answer.", kind_of(request), self._owner.hub.robot_id)
         else:
-            await self._answer(order, refusal)
+            await self._answer(request, refusal)
 
-    async def _asked(self, order: TaskRequest) -> Accepted | Refused:
-        if order.fence is not None:
-            return await self._page.hub.link.order(order)
+    async def _ask_bridge(self, request: TaskRequest) -> Accepted | Refused:
+        if request.fence is not None:
+            return await self._owner.hub.link.order(request)
         cancel = LinkCancel(
-            "speech" if isinstance(order, wire.SayCancel) else "motion", by=self._page.user.display_name
+            "speech" if isinstance(request, wire.SayCancel) else "motion", by=self._owner.user.display_name
         )
-        answer = await self._page.hub.link.cancel(cancel)
-        run_in_background(in_database(_record_cancel, cancel.what, self._page.hub, self._page.user, answer))
+        answer = await self._owner.hub.link.cancel(cancel)
+        run_in_background(in_database(_record_cancel, cancel.what, self._owner.hub, self._owner.user, answer))
         return answer
 
-    async def _answer(self, order: TaskRequest, refusal: Refusal | None) -> None:
-        kind = kind_of(order)
+    async def _answer(self, request: TaskRequest, refusal: Refusal | None) -> None:
+        kind = kind_of(request)
         if refusal is None:
-            await self._page.answer(Accepted(kind, order.seq, order.fence))
+            await self._owner.answer(Accepted(kind, request.seq, request.fence))
         else:
-            await self._page.answer(Refused(kind, refusal, order.seq, order.fence))
+            await self._owner.answer(Refused(kind, refusal, request.seq, request.fence))
 
 
 def check_fence(fence: int, held: int | None) -> Refusal | None:
-    """Why what came under `fence` is not done on a connection whose control has the number `held`."""
+    """Refuse a command with the number `fence` unless `held`, the number of the connection's control, equals it."""
     if held is None:
         return NO_LEASE
     if fence != held:
@@ -149,7 +155,7 @@ def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
 def required_role(
     allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = ""
 ) -> Role | None:
-    """The lowest role that may `what` with `name`; None: nobody may. `type_` "" asks for any type."""
+    """Return the lowest role that may do `what` with `name`; None: no role may. `type_` "" means any type."""
     roles = [
         Role(entry.role)
         for entry in allowed
@@ -159,20 +165,20 @@ def required_role(
 
 
 def check_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
-    """Why somebody with these rights may not use `name`, for which one needs the role `needed`."""
+    """Refuse the use of `name` unless these rights include the role `needed`."""
     if needed is None:
-        text = f"{name} is not on the allow-list for this; ask the staff."
+        text = f"{name} is not on the allow-list for this. Ask the staff."
         return Refusal("not_allowed", text, "robot", {"name": name})
     if rights.role is None or rights.role < needed:
-        text = f"For {name} one needs the role {needed.value}; ask the staff."
+        text = f"{name} needs the role {needed.value}. Ask the staff."
         return Refusal("role_too_low", text, "account", {"name": name, "role": needed.value})
     return None
 
 
 def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refused) -> None:
-    """Afterwards, as for a stop: what makes the robot stand waits for nothing."""
+    """Record a cancel after it was sent, like a stop: stopping a motion must not wait for the database."""
     try:
-        held = lease_of(hub.robot_id)  # whose motion or sentence it is, as a rule
+        held = lease_of(hub.robot_id)  # usually the owner of the motion or sentence
         audit.record(
             f"{what}.cancel",
             actor=user,
@@ -183,4 +189,4 @@ def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refu
             outcome=answer.refusal.code if isinstance(answer, Refused) else "accepted",
         )
     except (audit.AuditUnavailable, DatabaseError) as error:
-        log.error("that %s cancelled a %s was not recorded: %s", user.pk, what, error)
+        log.error("A cancel by %s of a %s was not recorded: %s", user.pk, what, error)

@@ -1,4 +1,4 @@
-"""The robot's topics, live: for the topics tab, and for applications."""
+"""The WebSocket of a robot's topics: for the topics tab, and for applications."""
 
 from __future__ import annotations
 
@@ -11,34 +11,32 @@ from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_m
 from teleop.background.tasks import run_in_background
 from teleop.live import robot_hub
 from teleop.live.robot_socket import RobotSocket
-from teleop.live.service_calls import Call, execute
+from teleop.live.service_calls import ServiceCall, execute
 from teleop.live.tasks import BUSY
 from teleop.live.topic_feed import TopicViewer, Withheld
 from teleop.recording.camera_audit import CameraAudit
 
-MAX_PENDING = 8  # questions of one connection
-QUESTIONS_PER_S = 5.0  # an answer may be large, and nobody knows whether the last was read
-QUESTIONS_BURST = 30.0
-WATCHED_OFTEN = Refusal(
-    "busy", "You have begun to watch cameras very often: this one is shown in a moment.", "audit"
-)
+MAX_PENDING = 8  # queries per connection
+QUERIES_PER_S = 5.0  # an answer may be large, and is not acknowledged
+QUERIES_BURST = 30.0
+TOO_MANY_CAMERAS = Refusal("busy", "You opened cameras very often: this one is shown in a moment.", "audit")
 
 
 class TopicsConsumer(RobotSocket):
-    """One connection that looks at one robot's topics: its questions, its live views."""
+    """One connection to one robot's topics: its queries and its subscriptions."""
 
     through = "topics"
-    checked_often = True  # what it sees are the robot's messages themselves
+    checked_often = True  # it shows the robot's messages themselves
 
     def __init__(self) -> None:
         super().__init__()
         self.viewer: TopicViewer | None = None
         self.camera_audit: CameraAudit | None = None
-        self._under_way = 0
-        self._questions = Budget(QUESTIONS_PER_S, QUESTIONS_BURST)
+        self._pending = 0
+        self._query_budget = Budget(QUERIES_PER_S, QUERIES_BURST)
 
     async def on_open(self) -> None:
-        """Let this person in, if they may look at the robot."""
+        """Join the robot's hub, if this person may see the robot."""
         entry = await self.find_robot()
         if entry is not None:
             self.hub = robot_hub.join(self.robot_id, entry, self)
@@ -48,32 +46,32 @@ class TopicsConsumer(RobotSocket):
             self.report_bridge_gone()
 
     async def on_close(self) -> None:
-        """Look no more; a call that is under way goes on record all the same."""
-        self._look_away()
+        """End all subscriptions; a running service call is still recorded."""
+        self._end_subscriptions()
         if self.joined:
             await self.hub.remove(self)
 
     async def revoke_access(self, refusal: Refusal) -> None:
-        """This person may not look any more."""
-        self._look_away()
+        """End all subscriptions and close: this person may not see the robot any more."""
+        self._end_subscriptions()
         await super().revoke_access(refusal)
 
-    def _look_away(self) -> None:
+    def _end_subscriptions(self) -> None:
         if self.viewer:
             self.viewer.leave()
         if self.camera_audit:
             self.camera_audit.end_all()
 
     async def _show(self, event: dict[str, Any]) -> None:
-        if self.camera_audit and not self.camera_audit.shown(event["text"]):
-            await self.refuse("look", WATCHED_OFTEN)
+        if self.camera_audit and not self.camera_audit.may_show(event["text"]):
+            await self.refuse("look", TOO_MANY_CAMERAS)
             raise Withheld
         await self.asgi_send(event)
 
-    # --- what is asked -----------------------------------------------------------------------------
+    # --- messages ----------------------------------------------------------------------------------
 
     async def on_message(self, raw: str) -> None:
-        """One message."""
+        """Act on one message."""
         message = topics_message(raw)
         if self.viewer is None or not await self.within_budget(kind_of(message)):
             return
@@ -90,21 +88,21 @@ class TopicsConsumer(RobotSocket):
                 self.viewer.acknowledge()
             case wire.Ping(sent_ms=sent_ms):
                 await self.send_message(wire.Pong(sent_ms))
-            case question if self._under_way < MAX_PENDING and self._questions.spend(time.monotonic()):
-                self._under_way += 1
-                run_in_background(self._answer(question))
-            case question:
-                await self.refuse(kind_of(question), BUSY, question.seq)
+            case query if self._pending < MAX_PENDING and self._query_budget.spend(time.monotonic()):
+                self._pending += 1
+                run_in_background(self._answer(query))
+            case query:
+                await self.refuse(kind_of(query), BUSY, query.seq)
 
-    async def _answer(self, question: TopicQuery) -> None:
+    async def _answer(self, query: TopicQuery) -> None:
         try:
-            await self.send_encoded(await self._found_out(question))
+            await self.send_encoded(await self._ask(query))
         except NotDone as refused:
-            await self.answer(Refused(kind_of(question), refused.refusal, question.seq))
+            await self.answer(Refused(kind_of(query), refused.refusal, query.seq))
         finally:
-            self._under_way -= 1
+            self._pending -= 1
 
-    async def _found_out(self, question: TopicQuery) -> str:
-        if isinstance(question, Call):
-            return await execute(question, hub=self.hub, user=self.user, rights=self.rights)
-        return await self.hub.link.ask(question)
+    async def _ask(self, query: TopicQuery) -> str:
+        if isinstance(query, ServiceCall):
+            return await execute(query, hub=self.hub, user=self.user, rights=self.rights)
+        return await self.hub.link.ask(query)

@@ -1,8 +1,8 @@
-"""Who watched a robot's camera, on record: from the first picture that somebody was shown to the last.
+"""Records who watched a robot's camera: from the first picture shown to the last.
 
-That nobody watched must be worth something, so each stretch has its own record, however short. A long one is told in
-parts: whatever is open for longer than a part was left by a web process that died. A watch has two records: who begins
-and ends many in a short time is shown the next one later.
+The log must also prove that a camera was not watched, so each viewing has its own records, however short: a start and
+an end. A long viewing is recorded in parts of `PART_S`: a part open for longer was left by a web process that died. If
+a person starts viewings so often that their record budget is used up, the next picture is shown later.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ PICTURES = frozenset(
     }
 )
 PART_S = 3600.0
-LEFT = timedelta(seconds=2 * PART_S)  # open for so long: nobody will say how it ended
-SOUGHT = timedelta(days=30)  # what is left is sought for so far back
+ABANDONED_AFTER = timedelta(seconds=2 * PART_S)  # open for so long: its web process died, its end is unknown
+SEARCHED = timedelta(days=30)  # abandoned viewings are searched so far back
 
-_ration = RecordBudgets()
+_budgets = RecordBudgets()
 
 
 class _Shown(Struct):
-    """What matters here of a `wire.Sample`."""
+    """The part of a `wire.Sample` that matters here."""
 
     topic: str = ""
     type: str = ""
@@ -56,64 +56,64 @@ class _Shown(Struct):
 _shown = msgspec.json.Decoder(_Shown)
 
 
-@lru_cache(maxsize=64)  # all who look are handed the same text: it is looked into once
+@lru_cache(maxsize=64)  # all viewers get the same text: it is decoded once
 def _camera_of(message: str) -> str | None:
-    """The topic, if this is a picture."""
+    """Return the topic, if this sample is a picture."""
     shown = _shown.decode(message)
     return shown.topic if shown.type in PICTURES and shown.refusal is None else None
 
 
-class _Watch(Struct):
+class _Viewing(Struct):
     since_s: float
     start: asyncio.Future[Record | None]
 
 
 class CameraAudit:
-    """The cameras that one connection of one person is shown. On the event loop; waits for nothing."""
+    """Records the camera viewings of one connection. Runs on the event loop and waits for nothing."""
 
     def __init__(self, user: User, robot_id: UUID, robot_name: str) -> None:
         self._user = user
         self._robot_id = robot_id
         self._robot_name = robot_name
-        self._open: dict[str, _Watch] = {}
+        self._open: dict[str, _Viewing] = {}
 
-    def shown(self, message: str) -> bool:
-        """A message of a topic, as encoded, may go to the person: if it is a picture, they watch.
+    def may_show(self, message: str) -> bool:
+        """Return whether this encoded sample may be shown. A picture starts or continues a viewing.
 
-        False: it may not, for this person has begun to watch so often that it would not go on record.
+        False: the person's record budget is used up, so the viewing could not be recorded.
         """
         camera = _camera_of(message)
         if camera is None:
             return True
-        watch = self._open.get(camera)
-        if watch is not None and time.monotonic() - watch.since_s > PART_S:
+        viewing = self._open.get(camera)
+        if viewing is not None and time.monotonic() - viewing.since_s > PART_S:
             self.end(camera, "goes_on")
-            watch = None
-        if watch is None:
-            if _ration.wait_s(self._user.pk, time.monotonic()) > 0.0:
+            viewing = None
+        if viewing is None:
+            if _budgets.wait_s(self._user.pk, time.monotonic()) > 0.0:
                 return False
             start = asyncio.ensure_future(in_database(self._record_start, camera))
-            self._open[camera] = _Watch(time.monotonic(), start)
+            self._open[camera] = _Viewing(time.monotonic(), start)
         return True
 
     def end(self, camera: str, outcome: str = "closed") -> None:
-        """The person is shown this camera no more, if they were."""
-        watch = self._open.pop(camera, None)
-        if watch is not None:
-            run_in_background(self._told_end(watch, time.monotonic() - watch.since_s, outcome))
+        """End the viewing of this camera, if there is one."""
+        viewing = self._open.pop(camera, None)
+        if viewing is not None:
+            run_in_background(self._record_end_later(viewing, time.monotonic() - viewing.since_s, outcome))
 
     def end_all(self) -> None:
-        """The connection is gone."""
+        """End all viewings: the connection is gone."""
         for camera in list(self._open):
             self.end(camera)
 
-    async def _told_end(self, watch: _Watch, duration_s: float, outcome: str) -> None:
-        start = await watch.start
+    async def _record_end_later(self, viewing: _Viewing, duration_s: float, outcome: str) -> None:
+        start = await viewing.start
         if start is not None:
             await in_database(_record_end, start, self._user, round(duration_s, 1), outcome)
 
     def _record_start(self, camera: str) -> Record | None:
-        """That it cannot be recorded keeps nobody from looking: it is logged."""
+        """Record the start. If that fails, it is logged and the camera is shown all the same."""
         try:
             return audit.record(
                 "camera.start",
@@ -123,7 +123,7 @@ class CameraAudit:
                 parameters={"camera": camera},
             )
         except (audit.AuditUnavailable, DatabaseError) as error:
-            log.error("that %s watches %s was not recorded: %s", self._user.pk, camera, error)
+            log.error("The start of a viewing by %s of %s was not recorded: %s", self._user.pk, camera, error)
             return None
 
 
@@ -133,13 +133,13 @@ def _record_end(start: Record, user: User, duration_s: float, outcome: str) -> N
             figures = {"duration_s": duration_s}
             audit.record("camera.end", actor=user, of=start, outcome=outcome, parameters=figures)
     except (audit.AuditUnavailable, DatabaseError) as error:
-        log.error("the end of record %s was not recorded: %s", start.pk, error)
+        log.error("The end of record %s was not recorded: %s", start.pk, error)
 
 
 def close_abandoned(now: datetime) -> Iterator[None]:
-    """Put an end on record, step by step, of what a web process that died has left open. How it ended is unknown."""
+    """Record an end, step by step, for viewings that a dead web process left open. Their outcome is "unknown"."""
     ends = Record.objects.filter(of=OuterRef("pk"), kind="camera.end")
-    starts = Record.objects.filter(kind="camera.start", at__gt=now - SOUGHT, at__lt=now - LEFT)
+    starts = Record.objects.filter(kind="camera.start", at__gt=now - SEARCHED, at__lt=now - ABANDONED_AFTER)
     for start in starts.exclude(Exists(ends)).order_by("id"):
         audit.record("camera.end", of=start, outcome="unknown")
         yield

@@ -1,8 +1,8 @@
-"""Refusals on record: what a person asked for and was not done, by whatever door, with the figures behind it.
+"""Records refusals: requests of people that were not carried out, from any interface, with their figures.
 
-A thread of its own writes them, so that no answer waits for the database. One person's refusals with one code at one
-robot are folded: the first is written at once, what follows within `GAP_S` in one record with the number of `times`,
-as far as the person's budget of records goes.
+A separate thread writes them, so that no answer waits for the database. Repeated refusals (same person, robot and code)
+are suppressed: the first is written at once, further ones within `GAP_S` in one record with their number `times`, as
+far as the person's record budget allows.
 """
 
 from __future__ import annotations
@@ -23,17 +23,19 @@ logger = logging.getLogger(__name__)
 
 GAP_S = 10.0
 PACING_GAP_S = 600.0
-PACING = frozenset({"too_old", "out_of_order", "flood", "busy"})  # not what was asked for, but when
+PACING = frozenset(
+    {"too_old", "out_of_order", "flood", "busy"}
+)  # refused because of its timing, not its content
 
 Key = tuple[UUID, UUID | None, UUID | None, str]
 
 
 class RefusedRequest(NamedTuple):
-    """Something that somebody asked for and did not get."""
+    """A request of a person that was refused."""
 
     person: User
-    through: str  # which door
-    of: str  # the kind of message, or of request
+    through: str  # interface: robot page, fleet page, topics, rest
+    of: str  # kind of message, or method and address
     refusal: Refusal
     robot_id: UUID | None = None
     robot_name: str = ""
@@ -41,29 +43,29 @@ class RefusedRequest(NamedTuple):
     fence: int | None = None
 
     @property
-    def waits(self) -> bool:
-        """Nothing was done, so nothing is urgent."""
+    def deferrable(self) -> bool:
+        """True: nothing was done, so the record is not urgent."""
         return True
 
     @property
     def key(self) -> Key:
-        """What is folded into one."""
+        """Refusals with the same key are repeats."""
         return self.person.pk, self.robot_id, self.session_id, self.refusal.code
 
     @property
     def gap_s(self) -> float:
-        """Between two records of it."""
+        """Seconds between two records of repeats."""
         return PACING_GAP_S if self.refusal.code in PACING else GAP_S
 
 
-def put_on_record(denied: RefusedRequest, times: int) -> None:
-    """Write one record of what was refused so many times. That it is lost is no error to the person: it is logged.
+def write_record(refused: RefusedRequest, times: int) -> None:
+    """Write one record of a request that was refused so many times. A failure is logged; the person sees no error.
 
-    Figures that are words may name persons, or repeat what somebody typed: they may expire, numbers stay.
+    Figures that are text may contain names or typed text, so they expire; numbers stay.
     """
-    refusal = denied.refusal
+    refusal = refused.refusal
     numbers = {name: value for name, value in refusal.figures.items() if not isinstance(value, str)}
-    facts: dict[str, Any] = {"rule": refusal.rule, "of": denied.of, "through": denied.through}
+    facts: dict[str, Any] = {"rule": refusal.rule, "of": refused.of, "through": refused.through}
     if numbers:
         facts["figures"] = numbers
     if times > 1:
@@ -73,26 +75,26 @@ def put_on_record(denied: RefusedRequest, times: int) -> None:
         close_old_connections()
         audit.record(
             "refusal",
-            actor=denied.person,
-            robot_id=denied.robot_id,
-            robot_name=denied.robot_name,
-            session_id=denied.session_id,
-            fence=denied.fence,
+            actor=refused.person,
+            robot_id=refused.robot_id,
+            robot_name=refused.robot_name,
+            session_id=refused.session_id,
+            fence=refused.fence,
             outcome=refusal.code,
             parameters=facts,
             private={"words": refusal.text, **whole},
         )
     except (audit.AuditUnavailable, DatabaseError) as error:
-        who = denied.person.pk
-        logger.error("%d refusals (%s) of %s were not recorded: %s", times, refusal.code, who, error)
+        who = refused.person.pk
+        logger.error("%d refusals (%s) for %s were not recorded: %s", times, refusal.code, who, error)
     finally:
         close_old_connections()
 
 
-log = RepeatSuppressor(put_on_record)
+log = RepeatSuppressor(write_record)
 atexit.register(log.flush)
 
 
-def note(denied: RefusedRequest) -> None:
-    """Put a refusal on record, some time soon."""
-    log.note(denied)
+def record_soon(refused: RefusedRequest) -> None:
+    """Record a refusal soon, in another thread."""
+    log.add(refused)

@@ -1,7 +1,7 @@
-"""What happens again and again, on record in few records: the first at once, what follows within a while in one.
+"""Few records for repeated events: the first is written at once, repeats within some seconds in one record.
 
-One person's records of this kind have a budget besides (`RECORDS_PER_S`, `RECORDS_BURST`), by whatever doors and of
-whatever codes: without it they wait, and count on. So nobody makes the log grow faster, and nothing is lost.
+Each person also has a record budget (`RECORDS_PER_S`, `RECORDS_BURST`) for all interfaces and codes together. Without
+budget, records wait and keep counting. So no person can make the log grow faster, and no event is lost.
 """
 
 from __future__ import annotations
@@ -18,41 +18,41 @@ from robots.bridge.server.flood_limits import Budget
 
 logger = logging.getLogger(__name__)
 
-MOST = 500  # folds at once of what anybody chooses the keys of; what happens beyond is only logged
-MOST_OF_PERSON = 100  # of these: who waits for the own budget must not take the places of others
-RECORDS_PER_S = 0.2  # of one person, from one web process
+MOST = 500  # keys waiting at once, where people can choose the keys; further events are only logged
+MOST_PER_PERSON = 100  # of these: one person must not take the places of others
+RECORDS_PER_S = 0.2  # per person and web process
 RECORDS_BURST = 30.0
-_SPARED = 1000  # keys that are remembered to have been written without a budget
+_SPARED = 1000  # keys remembered that were written without using the budget
 
 
 class Event(Protocol):
-    """Something that is to go on record."""
+    """An event to record."""
 
     @property
     def key(self) -> Hashable:
-        """What is folded into one."""
+        """Events with the same key are repeats."""
 
     @property
     def gap_s(self) -> float:
-        """Between two records of it."""
+        """Seconds between two records of repeats."""
 
     @property
     def person(self) -> Any:
-        """Whose budget it takes: an account."""
+        """The account whose budget the record uses."""
 
     @property
-    def waits(self) -> bool:
-        """Whether its first record waits for the budget, too."""
+    def deferrable(self) -> bool:
+        """Whether its first record also waits for the budget."""
 
 
 class RecordBudgets:
-    """Each person's budget of records."""
+    """Each person's record budget."""
 
     def __init__(self) -> None:
         self._budgets: dict[Hashable, Budget] = {}
 
     def wait_s(self, person: Hashable, now_s: float) -> float:
-        """Take one record of this person's; if there is none, how long until there is."""
+        """Use one record of this person's budget. Returns 0.0, or the seconds until there is budget again."""
         budget = self._budgets.get(person)
         if budget is None:
             self._forget(now_s)
@@ -68,8 +68,8 @@ E = TypeVar("E", bound=Event)
 
 
 @dataclass
-class _Fold(Generic[E]):
-    """Events with one key; `due_s` is when they are written, or forgotten if there were no more."""
+class _Repeats(Generic[E]):
+    """Events with one key. At `due_s` they are written, or dropped if no repeat arrived."""
 
     newest: E
     times: int
@@ -77,7 +77,7 @@ class _Fold(Generic[E]):
 
 
 class RepeatSuppressor(Generic[E]):
-    """Folds events, and writes them in a thread that is there only while there is something to write."""
+    """Collects repeated events and writes them in a thread that lives only while there is something to write."""
 
     def __init__(self, write: Callable[[E, int], None], *, most: int | None = MOST) -> None:
         self._write = write
@@ -86,30 +86,30 @@ class RepeatSuppressor(Generic[E]):
         self._ration = RecordBudgets()
         self._spared: OrderedDict[Hashable, None] = OrderedDict()
         self._changed = threading.Condition()
-        self._folds: dict[Hashable, _Fold[E]] = {}
+        self._waiting: dict[Hashable, _Repeats[E]] = {}
         self._thread: threading.Thread | None = None
 
-    def note(self, event: E) -> None:
-        """Put an event on record, some time soon. From any thread; never waits for the database."""
+    def add(self, event: E) -> None:
+        """Record an event soon. Callable from any thread; never waits for the database."""
         with self._changed:
-            fold = self._folds.get(event.key)
-            if fold is not None:
-                fold.newest, fold.times = event, fold.times + 1
-            elif not self._has_room(event.person.pk):
-                logger.error("too much to record: %s is lost", event.key)
+            repeats = self._waiting.get(event.key)
+            if repeats is not None:
+                repeats.newest, repeats.times = event, repeats.times + 1
+            elif not self._has_capacity(event.person.pk):
+                logger.error("Too many events to record: %s is lost.", event.key)
             else:
-                self._folds[event.key] = _Fold(event, 1, time.monotonic())
-                self._see_to_the_thread()
+                self._waiting[event.key] = _Repeats(event, 1, time.monotonic())
+                self._start_thread()
                 self._changed.notify()
 
-    def _has_room(self, person: Hashable) -> bool:
+    def _has_capacity(self, person: Hashable) -> bool:
         if self._most is None:
             return True
-        of_person = sum(fold.newest.person.pk == person for fold in self._folds.values())
-        return len(self._folds) < self._most and of_person < MOST_OF_PERSON
+        of_person = sum(repeats.newest.person.pk == person for repeats in self._waiting.values())
+        return len(self._waiting) < self._most and of_person < MOST_PER_PERSON
 
     def flush(self) -> None:
-        """Write at once what waits, and be done with it: for the end of the process."""
+        """Write all waiting events now: for the end of the process."""
         with self._changed:
             thread, self._at_once = self._thread, True
             self._changed.notify()
@@ -117,9 +117,9 @@ class RepeatSuppressor(Generic[E]):
             thread.join()
         self._at_once = False
 
-    def _see_to_the_thread(self) -> None:
+    def _start_thread(self) -> None:
         if self._thread is None:
-            self._thread = threading.Thread(target=self._keep_writing, name="folding", daemon=True)
+            self._thread = threading.Thread(target=self._keep_writing, name="repeats", daemon=True)
             self._thread.start()
 
     def _keep_writing(self) -> None:
@@ -127,32 +127,32 @@ class RepeatSuppressor(Generic[E]):
             try:
                 self._write(*due)
             except Exception:
-                logger.exception("what happened %d times was not recorded", due[1])
+                logger.exception("An event that happened %d times was not recorded.", due[1])
 
     def _next(self) -> tuple[E, int] | None:
-        """What is to be written, once it is due; None when nothing is left to wait for."""
+        """Wait for the next due event; return it with its number of times. None: no event is waiting."""
         with self._changed:
-            while self._folds:
-                fold = min(self._folds.values(), key=lambda fold: fold.due_s)
+            while self._waiting:
+                repeats = min(self._waiting.values(), key=lambda repeats: repeats.due_s)
                 now_s = time.monotonic()
-                if fold.times == 0 and self._at_once:
-                    del self._folds[fold.newest.key]
-                elif now_s < fold.due_s and not self._at_once:
-                    self._changed.wait(fold.due_s - now_s)
-                elif fold.times == 0:
-                    del self._folds[fold.newest.key]
-                elif not self._at_once and (wait_s := self._wait_s(fold.newest, now_s)) > 0.0:
-                    fold.due_s = now_s + wait_s
+                if repeats.times == 0 and self._at_once:
+                    del self._waiting[repeats.newest.key]
+                elif now_s < repeats.due_s and not self._at_once:
+                    self._changed.wait(repeats.due_s - now_s)
+                elif repeats.times == 0:
+                    del self._waiting[repeats.newest.key]
+                elif not self._at_once and (wait_s := self._wait_s(repeats.newest, now_s)) > 0.0:
+                    repeats.due_s = now_s + wait_s
                 else:
-                    times, fold.times = fold.times, 0
-                    fold.due_s = now_s + fold.newest.gap_s
-                    return fold.newest, times
+                    times, repeats.times = repeats.times, 0
+                    repeats.due_s = now_s + repeats.newest.gap_s
+                    return repeats.newest, times
             self._thread = None
             return None
 
     def _wait_s(self, event: E, now_s: float) -> float:
-        """How long its record has to wait for the person's budget."""
-        if not event.waits and event.key not in self._spared:
+        """Return how long its record must wait for the person's budget."""
+        if not event.deferrable and event.key not in self._spared:
             self._spared[event.key] = None
             if len(self._spared) > _SPARED:
                 self._spared.popitem(last=False)

@@ -1,4 +1,4 @@
-"""What a robot was made to say: the audit log, read back."""
+"""The history of a robot's speech, read from the audit log."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from robots.registry.models import Robot
 from robots.registry.selectors import supervises
 
 
-class Said(Struct, frozen=True):
-    """One text that a robot was asked to say."""
+class SpokenText(Struct, frozen=True):
+    """One text that a person had a robot speak."""
 
     number: int  # of its record
     text: str
@@ -26,22 +26,24 @@ class Said(Struct, frozen=True):
     why: str
 
 
-class History(Struct, frozen=True):
-    """Some of it, newest first."""
+class SpeechHistory(Struct, frozen=True):
+    """A page of the history, newest first."""
 
-    entries: list[Said]
+    entries: list[SpokenText]
     more: bool
 
 
-def speech_history(robot: Robot, user: User, *, before: int, limit: int) -> History:
-    """At most `limit` texts with numbers below `before`: everybody's for who supervises the robot, else one's own."""
+def speech_history(robot: Robot, user: User, *, before: int, limit: int) -> SpeechHistory:
+    """Return at most `limit` texts with numbers below `before`: supervisors of the robot get all, others their own."""
     found = list(_starts(robot, user).filter(pk__lt=before).order_by("-pk")[: limit + 1])
     shown = found[:limit]
     ends = {
         end.of_id: end
         for end in Record.objects.filter(kind="speech.end", of__in=shown).select_related("content")
     }
-    return History([_said(start, ends.get(start.pk)) for start in shown], more=len(found) > limit)
+    return SpeechHistory(
+        [_spoken_text(start, ends.get(start.pk)) for start in shown], more=len(found) > limit
+    )
 
 
 def _starts(robot: Robot, user: User) -> QuerySet[Record]:
@@ -49,11 +51,11 @@ def _starts(robot: Robot, user: User) -> QuerySet[Record]:
     return starts if supervises(user, robot) else starts.filter(actor_id=str(user.pk))
 
 
-def _said(start: Record, end: Record | None) -> Said:
+def _spoken_text(start: Record, end: Record | None) -> SpokenText:
     told = start.details
-    return Said(
+    return SpokenText(
         number=start.pk,
-        text=told.get("text", ""),  # "": it has expired
+        text=told.get("text", ""),  # "": the text has expired
         language=told["language"],
         topic=told["topic"],
         who=start.actor_name,

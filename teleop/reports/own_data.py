@@ -1,6 +1,6 @@
-"""What the console has of a person, as they may read it and take it along: what they did, and what others did to them.
+"""A person's own data, to read and to export: their records, and records by others about them.
 
-Of others' records they see what happened, when and with which robot; not who did it, nor what somebody else wrote.
+Records by others show the event, its time and the robot, but neither the author nor text that another person wrote.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from fleet.audit.listing import Page, Row, Selection, Wanted, rows_of
 from fleet.audit.models import Record
 from teleop.models import ControlSession
 
-SESSIONS = 20  # of a page
+SESSIONS = 20  # per page
 RECORDS = 30
-CHUNK = 500  # others' records in memory
-TRIES = 5000  # to sign in, by anybody: the page reads no more of them
+CHUNK = 500  # records by others in memory at once
+TRIES = 5000  # failed sign-ins, of all people, that the page reads at most
 
 _TRIED = "account.sign_in_failed"
 
-# Kinds of others' records that are about a person, whose identifier stands in this parameter.
+# Kinds of records by others that are about a person; the parameter contains the person's identifier.
 _ABOUT = {
     "account.create": "user",
     "account.change": "user",
@@ -40,22 +40,22 @@ _ABOUT = {
     "audit.export": "person",
     _TRIED: "user",
 }
-# Those of which the details, too, are about nobody else: names and addresses of the account.
+# Kinds whose details, too, are only about this person: names and addresses of the account.
 _DETAILED = {"account.create", "account.change", "role.change"}
-_PERSONS = {"holder", "person", "to", "user"}  # parameters in which somebody's identifier may stand
-_DIGESTS = {"name_digest", "address_digest"}  # of what somebody typed, and from where
+_PERSONS = {"holder", "person", "to", "user"}  # parameters that may contain a person's identifier
+_DIGESTS = {"name_digest", "address_digest"}  # digests of typed names and of network addresses
 _IDENTIFIER = re.compile("[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
 class Sessions(Struct, frozen=True):
-    """Some of one's own control sessions, newest first."""
+    """A page of the person's control sessions, newest first."""
 
     shown: list[ControlSession]
     older: bool
 
 
 def own_sessions(user: User, before: datetime | None) -> Sessions:
-    """The newest, or those that began before."""
+    """Return the newest control sessions, or the newest that began before `before`."""
     sessions = ControlSession.objects.filter(user=user).select_related("robot").order_by("-started_at")
     if before is not None:
         sessions = sessions.filter(started_at__lt=before)
@@ -64,45 +64,48 @@ def own_sessions(user: User, before: datetime | None) -> Sessions:
 
 
 def own_records(user: User, *, before: int | None, after: int | None) -> Page:
-    """What this person did, newest first, each with what came of it."""
+    """Return the person's own records, newest first, each with its outcome."""
     return Selection(_of(user)).page(before=before, after=after, size=RECORDS)
 
 
-class By(Enum):
-    """Who made another's record, without a name."""
+class Author(Enum):
+    """The author of a record by others, without a name."""
 
     CONSOLE = "the console"
     OTHER = "somebody else"
     UNKNOWN = "somebody who did not get in"
 
 
-class About(Struct, frozen=True):
-    """Others' records of a person, each with what came of it, newest first."""
+class RecordsByOthers(Struct, frozen=True):
+    """A page of records by others about a person, newest first, each with its outcome."""
 
     shown: list[Row]
     older: bool
 
 
-def recorded_by_others(user: User, before: int | None) -> About:
-    """The newest, or those below a number; tries to sign in of late alone, for strangers make any number of them."""
-    numbers = _numbers_about(user, before, RECORDS + 1, tries_since=_tries_of_late())
-    return About(rows_of(numbers[:RECORDS]), older=len(numbers) > RECORDS)
+def recorded_by_others(user: User, before: int | None) -> RecordsByOthers:
+    """Return the newest records, or those with numbers below `before`.
+
+    Only recent failed sign-ins are read, because strangers can cause any number of them.
+    """
+    numbers = _numbers_about(user, before, RECORDS + 1, tries_since=_first_recent_try())
+    return RecordsByOthers(rows_of(numbers[:RECORDS]), older=len(numbers) > RECORDS)
 
 
-def by(record: Record) -> By:
-    """Who made another's record: somebody, that is, and nobody by name."""
+def author_of(record: Record) -> Author:
+    """Return the author of a record by others, without a name."""
     if record.kind == _TRIED:
-        return By.UNKNOWN
-    return By.OTHER if record.actor_id else By.CONSOLE
+        return Author.UNKNOWN
+    return Author.OTHER if record.actor_id else Author.CONSOLE
 
 
-def told_of(row: Row, user: User) -> dict[str, Any]:
-    """The details of another's record that this person may see: nobody else's identifier."""
-    told = _told_of(row.record, user)
-    return told | _told_of(row.end, user) if row.end else told
+def visible_details(row: Row, user: User) -> dict[str, Any]:
+    """Return the details that this person may see: no other person's identifier."""
+    told = _visible_details(row.record, user)
+    return told | _visible_details(row.end, user) if row.end else told
 
 
-def _told_of(record: Record, user: User) -> dict[str, Any]:
+def _visible_details(record: Record, user: User) -> dict[str, Any]:
     whole = record.details if record.kind in _DETAILED else record.parameters
     return {
         name: value
@@ -113,7 +116,7 @@ def _told_of(record: Record, user: User) -> dict[str, Any]:
 
 
 def export_of(user: User) -> exports.ExportResponse:
-    """All of that as a file. Raises `AuditUnavailable`: what cannot be recorded is not told."""
+    """Return all of the person's data as a file. Raises `AuditUnavailable`: an export must be recorded first."""
     return exports.response(
         Selection(_of(user)),
         _of(user),
@@ -141,21 +144,21 @@ def _exported(row: Row, user: User) -> dict[str, Any]:
         "time": record.at.isoformat(),
         "kind": record.kind,
         "robot": {"id": str(record.robot_id), "name": record.robot_name} if record.robot_id else None,
-        "by": by(record).value,
+        "by": author_of(record).value,
         "control_session": str(record.session_id) if in_own_session else None,
         "outcome": row.outcome,
-        "details": told_of(row, user),
+        "details": visible_details(row, user),
     }
 
 
-def _tries_of_late() -> int:
-    """The number of the oldest try to sign in that the page reads: by the index alone, whoever was meant."""
+def _first_recent_try() -> int:
+    """Return the number of the oldest failed sign-in that the page reads; the index alone answers this."""
     tries = Record.objects.filter(kind=_TRIED).order_by("-pk").values_list("pk", flat=True)
     return next(iter(tries[TRIES - 1 : TRIES]), 0)
 
 
 def _numbers_about(user: User, before: int | None, limit: int, tries_since: int = 0) -> list[int]:
-    """At most so many, newest first: of each source by an index of its own, and merged."""
+    """Return at most `limit` numbers, newest first. Each source uses its own index; the results are merged."""
     person = str(user.pk)
     sessions = ControlSession.objects.filter(user=user).values("pk")
     sources = [
@@ -166,12 +169,12 @@ def _numbers_about(user: User, before: int | None, limit: int, tries_since: int 
         ),
     ]
     others = Record.objects.exclude(actor=person).exclude(real_actor=person).order_by("-pk")
-    # Requests alone; not by the index of outcomes, by which SQLite would look at half of the log.
+    # Only first records. Coalesce keeps SQLite from the index of outcomes, with which it would read half of the log.
     others = others.alias(request=Coalesce("of_id", 0)).filter(request=0)
     if before is not None:
         others = others.filter(pk__lt=before)
     found = [others.filter(source).values_list("pk", flat=True)[:limit] for source in sources]
-    merged = dict.fromkeys(heapq.merge(*found, reverse=True))  # some are of two sources
+    merged = dict.fromkeys(heapq.merge(*found, reverse=True))  # some come from two sources
     return list(islice(merged, limit))
 
 

@@ -1,7 +1,7 @@
-"""The paths of drives as a picture: lines in colours of speed on the robot's map and a grid of metres, x to the right
-and y up.
+"""The paths of drives as a picture: lines coloured by speed, on the robot's map and a grid in metres; x right, y up.
 
-Pure: poses in, numbers for an SVG out. Poses are [x, y, yaw] in metres and radians, samples [t_s, x, y, yaw, speed].
+Pure functions: poses in, numbers for an SVG out. Poses are [x, y, yaw] in metres and radians, samples
+[t_s, x, y, yaw, speed].
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ from itertools import groupby, pairwise
 
 from msgspec import Struct
 
-WIDTH, HEIGHT = 800, 600  # of the picture, in units of its own
-MARGIN = 40  # units around what is drawn
-SMALLEST_M = 2.0  # wide: a robot that hardly moved is not shown as under a microscope
-AROUND_M = 3.0  # of a map, about the path: enough to know the room
-MOST_LINES = 14  # of the grid, across
+WIDTH, HEIGHT = 800, 600  # of the picture, in SVG units
+MARGIN = 40  # units around the drawing
+SMALLEST_M = 2.0  # smallest width shown, so that a tiny movement is not magnified
+AROUND_M = 3.0  # of the map around the path: enough to recognise the room
+MOST_LINES = 14  # grid lines across the picture
 STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-SPEEDS_MPS = (0.1, 0.2, 0.4, 0.7)  # where one colour ends and the next begins
+SPEEDS_MPS = (0.1, 0.2, 0.4, 0.7)  # limits between two colours
 
 Numbers = Sequence[float]
 
 
-class Leg(Struct, frozen=True):
-    """One drive. `frame` is where its odometry frame lies in the map's, if that is known."""
+class DrivePath(Struct, frozen=True):
+    """The path of one drive. `frame` is the pose of its odometry frame in the map's frame, if known."""
 
-    begins_s: float  # on the clock of the picture
+    begins_s: float  # since the start of the control session
     samples: Sequence[Numbers]
     frame: Numbers | None = None
 
 
-class Ground(Struct, frozen=True):
-    """What is drawn beneath: the picture of a map, which lies as nav_msgs/OccupancyGrid says."""
+class MapImage(Struct, frozen=True):
+    """The picture of a map, placed as in nav_msgs/OccupancyGrid."""
 
     number: int  # of the picture
     wide_m: float
@@ -41,36 +41,36 @@ class Ground(Struct, frozen=True):
 
     @property
     def corners(self) -> list[tuple[float, float, float]]:
-        """In the map's frame."""
+        """Its corners in the map's frame."""
         across, up = (0.0, self.wide_m), (0.0, self.high_m)
-        return [_placed((x, y, 0.0), self.origin) for x in across for y in up]
+        return [_transformed((x, y, 0.0), self.origin) for x in across for y in up]
 
 
 class Line(Struct, frozen=True):
-    """A stretch of one colour; `points` as an SVG takes them."""
+    """A line of one colour; `points` in SVG notation."""
 
-    pace: int  # 0: the slowest of `len(SPEEDS_MPS) + 1`
+    pace: int  # speed class; 0: the slowest of `len(SPEEDS_MPS) + 1`
     points: str
 
 
 class Plot(Struct, frozen=True):
-    """What is drawn, in units of the picture."""
+    """The drawing, in SVG units."""
 
     lines: list[Line]
-    marks: list[tuple[float, float]]  # where the gate held back
-    across: list[float]  # lines of the grid: y of each
-    upright: list[float]  # x of each
-    step_m: float  # between two of them
-    on_map: bool  # whether places are the map's
-    ground: Ground | None
-    lay: str  # the transform that lays the ground, in metres from its upper left corner, onto the picture
-    replay: list[list[list[float]]]  # of each drive its samples: s, x, y, degrees clockwise from the right
+    marks: list[tuple[float, float]]  # where the gate intervened
+    grid_y: list[float]  # y of each horizontal grid line
+    grid_x: list[float]  # x of each vertical grid line
+    step_m: float  # between two grid lines
+    on_map: bool  # whether coordinates are the map's (else the odometry's)
+    ground: MapImage | None
+    map_transform: str  # SVG transform of the map picture, given in metres from its upper left corner
+    replay: list[list[list[float]]]  # samples of each drive: s, x, y, degrees clockwise from the right
 
 
 class _Scale(Struct, frozen=True):
-    """From metres to units."""
+    """Converts metres to SVG units."""
 
-    left: float  # metres, of the picture's edges
+    left: float  # left edge of the picture in metres
     top: float
     per_m: float
 
@@ -78,31 +78,35 @@ class _Scale(Struct, frozen=True):
         return round((x - self.left) * self.per_m, 1), round((self.top - y) * self.per_m, 1)
 
 
-def plotted(
-    legs: Sequence[Leg], marks: Sequence[tuple[Numbers, Numbers | None]], ground: Ground | None = None
+def plot_drives(
+    legs: Sequence[DrivePath], marks: Sequence[tuple[Numbers, Numbers | None]], ground: MapImage | None = None
 ) -> Plot | None:
-    """The drives, and the poses where the gate held back, each with its frame; None if nothing is known of any path."""
+    """Draw drives and `marks`: poses where the gate intervened, each with its frame. None without any path."""
     legs = [leg for leg in legs if leg.samples]
     if not legs:
         return None
     on_map = all(leg.frame for leg in legs)
-    paths = [[_placed(sample[1:4], leg.frame if on_map else None) for sample in leg.samples] for leg in legs]
+    paths = [
+        [_transformed(sample[1:4], leg.frame if on_map else None) for sample in leg.samples] for leg in legs
+    ]
     held = [
-        _placed(pose, frame if on_map else None) for pose, frame in marks if frame is not None or not on_map
+        _transformed(pose, frame if on_map else None)
+        for pose, frame in marks
+        if frame is not None or not on_map
     ]
     ground = ground if on_map else None
     shown = [pose for path in paths for pose in path] + held
-    scale = _fitting(shown + _surroundings(shown, ground))
+    scale = _fit_scale(shown + _surroundings(shown, ground))
     step_m = next((step for step in STEPS_M if WIDTH / scale.per_m / step <= MOST_LINES), STEPS_M[-1])
     return Plot(
         lines=[line for leg, path in zip(legs, paths, strict=True) for line in _lines(leg, path, scale)],
         marks=[scale(x, y) for x, y, _yaw in held],
-        across=_grid(scale.top * scale.per_m, step_m * scale.per_m, HEIGHT),
-        upright=_grid(-scale.left * scale.per_m, step_m * scale.per_m, WIDTH),
+        grid_y=_grid(scale.top * scale.per_m, step_m * scale.per_m, HEIGHT),
+        grid_x=_grid(-scale.left * scale.per_m, step_m * scale.per_m, WIDTH),
         step_m=step_m,
         on_map=on_map,
         ground=ground,
-        lay=_lay(ground, scale) if ground else "",
+        map_transform=_map_transform(ground, scale) if ground else "",
         replay=[
             [
                 [round(leg.begins_s + sample[0], 2), *scale(x, y), round(-math.degrees(yaw), 1)]
@@ -114,12 +118,12 @@ def plotted(
 
 
 def pace_of(speed_mps: float) -> int:
-    """Which colour a speed has."""
+    """Return the speed class of a speed: 0 is the slowest."""
     return sum(speed_mps > limit for limit in SPEEDS_MPS)
 
 
-def _placed(pose: Numbers, frame: Numbers | None) -> tuple[float, float, float]:
-    """A pose of a frame, in the frame that that one lies in."""
+def _transformed(pose: Numbers, frame: Numbers | None) -> tuple[float, float, float]:
+    """Transform a pose from `frame` to that frame's parent."""
     x, y, yaw = pose
     if frame is None:
         return x, y, yaw
@@ -128,8 +132,8 @@ def _placed(pose: Numbers, frame: Numbers | None) -> tuple[float, float, float]:
     return left + c * x - s * y, up + s * x + c * y, yaw + turn
 
 
-def _surroundings(poses: Sequence[Numbers], ground: Ground | None) -> list[Numbers]:
-    """How far the ground reaches about these poses, but not more than `AROUND_M`."""
+def _surroundings(poses: Sequence[Numbers], ground: MapImage | None) -> list[Numbers]:
+    """Return the map's corners, limited to `AROUND_M` around these poses."""
     if ground is None:
         return []
     (west, east), (south, north) = _reach(poses, 0), _reach(poses, 1)
@@ -144,17 +148,17 @@ def _reach(poses: Sequence[Numbers], axis: int) -> tuple[float, float]:
     return min(along), max(along)
 
 
-def _lay(ground: Ground, scale: _Scale) -> str:
-    """As SVG takes it."""
+def _map_transform(ground: MapImage, scale: _Scale) -> str:
+    """Return the SVG transform of the map picture."""
     turn = ground.origin[2]
     c, s = scale.per_m * math.cos(turn), scale.per_m * math.sin(turn)
-    x, y, _yaw = _placed((0.0, ground.high_m, 0.0), ground.origin)
+    x, y, _yaw = _transformed((0.0, ground.high_m, 0.0), ground.origin)
     left, down = (x - scale.left) * scale.per_m, (scale.top - y) * scale.per_m
     return f"matrix({c:.6g} {-s:.6g} {s:.6g} {c:.6g} {left:.6g} {down:.6g})"
 
 
-def _fitting(poses: Sequence[Numbers]) -> _Scale:
-    """All of them in the picture, in its middle."""
+def _fit_scale(poses: Sequence[Numbers]) -> _Scale:
+    """Return the scale that shows all poses in the middle of the picture."""
     (west, east), (south, north) = _reach(poses, 0), _reach(poses, 1)
     wide, high = max(east - west, SMALLEST_M), max(north - south, SMALLEST_M)
     per_m = min((WIDTH - 2 * MARGIN) / wide, (HEIGHT - 2 * MARGIN) / high)
@@ -163,8 +167,8 @@ def _fitting(poses: Sequence[Numbers]) -> _Scale:
     return _Scale(left, top, per_m)
 
 
-def _lines(leg: Leg, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
-    """Neighbours of one colour are one line, so that it bends smoothly."""
+def _lines(leg: DrivePath, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
+    """Join neighbouring steps of one colour to one line, so that it bends smoothly."""
     steps = [
         (pace_of(math.dist(here[:2], there[:2]) / max(later[0] - sooner[0], 1e-3)), here, there)
         for (sooner, here), (later, there) in pairwise(zip(leg.samples, path, strict=True))
@@ -176,6 +180,6 @@ def _lines(leg: Leg, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
 
 
 def _grid(zero: float, step: float, size: int) -> list[float]:
-    """Lines so far apart, one of them at `zero`, over the picture and as much on either side: it may have more room."""
+    """Return grid lines, one of them at `zero`, over three picture sizes: the page may show more than the picture."""
     first, last = math.ceil((-size - zero) / step), math.floor((2 * size - zero) / step)
     return [round(zero + number * step, 1) for number in range(first, last + 1)]

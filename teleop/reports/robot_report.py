@@ -1,6 +1,6 @@
-"""How a robot was used over some days: hours, distance, when, and what went wrong. Read from the audit log.
+"""The use of a robot over some days: hours, distance, times of day, faults. Read from the audit log.
 
-However much is in the log: each figure is one query of one kind of records of this robot, by the index for these.
+Each figure is one query for one kind of records of this robot, by the index for these, however long the log is.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ REASONS = 10  # the most frequent
 
 
 class Reason(Struct, frozen=True):
-    """Why the gate held back."""
+    """A reason why the gate intervened."""
 
     code: str
     times: int
-    words: str  # of the last time; blank if they have expired
-    at: datetime  # the last time
+    words: str  # of the last time; empty if they have expired
+    at: datetime  # last time
 
     @property
     def words_of_code(self) -> str:
-        """The code, to be read."""
+        """The code in words."""
         return wording.outcome(self.code)
 
 
 class Fault(Struct, frozen=True):
-    """Something that went wrong."""
+    """A fault of the robot."""
 
     at: datetime
     what: str
 
 
 class Day(Struct, frozen=True):
-    """One day's driving."""
+    """Driving on one day."""
 
     day: date
     hours: float
@@ -55,15 +55,12 @@ class Day(Struct, frozen=True):
 
     @property
     def driven(self) -> str:
-        """How long, as a clock shows it."""
+        """Time driven, as h:mm:ss."""
         return clock(self.hours * 3600.0)
 
 
 class Use(Struct, frozen=True):
-    """Hours driven, as the plots show them: on each day of the period, in each hour of the day, on each weekday.
-
-    Days are UTC; Monday comes first.
-    """
+    """Hours driven: on each day of the period, in each hour of the day, on each weekday (Monday first). UTC."""
 
     days: list[Day]
     hours: list[float]
@@ -71,7 +68,7 @@ class Use(Struct, frozen=True):
 
 
 class RobotReport(Struct, frozen=True):
-    """All that the page shows."""
+    """The content of the page."""
 
     since: date
     drives: int
@@ -85,21 +82,21 @@ class RobotReport(Struct, frozen=True):
 
     @property
     def driven(self) -> str:
-        """How long, as a clock shows it."""
+        """Time driven, as h:mm:ss."""
         return clock(self.driven_h * 3600.0)
 
     @property
     def interventions_per_hour(self) -> float | None:
-        """Of driving; None if nobody drove."""
+        """Gate interventions per hour of driving; None without driving."""
         return self.interventions / self.driven_h if self.driven_h else None
 
 
 def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
-    """The last `days`, today included."""
+    """Report the last `days`, including today."""
     today = now.astimezone(zones.utc).date()
     since = today - timedelta(days=days - 1)
     driven = _driven(robot, since, today)
-    reasons = _held_back(robot, since, today)
+    reasons = _interventions(robot, since, today)
     use = _use(driven, since, days)
     return RobotReport(
         since=since,
@@ -115,19 +112,19 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
 
 
 def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
-    """Not of days to come either: a clock may have been ahead."""
+    """Select the records of these days; none of the future, because a clock may have been ahead."""
     return Record.objects.filter(robot_id=robot.pk, day__range=(since, until))
 
 
 def _stops(robot: Robot, since: date, until: date) -> int:
-    """How often it was pressed: a record may be of several times."""
+    """Count stop presses: one record may stand for several."""
     pressed = _of_days(robot, since, until).filter(kind="stop.press", of=None)
     times = Coalesce(_number("times", "parameters"), 1.0)
     return int(pressed.aggregate(pressed=Sum(times))["pressed"] or 0)
 
 
 def _driven(robot: Robot, since: date, until: date) -> list[Any]:
-    """Of each hour in which a drive ended: how many did, seconds, metres."""
+    """Return for each hour in which drives ended: their number, seconds and metres."""
     ended = _of_days(robot, since, until).filter(kind="drive.end")
     return list(
         ended.order_by()
@@ -137,9 +134,9 @@ def _driven(robot: Robot, since: date, until: date) -> list[Any]:
 
 
 def _figure(name: str) -> Coalesce:
-    """A figure of a drive. Until November 2026 it stood beside the path, which takes long to read and may expire."""
-    beside_the_path = Content.objects.filter(pk=OuterRef("pk")).values(figure=_number(name, "data"))
-    return Coalesce(_number(name, "parameters"), Subquery(beside_the_path))
+    """Select a figure of a drive. Until November 2026 it was stored with the path: slow to read, and it may expire."""
+    stored_with_path = Content.objects.filter(pk=OuterRef("pk")).values(figure=_number(name, "data"))
+    return Coalesce(_number(name, "parameters"), Subquery(stored_with_path))
 
 
 def _number(name: str, column: str) -> Cast:
@@ -159,8 +156,8 @@ def _use(driven: list[Any], since: date, days: int) -> Use:
     return Use([Day(day, on_day[day], metres[day]) for day in period], hours, weekdays)
 
 
-def _held_back(robot: Robot, since: date, until: date) -> list[Any]:
-    """Each reason of the gate, the most frequent first: code, times, number of the newest record."""
+def _interventions(robot: Robot, since: date, until: date) -> list[Any]:
+    """Return each reason of the gate, most frequent first: code, times, number of the newest record."""
     begun = _of_days(robot, since, until).filter(kind="gate.begin")
     return list(
         begun.order_by()
@@ -188,5 +185,5 @@ def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
 
 
 def begins(day: date) -> int:
-    """The midnight at which a day begins, in seconds since 1970."""
+    """Return the start of a day (UTC) in seconds since 1970."""
     return int(datetime.combine(day, time(), zones.utc).timestamp())

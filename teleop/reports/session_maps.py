@@ -1,4 +1,4 @@
-"""Which of a robot's maps is shown with a control session, and which no session needs any more."""
+"""Selects the map to show with a control session, and removes maps that no session needs any more."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from robots.registry.maps import CLOCKS
 from robots.registry.models import Robot, RobotMap
 from teleop.models import ControlSession
 
-UNDER_WAY = timedelta(days=1)  # what was seen within that may still be wanted
+RECENT = timedelta(days=1)  # a map seen within this time may still be needed
 
 
 def maps_of(session: ControlSession) -> QuerySet[RobotMap]:
-    """What the robot's map was while somebody had control, the newest last: that one is shown."""
+    """Return the robot's maps during a control session, newest last. The newest is shown."""
     maps = RobotMap.objects.filter(
         robot=session.robot_id,
         first_seen_at__lte=session.ended_at or timezone.now(),
@@ -28,8 +28,8 @@ def maps_of(session: ControlSession) -> QuerySet[RobotMap]:
     return maps.order_by("first_seen_at")
 
 
-def keep_house(now: datetime) -> Iterator[None]:
-    """Remove the maps that are shown with no control session whose paths are kept. A step for each robot."""
+def remove_unneeded(now: datetime) -> Iterator[None]:
+    """Remove maps that belong to no control session whose paths are kept. One step per robot."""
     for robot_id in Robot.objects.filter(maps__isnull=False).distinct().values_list("pk", flat=True):
         RobotMap.objects.filter(pk__in=_unneeded(robot_id, now)).delete()
         yield
@@ -42,14 +42,14 @@ def _unneeded(robot_id: UUID, now: datetime) -> list[int]:
     return [
         found.pk
         for found, following in zip_longest(maps, maps[1:])
-        if found.last_seen_at < now - UNDER_WAY and not _shown_with(sessions, found, following).exists()
+        if found.last_seen_at < now - RECENT and not _shown_with(sessions, found, following).exists()
     ]
 
 
 def _shown_with(
     sessions: QuerySet[ControlSession], found: RobotMap, following: RobotMap | None
 ) -> QuerySet[ControlSession]:
-    """Those that show this map, and not the following one; as `maps_of`, the other way round."""
+    """Return the sessions that show this map and not the following one: the inverse of `maps_of`."""
     begun = sessions.filter(started_at__lte=found.last_seen_at + CLOCKS)
     if following is not None:
         return begun.filter(ended_at__gte=found.first_seen_at, ended_at__lt=following.first_seen_at)

@@ -1,4 +1,4 @@
-"""What happened while somebody had control of a robot: a timeline, the path, and figures. Read from the audit log."""
+"""The report of a control session: timeline, path and figures. Read from the audit log."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from fleet.audit.models import Record
 from robots.registry.selectors import supervises
 from teleop.models import ControlSession
 from teleop.reports.durations import clock
-from teleop.reports.path_plot import Ground, Leg, Plot, plotted
+from teleop.reports.path_plot import DrivePath, MapImage, Plot, plot_drives
 from teleop.reports.session_maps import maps_of
 
-MOST_ENTRIES = 1000  # of a timeline: the newest
+MOST_ENTRIES = 1000  # of a timeline; older ones are not shown
 _CHUNK = 250
-_MOST_OF_THE_ROBOT = 50
-# What happens to the robot whoever has control, and may name no control session.
-_OF_THE_ROBOT = ("fault", "stop.press", "stop.latch")
+_MOST_ROBOT_EVENTS = 50
+# Events of the robot that do not depend on control and may name no control session.
+_ROBOT_EVENTS = ("fault", "stop.press", "stop.latch")
 
 
 class Entry(Struct, frozen=True):
@@ -34,37 +34,37 @@ class Entry(Struct, frozen=True):
     number: int  # of its record
     at: datetime
     at_s: float  # since the session began
-    group: str  # what the kind's name begins with: control, drive, speech
+    group: str  # first part of the record's kind: control, drive, speech
     what: str
     subject: str
-    told: list[str]  # who, unless that was who had control; what came of it; figures
+    facts: list[str]  # the actor unless it is the holder; outcome; figures
     expired: bool
 
 
 class Figures(Struct, frozen=True):
-    """What a session came to."""
+    """Figures of a session."""
 
-    lasted: str  # as a clock shows it
+    lasted: str  # h:mm:ss
     driven: str
     distance_m: float
     stops: int
     interventions: int
-    complete: bool  # how far each drive was is known
+    complete: bool  # the distance of each drive is known
 
 
 class SessionReport(Struct, frozen=True):
-    """All that the page shows."""
+    """The content of the page."""
 
     lasted_s: float
     entries: list[Entry]
-    cut_off: bool  # there were more of them
+    truncated: bool  # there are older entries
     figures: Figures
     plot: Plot | None
     path_expired: bool  # of one drive at least
 
 
 def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
-    """The control session, if this is the person concerned, a supervisor of the robot, or staff."""
+    """Return the control session if `user` was its holder, supervises the robot, or is staff; else None."""
     session = ControlSession.objects.select_related("robot", "user").filter(pk=session_id).first()
     if session is None:
         return None
@@ -73,36 +73,36 @@ def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
 
 
 def report_of(session: ControlSession) -> SessionReport:
-    """What the log knows of the session."""
+    """Build the report from the audit log."""
     newest = Selection(Wanted(session=session.pk)).chunks(_CHUNK)
     found = list(islice((row for chunk in newest for row in chunk), MOST_ENTRIES + 1))
-    rows = _with_the_robots(found[:MOST_ENTRIES][::-1], session)
+    rows = _with_robot_events(found[:MOST_ENTRIES][::-1], session)
     drives = [row for row in rows if row.record.kind == "drive.start"]
     lasted_s = _since(session, session.ended_at or timezone.now())
     return SessionReport(
         lasted_s=lasted_s,
         entries=[_entry(row, session) for row in rows],
-        cut_off=len(found) > MOST_ENTRIES,
+        truncated=len(found) > MOST_ENTRIES,
         figures=_figures(rows, drives, lasted_s),
         plot=_plot(rows, drives, session),
         path_expired=any(row.end and wording.expired(row.end) for row in drives),
     )
 
 
-def _with_the_robots(rows: list[Row], session: ControlSession) -> list[Row]:
-    """Oldest first, with what happened to the robot meanwhile."""
+def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
+    """Add the robot's own events of that time. Sorted, oldest first."""
     if not rows:
         return rows
     meanwhile = Record.objects.filter(
         robot_id=session.robot_id,
-        kind__in=_OF_THE_ROBOT,
+        kind__in=_ROBOT_EVENTS,
         session_id=None,
         of=None,
         pk__gt=rows[0].number,
         pk__lt=rows[-1].number,
     ).select_related("actor", "real_actor", "content")
-    beside = [Row(record.pk, record, None) for record in meanwhile.order_by("-pk")[:_MOST_OF_THE_ROBOT]]
-    return sorted([*rows, *beside], key=lambda row: row.number)
+    robot_events = [Row(record.pk, record, None) for record in meanwhile.order_by("-pk")[:_MOST_ROBOT_EVENTS]]
+    return sorted([*rows, *robot_events], key=lambda row: row.number)
 
 
 # --- timeline -------------------------------------------------------------------------------------
@@ -119,8 +119,8 @@ def _entry(row: Row, session: ControlSession) -> Entry:
         group=record.kind.partition(".")[0],
         what=wording.label(record.kind),
         subject=wording.subject(record),
-        told=[words for words in (who, wording.outcome(row.outcome), *wording.facts(records)) if words],
-        expired=any(wording.expired(told) for told in records),
+        facts=[words for words in (who, wording.outcome(row.outcome), *wording.facts(records)) if words],
+        expired=any(wording.expired(one) for one in records),
     )
 
 
@@ -145,12 +145,12 @@ def _figures(rows: Sequence[Row], drives: Sequence[Row], lasted_s: float) -> Fig
 
 
 def _driven_s(drive: Row) -> float:
-    """How long; nothing where nobody knows, because the bridge was killed or the drive goes on."""
+    """Return the seconds of a drive; 0 if unknown: the bridge was killed, or the drive is still running."""
     if drive.end is None:
         return 0.0
     if "duration_s" in drive.end.details:
         return float(drive.end.details["duration_s"])
-    # Until November 2026 it expired with the path.
+    # Until November 2026 the duration expired with the path.
     return (drive.end.at - drive.record.at).total_seconds() if wording.expired(drive.end) else 0.0
 
 
@@ -159,10 +159,10 @@ def _driven_s(drive: Row) -> float:
 
 def _plot(rows: Sequence[Row], drives: Sequence[Row], session: ControlSession) -> Plot | None:
     legs = {
-        drive.record.pk: Leg(
+        drive.record.pk: DrivePath(
             begins_s=_since(session, drive.record.at),
-            samples=_told(drive.end, "path") or [],
-            frame=_told(drive.end, "map_to_odom") or _told(drive.record, "map_to_odom"),
+            samples=_detail(drive.end, "path") or [],
+            frame=_detail(drive.end, "map_to_odom") or _detail(drive.record, "map_to_odom"),
         )
         for drive in drives
     }
@@ -171,19 +171,19 @@ def _plot(rows: Sequence[Row], drives: Sequence[Row], session: ControlSession) -
         for row in rows
         if row.record.kind == "gate.begin"
         and row.record.of_id in legs
-        and (pose := _told(row.record, "pose"))
+        and (pose := _detail(row.record, "pose"))
     ]
-    return plotted(list(legs.values()), marks, _ground(session))
+    return plot_drives(list(legs.values()), marks, _ground(session))
 
 
-def _ground(session: ControlSession) -> Ground | None:
-    """The robot's map of then."""
+def _ground(session: ControlSession) -> MapImage | None:
+    """Return the robot's map at that time."""
     found = maps_of(session).defer("picture").last()
     if found is None:
         return None
     wide_m, high_m = found.width * found.resolution_m, found.height * found.resolution_m
-    return Ground(found.pk, wide_m, high_m, (found.origin_x_m, found.origin_y_m, found.origin_yaw))
+    return MapImage(found.pk, wide_m, high_m, (found.origin_x_m, found.origin_y_m, found.origin_yaw))
 
 
-def _told(record: Record | None, name: str) -> Any:
+def _detail(record: Record | None, name: str) -> Any:
     return None if record is None else record.details.get(name)

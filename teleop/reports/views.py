@@ -1,4 +1,4 @@
-"""The pages that look back: a control session, a robot's use, and what the log has of oneself."""
+"""Report pages: a control session, a robot's use, a person's own data."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from teleop.control.selectors import end_notes
 from teleop.reports import own_data, path_plot, robot_report, session_report
 from teleop.reports.session_maps import maps_of
 
-_BY = {
-    own_data.By.CONSOLE: gettext_lazy("by the console itself"),
-    own_data.By.OTHER: gettext_lazy("by somebody else"),
-    own_data.By.UNKNOWN: gettext_lazy("by somebody who did not get in"),
+_AUTHORS = {
+    own_data.Author.CONSOLE: gettext_lazy("by the console itself"),
+    own_data.Author.OTHER: gettext_lazy("by somebody else"),
+    own_data.Author.UNKNOWN: gettext_lazy("by somebody who did not get in"),
 }
-MAP_CACHED_S = 60 * 60  # by the browser of who may see it; what a number shows never changes
+MAP_CACHED_S = 60 * 60  # in the browser; the picture of a number never changes
 
 
 class Line(Struct, frozen=True):
-    """A record of a person, as the page shows it; `subject` is what was said, of others' records the facts."""
+    """A record as a line of the page; `subject` is the spoken text, or the facts of a record by others."""
 
     at: datetime
     robot: str
@@ -56,11 +56,11 @@ class Line(Struct, frozen=True):
 @never_cache
 @require_safe
 def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
-    """What happened while somebody had control, for whom it concerns, supervisors of the robot, and staff."""
+    """Show a control session to its holder, supervisors of the robot and staff."""
     person = person_of(request)
     session = session_report.session_seen_by(person, session_id)
     if session is None:
-        raise Http404("there is no such control session, or it is not yours to see")
+        raise Http404("There is no such control session, or you may not see it.")
     report = session_report.report_of(session)
     context = {
         "report": report,
@@ -82,22 +82,22 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
 @cache_control(private=True, max_age=MAP_CACHED_S, immutable=True)
 @require_safe
 def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> HttpResponse:
-    """The picture of one of the robot's maps of that time, for whoever may see the session's page."""
+    """Return the picture of one of the robot's maps of that time, to people who may see the session."""
     session = session_report.session_seen_by(person_of(request), session_id)
     found = maps_of(session).filter(pk=number).first() if session else None
     if found is None:
-        raise Http404("there is no such control session or map, or it is not yours to see")
+        raise Http404("There is no such control session or map, or you may not see it.")
     return HttpResponse(bytes(found.picture), content_type="image/png")
 
 
 @never_cache
 @require_safe
 def robot(request: HttpRequest, slug: str) -> HttpResponse:
-    """How a robot was used, for its supervisors and staff."""
+    """Show a robot's use to its supervisors and staff."""
     person = person_of(request)
     asked = robot_seen_by(person, slug)
     if not supervises(person, asked):
-        raise Http404("this report is for supervisors of the robot")
+        raise Http404("This report is for supervisors of the robot.")
     days = _period(request)
     report = robot_report.report_of(asked, days, now())
     context = {
@@ -120,7 +120,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
 @never_cache
 @require_safe
 def your_data(request: HttpRequest) -> HttpResponse:
-    """One's own control sessions and records, and nobody else's."""
+    """Show a person their own data."""
     person = person_of(request)
     page = own_data.own_records(person, before=number(request, "before"), after=number(request, "after"))
     sessions = own_data.own_sessions(person, _moment(request, "began_before"))
@@ -140,7 +140,7 @@ def your_data(request: HttpRequest) -> HttpResponse:
 
 @require_POST
 def your_data_export(request: HttpRequest) -> HttpResponseBase:
-    """One's own records as JSON Lines; on record."""
+    """Return the person's own data as JSON Lines. The export is recorded."""
     return own_data.export_of(person_of(request))
 
 
@@ -163,16 +163,16 @@ def _line_about(row: Row, person: User) -> Line:
         at=record.at,
         robot=record.robot_name,
         what=wording.label(record.kind),
-        subject=" · ".join(_facts_about(own_data.told_of(row, person), person)),
+        subject=" · ".join(_facts_about(own_data.visible_details(row, person), person)),
         outcome=wording.outcome(row.outcome),
         expired=wording.expired(record),
         session_url="",
-        by=str(_BY[own_data.by(record)]),
+        by=str(_AUTHORS[own_data.author_of(record)]),
     )
 
 
 def _facts_about(told: dict[str, Any], person: User) -> Iterator[str]:
-    """In words, but not that it is about this person: "full name Olga → Olga Operator", "to supervisor"."""
+    """Return facts in words, without this person's own identity: "full name Olga → Olga Operator", "to supervisor"."""
     to_last = sorted(told.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
     for name, value in to_last:
         if name == "changes":
@@ -186,14 +186,14 @@ def _facts_about(told: dict[str, Any], person: User) -> Iterator[str]:
 
 
 def _paces() -> list[str]:
-    """What each colour of a path means, the slowest first."""
+    """Return the legend of the colours of a path, slowest first."""
     limits = [f"{limit:g}" for limit in path_plot.SPEEDS_MPS]
     between = [f"{low}–{high}" for low, high in pairwise(limits)]  # noqa: RUF001
     return [_("up to %s") % limits[0], *between, _("above %s m/s") % limits[-1]]
 
 
 def _busiest(use: robot_report.Use) -> dict[str, Any] | None:
-    """The hour and the day of the week with the most driving."""
+    """Return the hour and the weekday with the most driving; None without driving."""
     if not any(use.hours):
         return None
     weekday = use.weekdays.index(max(use.weekdays))

@@ -1,1 +1,1 @@
-"""Emergency stop from pages and programs."""
+"""Emergency stop and clear, from pages and from programs."""

@@ -1,6 +1,6 @@
-"""Emergency stop: sent first, told as soon as the bridge answers, recorded beside. It waits for no database.
+"""Emergency stop: sent first, reported when the bridge answers, recorded in the background. It waits for no database.
 
-Every press is sent; of presses again and again few are recorded (`teleop.recording.repeat_suppression`).
+Every press is sent. Repeated presses share records (`teleop.recording.repeat_suppression`).
 """
 
 from __future__ import annotations
@@ -30,49 +30,49 @@ from teleop.control.selectors import lease_of
 from teleop.control.services import clear_authorize
 from teleop.recording.repeat_suppression import RepeatSuppressor
 
-GAP_S = 3.0  # between two records of one person's presses of one robot by one door
+GAP_S = 3.0  # between two records of one person's presses for one robot through one interface
 
 Key = tuple[UUID, UUID, str, UUID | None]
 Outcomes = dict[Robot, Result]
 
 
 class Press(NamedTuple):
-    """A stop, as it goes on record; `answer` is what came of it, in the end."""
+    """A press to record; `answer` holds its result in the end."""
 
     person: User
-    through: str  # which door
+    through: str  # interface: robot page, fleet page, page, rest
     robot_id: UUID
-    of: UUID | None  # the press that stopped the robot, of which this is that or a repetition
+    of: UUID | None  # the press that stopped the robot: this one, or the one that this one repeats
     answer: Future[Result]
 
     @property
     def key(self) -> Key:
-        """What is folded into one."""
+        """Presses with the same key are repeats."""
         return self.person.pk, self.robot_id, self.through, self.of
 
     @property
     def gap_s(self) -> float:
-        """Between two records of it."""
+        """Seconds between two records of repeats."""
         return GAP_S
 
     @property
-    def waits(self) -> bool:
-        """A press that stopped a robot is written at once. One that is not known to have may be a repetition."""
+    def deferrable(self) -> bool:
+        """A press that stopped a robot is written at once. Any other press may be a repeat."""
         return self.of is None
 
 
 class StopButton:
-    """One page's stop of one robot.
+    """One page's stop button for one robot.
 
-    It may be pressed as often as anybody likes: each press is sent at once, but for those of a flood, which are one
-    more when the bridge has answered. `failed` is told what the bridge's last answer was if it did not confirm.
+    Each press is sent at once, except those of a flood: they become one more press after the bridge has answered.
+    `failed` is called with a refusal if the bridge did not confirm the last press.
     """
 
     def __init__(self, user: User, through: str, failed: Callable[[Refusal], Awaitable[None]]) -> None:
-        self._answer: Future[Result] | None = None  # of the press that is not answered yet
+        self._answer: Future[Result] | None = None  # of the press that has no answer yet
         self._again = False
         self._number = 0  # of the newest stop that the bridge confirmed
-        self._of: UUID | None = None  # the newest press that was no repetition
+        self._of: UUID | None = None  # the newest press that was no repeat
         self._user = user
         self._through = through
         self._failed = failed
@@ -84,12 +84,12 @@ class StopButton:
         if self._answer is None:
             self._answer = self._begin(link)
         elif flood or not link.send(stop_message(link.robot_id, self._user.display_name, press=uuid4())):
-            self._again = True  # without a link, the way round it is being tried: once more, when it was
+            self._again = True  # no link: other ways are being tried now; press once more after that
         pressed = Press(self._user, self._through, link.robot_id, self._of, self._answer)
-        asyncio.get_running_loop().call_soon(log.note, pressed)  # after it was sent
+        asyncio.get_running_loop().call_soon(log.add, pressed)  # only after the press is sent
 
     def _is_cleared(self, link: BridgeLink) -> bool:
-        """Whether a press now is no repetition. The state may be older than the last press; its number tells."""
+        """Whether a press now is no repeat. The stop's number shows if the state is older than the last press."""
         if self._answer is not None or link.state is None:
             return False
         stop = link.state.stop
@@ -126,8 +126,8 @@ async def _send(link: BridgeLink, by: str) -> Result:
         return await asyncio.to_thread(keep_pending, link.robot_id, link.address, stop, refused)
 
 
-def put_on_record(last: Press, times: int) -> None:
-    """Record so many presses, with the control session that they interrupt; beside, what came of the last."""
+def write_record(last: Press, times: int) -> None:
+    """Record so many presses with the control session that they interrupt, and later the result of the last one."""
     try:
         _record(last, times)
     finally:
@@ -149,26 +149,28 @@ def _record(last: Press, times: int) -> None:
         times=times,
     )
 
-    def answered(answer: Future[Any]) -> None:
-        in_database_background(told, answer.result())
+    def on_answer(answer: Future[Any]) -> None:
+        in_database_background(record_result, answer.result())
 
-    def told(result: Result) -> None:
+    def record_result(result: Result) -> None:
         record_outcome(pressed, actor=last.person, result=result)
         if isinstance(result, Pending):
-            result.outcome.add_done_callback(answered)
+            result.outcome.add_done_callback(on_answer)
 
     if last.answer.done():
-        told(last.answer.result())
+        record_result(last.answer.result())
     else:
-        last.answer.add_done_callback(answered)
+        last.answer.add_done_callback(on_answer)
 
 
-log = RepeatSuppressor(put_on_record, most=None)  # keys are people, robots and doors: nobody chooses them
+log = RepeatSuppressor(
+    write_record, most=None
+)  # no limit: people cannot choose these keys (person, robot, interface)
 atexit.register(log.flush)
 
 
 async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
-    """Release the latch of stop `number`, if this person may and it can be recorded.
+    """Clear stop `number`, after checking this person's right and recording it.
 
     Raises ControlRefused or LinkRefused.
     """
@@ -184,24 +186,24 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
 
 
 def press_once(robots: Sequence[Robot], *, user: User, through: str) -> Outcomes:
-    """Stop robots from where there is no event loop, all at once, each over a connection of its own."""
+    """Stop robots in parallel, each over a new connection: for code without an event loop."""
     results = press_all(robots, user.display_name)
     for robot, result in zip(robots, results, strict=True):
         answer: Future[Result] = Future()
         answer.set_result(result)
-        log.note(Press(user, through, robot.id, None, answer))
+        log.add(Press(user, through, robot.id, None, answer))
     return dict(zip(robots, results, strict=True))
 
 
-def told(outcomes: Outcomes) -> tuple[dict[str, Any], int]:
-    """As HTTP tells it: by slug, and the status: 200 confirmed, 202 not by every robot yet, 502 refused by one."""
-    by_slug = {robot.slug: _told(result) for robot, result in outcomes.items()}
+def http_answer(outcomes: Outcomes) -> tuple[dict[str, Any], int]:
+    """Return the results by slug and the HTTP status: 200 all confirmed, 202 some pending, 502 one or more refused."""
+    by_slug = {robot.slug: _as_json(result) for robot, result in outcomes.items()}
     if any(isinstance(result, Refusal) for result in outcomes.values()):
         return by_slug, 502
     return by_slug, 202 if any(isinstance(result, Pending) for result in outcomes.values()) else 200
 
 
-def _told(result: Result) -> dict[str, Any]:
+def _as_json(result: Result) -> dict[str, Any]:
     pending = isinstance(result, Pending)
-    told: dict[str, Any] = msgspec.to_builtins(result.refusal if isinstance(result, Pending) else result)
-    return {**told, "pending": True} if pending else told
+    answer: dict[str, Any] = msgspec.to_builtins(result.refusal if isinstance(result, Pending) else result)
+    return {**answer, "pending": True} if pending else answer

@@ -1,7 +1,7 @@
-"""The stop by HTTP, for programs and for pages without a live connection.
+"""Emergency stop by HTTP, for programs and for pages without a live connection.
 
-Whoever may stop, stops, whatever else is wrong with the request: no content is negotiated, and the body is read only
-for a form's own token, where no header has one.
+A request by a person who may stop the robot must succeed even if the rest of the request is malformed. So content is
+not negotiated, and the body is read only for a form's CSRF token when no header contains it.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from teleop.stop import emergency_stop
 
 SIGNED_OUT = Refusal("signed_out", "Not done: you are signed out. Sign in again.", "account")
 _NO_ROBOT = Refusal("not_found", "There is no such robot, or you may not see it.", "wire")
-_NOT_POST = Refusal("method_not_allowed", "A stop is a POST.", "wire")
+_NOT_POST = Refusal("method_not_allowed", "Use POST to stop.", "wire")
 
 View = Callable[..., HttpResponse]
 
 
-class _Forgery(CsrfViewMiddleware):
-    """Django's own check: of the origin, and of the token in the header, else in the body if that can be read."""
+class _CsrfCheck(CsrfViewMiddleware):
+    """Django's own check of the origin and of the token: in the header, else in the body if that is readable."""
 
     def _reject(self, request: HttpRequest, reason: str) -> HttpResponse:
         if not (request.path.startswith("/api/") or wants_json(request)):
@@ -46,14 +46,14 @@ class _Forgery(CsrfViewMiddleware):
             return page
         return _refused(Refusal("permission_denied", f"CSRF Failed: {reason}", "account"), 403)
 
-    def why_not(self, request: HttpRequest) -> HttpResponse | None:
-        """The refusal of a request that another site may have forged."""
+    def check(self, request: HttpRequest) -> HttpResponse | None:
+        """Return the refusal of a request that another site may have forged; None if it passes."""
         try:
             from_header = "HTTP_X_CSRFTOKEN" in request.META
             if from_header:
                 _leave_body_unread(request)
             else:
-                request.POST  # noqa: B018 - reading it parses the body, which may fail here and not later
+                request.POST  # noqa: B018 - this parses the body: it may fail here, but not later
         except (MultiPartParserError, SuspiciousOperation, UnreadablePostError, ValueError, LookupError):
             _leave_body_unread(request)
         self.process_request(request)
@@ -61,28 +61,28 @@ class _Forgery(CsrfViewMiddleware):
 
 
 def _not_exempt() -> HttpResponse:
-    """The view that the check asks for: it looks whether it is exempt."""
+    """Serve as the view of which the check reads whether it is exempt."""
     return HttpResponse()
 
 
 def _leave_body_unread(request: HttpRequest) -> None:
-    """As of a request without a form."""
+    """Treat the request as one without a form."""
     parts: dict[str, Any] = {"_post": QueryDict(), "_files": MultiValueDict()}
     request.__dict__.update(parts)
 
 
-_forgery = _Forgery(lambda _request: HttpResponse())
+_csrf = _CsrfCheck(lambda _request: HttpResponse())
 
 
 def _stops(view: View) -> View:
-    """An address that stops: the view's own checks are the session, the forged request, and the method."""
+    """Wrap a view that stops robots with its only checks: method, session, CSRF."""
 
     def checked(request: HttpRequest, **parameters: Any) -> HttpResponse:
         if request.method != "POST":
             return _refused(_NOT_POST, 405, Allow="POST")
         if not isinstance(request.user, User):
             return _refused(SIGNED_OUT, 401)
-        return _forgery.why_not(request) or view(request, **parameters)
+        return _csrf.check(request) or view(request, **parameters)
 
     return csrf_exempt(checked)
 
@@ -90,11 +90,13 @@ def _stops(view: View) -> View:
 @login_not_required
 @_stops
 def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
-    """Emergency stop of one robot, by a program: JSON, whatever it asks for."""
+    """Stop one robot, for a program. The answer is JSON, whatever the request accepts."""
     try:
         robot = robot_seen_by(person_of(request), slug)
     except Http404:
-        refusals.note(RefusedRequest(person_of(request), "rest", "POST robots/<slug:slug>/stop/", _NO_ROBOT))
+        refusals.record_soon(
+            RefusedRequest(person_of(request), "rest", "POST robots/<slug:slug>/stop/", _NO_ROBOT)
+        )
         return _refused(_NO_ROBOT, 404)
     return _by_rest(request, [robot])
 
@@ -102,19 +104,19 @@ def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
 @login_not_required
 @_stops
 def rest_stop_all(request: HttpRequest) -> HttpResponse:
-    """Emergency stop of every robot in service that this person may see, by a program."""
+    """Stop every robot in service that this person may see, for a program."""
     return _by_rest(request, _all_seen(request))
 
 
 @_stops
 def page_stop(request: HttpRequest, slug: str) -> HttpResponse:
-    """Emergency stop of one robot, by a page's form."""
+    """Stop one robot, for a page's form."""
     return _by_page(request, [robot_seen_by(person_of(request), slug)])
 
 
 @_stops
 def page_stop_all(request: HttpRequest) -> HttpResponse:
-    """Emergency stop of every robot in service that this person may see, by a page's form."""
+    """Stop every robot in service that this person may see, for a page's form."""
     return _by_page(request, _all_seen(request))
 
 
@@ -124,14 +126,14 @@ def _all_seen(request: HttpRequest) -> list[Robot]:
 
 def _by_rest(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     outcomes = emergency_stop.press_once(robots, user=person_of(request), through="rest")
-    by_slug, status = emergency_stop.told(outcomes)
+    by_slug, status = emergency_stop.http_answer(outcomes)
     return JsonResponse({"robots": by_slug}, status=status)
 
 
 def _by_page(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
-    """JSON, or a page that needs nothing written: a full disk must not say that nothing was done."""
+    """Answer with JSON, or a page that writes nothing: on a full disk the answer must still say what was done."""
     outcomes = emergency_stop.press_once(robots, user=person_of(request), through="page")
-    by_slug, status = emergency_stop.told(outcomes)
+    by_slug, status = emergency_stop.http_answer(outcomes)
     text = _in_words(outcomes)
     if wants_json(request):
         return JsonResponse({"text": text, "robots": by_slug}, status=status)

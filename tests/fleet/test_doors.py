@@ -8,7 +8,7 @@ from django.contrib.sessions.models import Session
 from django.urls import path
 
 from fleet.site.asgi import application
-from fleet.site.websocket_doors import guarded
+from fleet.site.websocket_access import guarded
 from teleop.live.socket import CloseCode
 
 pytestmark = pytest.mark.django_db(transaction=True)

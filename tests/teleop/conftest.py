@@ -37,7 +37,7 @@ def second_operator(robot):
 @pytest.fixture(autouse=True)
 def stop_log(monkeypatch) -> Iterator[None]:
     """What is pressed in a test is written in it or not at all."""
-    own = RepeatSuppressor(emergency_stop.put_on_record, most=None)
+    own = RepeatSuppressor(emergency_stop.write_record, most=None)
     monkeypatch.setattr(emergency_stop, "log", own)
     yield
     monkeypatch.setattr(own, "_write", lambda _last, _times: None)

@@ -61,12 +61,12 @@ def test_a_question_that_nobody_answered_lapses(robot, held, second_operator):
 def test_the_chores_of_a_day_are_done_anew_when_the_clock_was_set(monkeypatch):
     """Else a computer that starts with a wrong clock, and runs for hours only, would never do them by the right one."""
     begun = []
-    monkeypatch.setattr(run_housekeeping, "chores", lambda: iter(begun.append(time.time()) or ()))
+    monkeypatch.setattr(run_housekeeping, "daily_steps", lambda: iter(begun.append(time.time()) or ()))
     daily = run_housekeeping.Daily()
     right = time.time
     for ahead_s in (0.0, 0.0, 10.0, 1e8, 1e8, 0.0, 0.0):
         monkeypatch.setattr(time, "time", lambda ahead_s=ahead_s: right() + ahead_s)
-        daily.a_little()
+        daily.work_a_little()
     assert len(begun) == 3
 
 

@@ -16,7 +16,7 @@ from robots import wire
 from robots.wire import Refusal
 from teleop.background.database import in_database
 from teleop.recording import refusals, repeat_suppression
-from teleop.recording.refusals import RefusedRequest, put_on_record
+from teleop.recording.refusals import RefusedRequest, write_record
 from teleop.stop.emergency_stop import Press
 from tests.teleop.support import TIMEOUT_S, Page, eventually
 from tests.teleop.test_control import take
@@ -49,10 +49,10 @@ def denied(person=None, code="stopped", robot=None, session=None):
 def test_the_first_is_written_at_once_and_what_follows_in_one_record_with_its_number(written, monkeypatch):
     monkeypatch.setattr(refusals, "GAP_S", 3 * SOON_S)
     person = User(username="p")
-    written.note(denied(person))
+    written.add(denied(person))
     assert written.told() == ("stopped", 1)
     for _ in range(37):
-        written.note(denied(person))
+        written.add(denied(person))
     assert written.told() == ("stopped", 37)
 
 
@@ -65,7 +65,7 @@ def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written)
         denied(person, robot=robot, session=uuid4()),
         denied(person, "too_old"),
     ):
-        written.note(other)
+        written.add(other)
     assert [written.told()[1] for _ in range(5)] == [1] * 5
 
 
@@ -78,8 +78,8 @@ def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(mon
     person, other = User(username="p"), User(username="q")
     for _ in range(3):
         for number in range(100):
-            log.note(denied(person, f"code_{number}"))
-    log.note(denied(other))
+            log.add(denied(person, f"code_{number}"))
+    log.add(denied(other))
     assert_soon(lambda: (other, 1) in told)
     assert len([who for who, _ in told if who is person]) <= repeat_suppression.RECORDS_BURST + 1
     log.flush()
@@ -91,11 +91,11 @@ def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
     log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.append(denied.person))
     person, other = User(username="p"), User(username="q")
     for number in range(2 * repeat_suppression.MOST):
-        log.note(denied(person, f"code_{number}"))
-    log.note(denied(other))
+        log.add(denied(person, f"code_{number}"))
+    log.add(denied(other))
     assert_soon(lambda: other in told)
     log.flush()
-    assert len(told) <= repeat_suppression.MOST_OF_PERSON + repeat_suppression.RECORDS_BURST + 1
+    assert len(told) <= repeat_suppression.MOST_PER_PERSON + repeat_suppression.RECORDS_BURST + 1
 
 
 def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_before():
@@ -104,9 +104,9 @@ def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_be
     person = User(username="p")
     fresh = uuid4()
     for _ in range(100):
-        log.note(Press(person, "rest", uuid4(), None, Future()))
+        log.add(Press(person, "rest", uuid4(), None, Future()))
     assert_soon(lambda: len(told) >= repeat_suppression.RECORDS_BURST)
-    log.note(Press(person, "fleet page", uuid4(), fresh, Future()))
+    log.add(Press(person, "fleet page", uuid4(), fresh, Future()))
     assert_soon(lambda: (fresh, 1) in told)
     log.flush()
     assert len(told) == 101
@@ -121,21 +121,21 @@ def assert_soon(holds):
 
 def test_after_a_calm_while_the_next_is_written_at_once_again(written):
     person = User(username="p")
-    written.note(denied(person))
+    written.add(denied(person))
     written.told()
     written._thread.join(TIMEOUT_S)  # it ends when nothing is left to fold
-    written.note(denied(person))
+    written.add(denied(person))
     assert written.told() == ("stopped", 1)
 
 
 def test_a_flood_of_late_commands_is_one_record_for_a_long_while(written):
     late = denied(code="too_old")
-    written.note(late)
+    written.add(late)
     written.told()
-    written.note(late)
-    written.note(denied())
+    written.add(late)
+    written.add(denied())
     assert written.told() == ("stopped", 1)
-    assert written._folds[late.key].due_s - time.monotonic() > 100 * SOON_S
+    assert written._waiting[late.key].due_s - time.monotonic() > 100 * SOON_S
 
 
 def test_whoever_is_refused_does_not_wait_for_the_database():
@@ -146,11 +146,11 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
         assert go_on.wait(TIMEOUT_S)
 
     log = repeat_suppression.RepeatSuppressor(hang)
-    log.note(denied())
+    log.add(denied())
     assert begun.wait(TIMEOUT_S)
     for _ in range(repeat_suppression.MOST + 10):  # returns, however long the database takes
-        log.note(denied())
-    assert len(log._folds) == repeat_suppression.MOST
+        log.add(denied())
+    assert len(log._waiting) == repeat_suppression.MOST
     go_on.set()
     log.flush()
 
@@ -162,7 +162,7 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
 def test_a_record_has_code_rule_and_figures_and_who_is_named_may_expire(operator, robot):
     session = uuid4()
     told = RefusedRequest(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
-    put_on_record(told, 12)
+    write_record(told, 12)
     record = Record.objects.get(kind="refusal")
     assert (record.outcome, record.actor_id, record.robot_id) == ("stopped", str(operator.pk), robot.id)
     assert (record.session_id, record.fence) == (session, 7)
@@ -179,7 +179,7 @@ def test_a_refusal_that_is_lost_is_logged_and_no_error(operator, monkeypatch, ca
         raise full
 
     monkeypatch.setattr("fleet.audit.record", fail)
-    put_on_record(denied(operator), 3)
+    write_record(denied(operator), 3)
     assert "3 refusals (stopped)" in caplog.text
 
 

@@ -22,7 +22,7 @@ from robots.registry.models import RobotRole, Role
 from robots.registry.services import role_set
 from teleop.models import ControlSession, EndReason
 from teleop.reports import own_data, robot_report, session_report
-from teleop.reports.path_plot import Leg, plotted
+from teleop.reports.path_plot import DrivePath, plot_drives
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
@@ -177,8 +177,8 @@ def test_the_timeline_has_each_request_once_with_what_came_of_it_oldest_first(pu
     drive()
     entries = session_report.report_of(session).entries
     assert [entry.group for entry in entries] == ["speech", "control", "drive", "gate"]
-    assert (entries[0].subject, entries[0].told[0]) == (SAID, "succeeded")
-    assert "distance 4 m" in entries[2].told
+    assert (entries[0].subject, entries[0].facts[0]) == (SAID, "succeeded")
+    assert "distance 4 m" in entries[2].facts
     assert entries[0].at_s <= entries[1].at_s
 
 
@@ -191,7 +191,7 @@ def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_anot
     put("control.end", outcome="released")
     record("stop.press", actor=supervisor, robot_id=robot.pk)
     report = session_report.report_of(session)
-    assert [(entry.group, entry.told[:1]) for entry in report.entries] == [
+    assert [(entry.group, entry.facts[:1]) for entry in report.entries] == [
         ("control", []),
         ("stop", ["Sue Pervisor"]),
         ("control", ["released"]),
@@ -233,7 +233,7 @@ def test_where_the_maps_pose_is_known_the_path_is_drawn_on_it(session, drive):
 
 def test_a_bend_to_the_left_by_odometry_is_one_to_the_left_on_the_map():
     bend = [[0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0, 1.0], [2.0, 1.0, 1.0, 1.57, 1.0]]
-    plot = plotted([Leg(0.0, bend, frame=[10.0, 0.0, math.pi / 2])], [])
+    plot = plot_drives([DrivePath(0.0, bend, frame=[10.0, 0.0, math.pi / 2])], [])
     [(_, x0, y0, _), (_, x1, y1, _), (_, x2, y2, _)] = plot.replay[0]
     assert (x1, y2) == pytest.approx((x0, y1))
     assert y1 < y0  # north, which is up
@@ -246,7 +246,7 @@ def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, p
     report = session_report.report_of(session)
     assert report.plot is None
     assert report.figures.driven == "0:00:00"
-    assert report.entries[0].told == ["bridge killed"]
+    assert report.entries[0].facts == ["bridge killed"]
 
 
 def test_what_has_expired_is_said(session, drive, said, signed_in, operator):
@@ -263,7 +263,7 @@ def test_a_long_session_shows_the_newest_and_says_so(session, put, monkeypatch):
     for _ in range(3):
         last = put("refusal", outcome="too_old")
     report = session_report.report_of(session)
-    assert report.cut_off
+    assert report.truncated
     assert [entry.number for entry in report.entries] == [last.pk - 1, last.pk]
 
 

@@ -20,7 +20,7 @@ from robots.registry.maps import map_seen
 from robots.registry.models import RobotMap
 from teleop.models import ControlSession, EndReason
 from teleop.reports import session_maps, session_report
-from teleop.reports.path_plot import AROUND_M, HEIGHT, WIDTH, Ground, Leg, plotted
+from teleop.reports.path_plot import AROUND_M, HEIGHT, WIDTH, DrivePath, MapImage, plot_drives
 from tests.teleop.test_reports import PATH, PEOPLE, browser_of, other_supervisor  # noqa: F401  (a fixture)
 
 pytestmark = pytest.mark.django_db
@@ -139,7 +139,7 @@ def test_a_path_whose_place_on_the_map_is_not_known_is_drawn_on_none(control, se
 
 def on_the_picture(plot, x, y):
     """Where the place x, y of the ground (metres from its upper left corner, y down) comes to lie."""
-    a, b, c, d, e, f = map(float, re.fullmatch(r"matrix\((.*)\)", plot.lay).group(1).split())
+    a, b, c, d, e, f = map(float, re.fullmatch(r"matrix\((.*)\)", plot.map_transform).group(1).split())
     return a * x + c * y + e, b * x + d * y + f
 
 
@@ -154,19 +154,23 @@ def test_the_map_lies_where_the_path_is_with_its_lower_left_corner_at_the_origin
 
     places = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.5)]
     samples = [[float(index), *of_map(*place), 0.0, 0.5] for index, place in enumerate(places)]
-    plot = plotted([Leg(0.0, samples, frame=(0.0, 0.0, 0.0))], [], Ground(1, 6.0, 3.0, origin))
+    plot = plot_drives([DrivePath(0.0, samples, frame=(0.0, 0.0, 0.0))], [], MapImage(1, 6.0, 3.0, origin))
     for (u, v), (_, x, y, _) in zip(places, plot.replay[0], strict=True):
         assert on_the_picture(plot, u, 3.0 - v) == pytest.approx((x, y), abs=0.2)
 
 
 def test_of_the_map_the_surroundings_of_the_path_are_in_the_picture():
     samples = [[0.0, 1.0, 1.0, 0.0, 0.0], [1.0, 1.5, 1.0, 0.0, 0.5]]
-    small = plotted([Leg(0.0, samples, frame=(0, 0, 0))], [], Ground(1, 2.0, 1.8, (0.0, 0.0, 0.0)))
+    small = plot_drives(
+        [DrivePath(0.0, samples, frame=(0, 0, 0))], [], MapImage(1, 2.0, 1.8, (0.0, 0.0, 0.0))
+    )
     for corner in ((0.0, 0.0), (2.0, 1.8)):
         x, y = on_the_picture(small, *corner)
         assert 0.0 < x < WIDTH
         assert 0.0 < y < HEIGHT
-    large = plotted([Leg(0.0, samples, frame=(0, 0, 0))], [], Ground(1, 200.0, 100.0, (-50.0, -50.0, 0.0)))
+    large = plot_drives(
+        [DrivePath(0.0, samples, frame=(0, 0, 0))], [], MapImage(1, 200.0, 100.0, (-50.0, -50.0, 0.0))
+    )
     left, _ = on_the_picture(large, 50.0 + 1.0 - AROUND_M, 0.0)
     assert left >= 0.0
     farther, _ = on_the_picture(large, 50.0 + 1.0 - 3.0 * AROUND_M, 0.0)
@@ -217,9 +221,9 @@ def test_a_map_is_kept_for_as_long_as_a_path_may_be_shown_on_it(control, seen):
     control()
     seen(NOON + MINUTE)
     keep = timedelta(days=settings.FLEET_AUDIT_KEEP_DAYS["driving"])
-    list(session_maps.keep_house(NOON + keep))
+    list(session_maps.remove_unneeded(NOON + keep))
     assert kept() == ["a"]
-    list(session_maps.keep_house(NOON + keep + 2 * DAY))
+    list(session_maps.remove_unneeded(NOON + keep + 2 * DAY))
     assert kept() == []
 
 
@@ -229,9 +233,9 @@ def test_of_a_robot_that_draws_its_map_anew_one_is_kept_for_each_session(control
     seen(NOON + 21 * MINUTE, "of another robot", on=other_robot)
     for minute in (1, 6, 31, 36, 41):
         seen(NOON + minute * MINUTE, str(minute))
-    list(session_maps.keep_house(NOON + 3 * 60 * MINUTE))
+    list(session_maps.remove_unneeded(NOON + 3 * 60 * MINUTE))
     assert len(kept()) == 6  # of today
-    list(session_maps.keep_house(NOON + 2 * DAY))
+    list(session_maps.remove_unneeded(NOON + 2 * DAY))
     assert kept() == ["6", "36"]
 
 
@@ -246,7 +250,7 @@ def test_what_is_removed_is_what_no_session_shows(control, seen, drive):
         seen(NOON + minute * MINUTE, str(minute))
         seen(NOON + (minute + 0.5) * MINUTE, str(minute))
     shown = [ground_of(session) for session in sessions]
-    list(session_maps.keep_house(NOON + 3 * DAY))
+    list(session_maps.remove_unneeded(NOON + 3 * DAY))
     assert [ground_of(session) for session in sessions] == shown
     assert set(shown) == set(RobotMap.objects.values_list("pk", flat=True))
 

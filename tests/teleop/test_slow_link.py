@@ -74,8 +74,8 @@ def test_a_page_whose_answers_come_late_is_told_to_the_gate_with_the_next_grant(
     """
     now = SimpleNamespace(s=0.0)
     monkeypatch.setattr(picture_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
-    views = SimpleNamespace(add=lambda _: 1, number=0, every=1, ready=set())
-    viewer = PictureViewer(views, send=None)
+    feed = SimpleNamespace(add=lambda _: 1, number=0, turn_length=1, ready=set())
+    viewer = PictureViewer(feed, send=None)
 
     def answers(*delays_s):
         for delay_s in delays_s:

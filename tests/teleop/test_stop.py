@@ -172,7 +172,7 @@ async def test_a_press_after_a_while_is_recorded_by_itself(open_page, bridge, mo
     for count in (1, 2):
         await page.say("stop")
         assert await presses_on_record(count) == [(1, "stopping")] * count
-        await eventually(lambda: not emergency_stop.log._folds)
+        await eventually(lambda: not emergency_stop.log._waiting)
 
 
 async def test_no_number_of_stops_is_refused_nor_ends_the_connection(open_page, bridge):
@@ -309,7 +309,7 @@ def test_what_waits_is_recorded_at_the_end_of_the_process_however_much_it_is():
         emergency_stop.Press(User(username="p"), "rest", uuid4(), None, Future()) for _ in range(MOST + 10)
     ]
     for press in presses * 3:
-        log.note(press)
+        log.add(press)
     log.flush()
     for press in presses:
         assert sum(times for robot, times in told if robot == press.robot_id) == 3

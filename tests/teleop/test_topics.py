@@ -15,7 +15,7 @@ from teleop.background.database import in_database
 from teleop.control import selectors
 from teleop.live.socket import CloseCode
 from teleop.live.topic_feed import MAX_SUBSCRIPTIONS
-from teleop.live.topics_consumer import MAX_PENDING, QUESTIONS_BURST
+from teleop.live.topics_consumer import MAX_PENDING, QUERIES_BURST
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -170,7 +170,7 @@ async def test_only_some_questions_are_under_way_at_once(open_topics, bridge):
 
 async def test_who_asks_on_and_on_is_slowed_down(open_topics, bridge):
     page = await open_topics("observer")
-    for seq in range(1, int(QUESTIONS_BURST) + 1):
+    for seq in range(1, int(QUERIES_BURST) + 1):
         await page.say("parameters", seq=seq)
         await page.hears("parameter_names", seq=seq)
     for seq in range(100, 110):

@@ -108,7 +108,7 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
 
     ended, left = watched(), watched()
     record("camera.end", of=ended, outcome="closed")
-    later = timezone.now() + camera_audit.LEFT + timedelta(seconds=1)
+    later = timezone.now() + camera_audit.ABANDONED_AFTER + timedelta(seconds=1)
     call_command("run_housekeeping", "--once")
     assert not Record.objects.filter(of=left).exists()  # somebody may be watching still
     for _ in range(2):
@@ -123,7 +123,7 @@ async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, 
     message = wire.encode(shown).decode()
     before = camera_audit._camera_of.cache_info().misses
     for _ in range(3):
-        camera_audit.CameraAudit(observer, robot.id, robot.name).shown(message)
+        camera_audit.CameraAudit(observer, robot.id, robot.name).may_show(message)
     assert camera_audit._camera_of.cache_info().misses == before + 1
 
 
@@ -132,7 +132,7 @@ async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_late
 ):
     monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 2.0)
     monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.01)
-    monkeypatch.setattr(camera_audit, "_ration", repeat_suppression.RecordBudgets())
+    monkeypatch.setattr(camera_audit, "_budgets", repeat_suppression.RecordBudgets())
     for number in (1, 2):
         await look(bridge, page)
         await picture(bridge, page, number)

@@ -1,6 +1,6 @@
-"""Who may open a WebSocket: signed-in people, from pages of ours.
+"""Access to WebSockets: only for signed-in people, and only from the console's own pages.
 
-Browsers send cookies with a WebSocket from any page: the page's origin tells ours from theirs.
+Browsers send cookies with a WebSocket from any page, so the origin of the page is checked.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ logger = logging.getLogger(__name__)
 
 
 class SameOrigin:
-    """Lets through only pages of the console itself and of `FLEET_ORIGINS`; the others get 403.
+    """Accepts only pages of the console itself and of `FLEET_ORIGINS`; others get 403.
 
-    A missing Origin and `null` (a sandboxed frame, a file) are foreign as well.
+    A missing Origin and `null` (a sandboxed frame, a file) are refused too.
     """
 
     def __init__(self, inner: Any) -> None:
         self._inner = inner
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        """The ASGI application."""
+        """Run the ASGI application."""
         if origin_allowed(scope["headers"]):
             return await self._inner(scope, receive, send)
-        logger.warning("WebSocket %r refused: its page is not one of ours", scope["path"])
+        logger.warning("WebSocket %r refused: its page does not belong to the console.", scope["path"])
         await receive()  # websocket.connect
         return await send({"type": "websocket.close"})  # before it was accepted: 403
 
 
 class SignedIn:
-    """Lets through signed-in people. The others are told so by close code 4401, which a page can act on."""
+    """Accepts signed-in people. Others get close code 4401, on which a page can act."""
 
     def __init__(self, inner: Any) -> None:
         self._inner = inner
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
-        """The ASGI application."""
+        """Run the ASGI application."""
         if scope["user"].is_authenticated:
             return await self._inner(scope, receive, send)
         await receive()  # websocket.connect
@@ -53,12 +53,12 @@ class SignedIn:
 
 
 def guarded(inner: Any) -> Any:
-    """Every door of a WebSocket, in order: whose page, which person."""
+    """Wrap an application in all access checks: origin, then person."""
     return SameOrigin(AuthMiddlewareStack(SignedIn(inner)))
 
 
 def origin_allowed(headers: list[tuple[bytes, bytes]]) -> bool:
-    """Whether the handshake's Origin is the console's own, by its Host header, or a trusted one."""
+    """Whether the handshake's Origin equals the console's own, by its Host header, or is a trusted one."""
     origins = _values(headers, b"origin")
     hosts = _values(headers, b"host")
     if len(origins) != 1 or len(hosts) != 1:
