@@ -45,15 +45,13 @@ def listed(client, **filters):
     return [line.who for _day, _address, lines in days for line in lines]
 
 
-def test_the_list_says_who_had_which_robot_how_long_and_why_it_ended(staff, signed_in, ended):
+def test_list_shows_holder_robot_duration_and_end_reason(staff, signed_in, ended):
     page = signed_in(staff).get(LIST).content.decode()
     for words in ("TIAGo 1", "Olga Operator", "0:05:00", "taken over", "a visitor in the way"):
         assert words in page
 
 
-def test_sessions_are_found_by_robot_person_reason_day_and_whether_they_go_on(
-    staff, signed_in, ended, running
-):
+def test_sessions_are_filtered_by_robot_person_reason_and_day(staff, signed_in, ended, running):
     client = signed_in(staff)
     assert listed(client) == ["Sam Staff", "Olga Operator"]
     assert listed(client, robot=str(ended.robot_id)) == ["Olga Operator"]
@@ -65,7 +63,7 @@ def test_sessions_are_found_by_robot_person_reason_day_and_whether_they_go_on(
     assert listed(client, since=long_ago) == ["Sam Staff", "Olga Operator"]
 
 
-def test_pages_have_every_session_once(staff, operator, robot, signed_in):
+def test_pages_show_every_session_once(staff, operator, robot, signed_in):
     now = timezone.now()
     for number in range(120):
         ControlSession.objects.create(
@@ -88,9 +86,7 @@ def test_pages_have_every_session_once(staff, operator, robot, signed_in):
     assert len(client.get(LIST + context["newer"]).context["days"]) > 0
 
 
-def test_sessions_that_began_in_the_same_moment_are_on_a_page_all_the_same(
-    staff, operator, robot, signed_in, monkeypatch
-):
+def test_sessions_that_began_together_share_a_page(staff, operator, robot, signed_in, monkeypatch):
     """As after a restart of all bridges, or by a script."""
     monkeypatch.setattr("teleop.admin.PAGE", 3)
     now = timezone.now()
@@ -118,7 +114,7 @@ def urls(page):
     return [line.url for _day, _address, lines in page["days"] for line in lines]
 
 
-def test_a_list_of_one_day_leads_to_the_days_beside_it(staff, operator, robot, signed_in):
+def test_list_of_one_day_links_to_neighbouring_days(staff, operator, robot, signed_in):
     noon = datetime(2026, 11, 3, 12, tzinfo=timezone.get_default_timezone())
     for fence, days in enumerate((-4, 0, 2)):
         ControlSession.objects.create(
@@ -129,7 +125,7 @@ def test_a_list_of_one_day_leads_to_the_days_beside_it(staff, operator, robot, s
     assert context["day_after"].text == "2026-11-05"
 
 
-def test_nobody_edits_adds_or_deletes_one(staff, signed_in, ended):
+def test_sessions_cannot_be_edited_added_or_deleted(staff, signed_in, ended):
     client = signed_in(staff)
     assert client.post(LIST, {"end_reason": "term"}).status_code == 405
     for page in ("add/", f"{ended.pk}/change/", f"{ended.pk}/delete/"):
@@ -138,17 +134,17 @@ def test_nobody_edits_adds_or_deletes_one(staff, signed_in, ended):
     assert ended.end_reason == EndReason.TAKEN_OVER
 
 
-def test_the_words_go_with_whoever_is_erased(staff, supervisor, signed_in, ended):
+def test_erasing_a_person_erases_the_words(staff, supervisor, signed_in, ended):
     account_erase(user=supervisor, actor=staff)
     page = signed_in(staff).get(LIST).content.decode()
     assert "taken over" in page
     assert "Sue" not in page and "a visitor in the way" not in page
 
 
-def test_an_operator_has_no_business_there(operator, signed_in):
+def test_operator_cannot_open_the_list(operator, signed_in):
     assert signed_in(operator).get(LIST).status_code in (302, 403)
 
 
-def test_whoever_may_not_see_the_list_gets_no_file(operator, signed_in, ended):
+def test_export_needs_the_right_to_see_the_list(operator, signed_in, ended):
     assert signed_in(operator).post(f"{LIST}export/", {"format": "csv"}).status_code in (302, 403)
     assert not Record.objects.filter(kind="audit.export").exists()

@@ -21,13 +21,13 @@ def post(browser, address):
     return in_database(lambda: browser.post(address, content_type="application/json"))
 
 
-async def test_the_list_names_the_robots_that_one_may_see(browsers, robot, other_robot):
+async def test_list_names_the_robots_the_person_may_see(browsers, robot, other_robot):
     answer = await get(browsers["operator"], "/api/robots/")
     assert [(entry["slug"], entry["role"]) for entry in answer.json()] == [("tiago-1", "operator")]
     assert len((await get(browsers["staff"], "/api/robots/")).json()) == 2
 
 
-def test_the_list_asks_for_the_roles_on_all_robots_at_once(operator, robot, other_robot, signed_in):
+def test_list_reads_all_roles_in_one_query(operator, robot, other_robot, signed_in):
     RobotRole.objects.create(user=operator, robot=other_robot, role="observer")
     with CaptureQueriesContext(connection) as asked:
         told = signed_in(operator).get("/api/robots/").json()
@@ -36,31 +36,31 @@ def test_the_list_asks_for_the_roles_on_all_robots_at_once(operator, robot, othe
     assert len(roles) == 1
 
 
-async def test_a_robots_own_address_tells_how_it_is(browsers, robot, bridge):
+async def test_robot_address_returns_its_state(browsers, robot, bridge):
     answer = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
     assert answer["state"]["phase"] == "online"
     assert answer["facts"]["slug"] == robot.slug
     assert (answer["holder"], answer["refusal"]) == (None, None)
 
 
-async def test_or_why_that_is_not_known(browsers, robot):
+async def test_robot_address_says_why_the_state_is_unknown(browsers, robot):
     answer = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
     assert answer["state"] is None
     assert answer["refusal"]["code"] == "bridge_down"
 
 
-async def test_the_stop_by_rest(browsers, robot, bridge):
+async def test_rest_stops_one_robot(browsers, robot, bridge):
     answer = await post(browsers["observer"], f"/api/robots/{robot.slug}/stop/")
     assert answer.status_code == 200
     assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
 
 
-async def test_stop_all_by_rest(browsers, robot, bridge):
+async def test_rest_stops_all_robots(browsers, robot, bridge):
     assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
     await bridge.hears(wire.LinkStop)
 
 
-async def test_a_robot_that_was_not_reached_is_named(browsers, robot):
+async def test_stop_all_names_a_robot_out_of_reach(browsers, robot):
     answer = await post(browsers["observer"], "/api/stop/")
     assert answer.status_code == 202
     told = answer.json()["robots"][robot.slug]
@@ -69,14 +69,14 @@ async def test_a_robot_that_was_not_reached_is_named(browsers, robot):
     assert (shown["pending_stop"]["by"], shown["pending_stop"]["reason"]) == ("Obi Observer", "")
 
 
-async def test_what_is_not_there_is_explained(browsers, robot):
+async def test_unknown_robot_gets_a_refusal(browsers, robot):
     answer = await get(browsers["stranger"], f"/api/robots/{robot.slug}/")
     assert answer.status_code == 404
     assert answer.json()["code"] == "not_found"
     assert "may not see" in answer.json()["text"]
 
 
-async def test_an_address_that_does_not_exist_is_explained(client, browsers):
+async def test_unknown_address_gets_a_refusal(client, browsers):
     for address in ("/api/", "/api/robot/", "/api/robots/tiago-1/motions/"):
         answer = await get(browsers["operator"], address)
         assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), address
@@ -85,17 +85,17 @@ async def test_an_address_that_does_not_exist_is_explained(client, browsers):
     assert (await get(client, "/api/robot/")).status_code == 401
 
 
-async def test_an_address_without_its_last_slash_leads_to_the_one_with_it(browsers):
+async def test_address_without_last_slash_redirects(browsers):
     answer = await get(browsers["operator"], "/api/robots")
     assert (answer.status_code, answer["location"]) == (301, "/api/robots/")
 
 
-async def test_a_wrong_method_is_explained(browsers):
+async def test_wrong_method_gets_a_refusal(browsers):
     answer = await post(browsers["operator"], "/api/robots/")
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
 
 
-async def test_whoever_is_not_signed_in_is_told_so(client, robot):
+async def test_signed_out_request_gets_401(client, robot):
     answer = await get(client, "/api/robots/")
     assert (answer.status_code, answer.json()["code"]) == (401, "signed_out")
     assert answer.json()["rule"] == "account"
@@ -116,7 +116,7 @@ async def spoken(browser, robot, query=""):
     return (await get(browser, f"/api/robots/{robot.slug}/speech/{query}")).json()
 
 
-async def test_phrases_are_those_of_the_kind_and_then_the_robots_own(browsers, robot, other_robot):
+async def test_phrases_of_the_profile_come_before_the_robots_own(browsers, robot, other_robot):
     await in_database(
         Phrase.objects.create, robot=robot, text="I am number one.", language="en-GB", tags="own, me"
     )
@@ -129,12 +129,12 @@ async def test_phrases_are_those_of_the_kind_and_then_the_robots_own(browsers, r
     assert answer[-1] == {"text": "I am number one.", "language": "en-GB", "tags": ["own", "me"]}
 
 
-async def test_phrases_of_a_robot_that_one_may_not_see_are_not_told(browsers, robot):
+async def test_phrases_of_an_invisible_robot_are_refused(browsers, robot):
     assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/phrases/")).status_code == 404
     assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/speech/")).status_code == 404
 
 
-async def test_a_text_that_is_kept_no_longer_leaves_its_entry_in_the_history(browsers, robot, operator):
+async def test_expired_text_leaves_its_entry_in_the_history(browsers, robot, operator):
     number = await in_database(said, robot, operator, "Hola", "done")
     await in_database(lambda: Content.objects.all().delete())
     (entry,) = (await spoken(browsers["operator"], robot))["entries"]
@@ -146,7 +146,7 @@ async def test_a_text_that_is_kept_no_longer_leaves_its_entry_in_the_history(bro
     )
 
 
-async def test_history_is_newest_first_with_what_came_of_each_text(browsers, robot, operator):
+async def test_history_is_newest_first_with_outcomes(browsers, robot, operator):
     first = await in_database(said, robot, operator, "Hola", "done")
     second = await in_database(said, robot, operator, "Adiós")
     answer = await spoken(browsers["operator"], robot)
@@ -166,7 +166,7 @@ async def test_history_is_newest_first_with_what_came_of_each_text(browsers, rob
     }
 
 
-async def test_what_others_had_it_say_is_for_supervisors_and_staff(
+async def test_only_supervisors_and_staff_see_others_speech(
     browsers, robot, other_robot, operator, second_operator
 ):
     await in_database(said, robot, operator, "mine")
@@ -196,7 +196,7 @@ async def test_history_is_read_page_by_page(browsers, robot, operator):
 @pytest.mark.parametrize(
     "query", ["limit=0", "limit=201", "limit=ten", "before=-1", "before=9223372036854775808"]
 )
-async def test_a_page_that_makes_no_sense_is_explained(browsers, robot, query):
+async def test_invalid_page_parameters_get_a_refusal(browsers, robot, query):
     answer = await get(browsers["operator"], f"/api/robots/{robot.slug}/speech/?{query}")
     assert (answer.status_code, answer.json()["code"]) == (400, "invalid")
     assert "must be a whole number from 1 to" in answer.json()["text"]

@@ -59,19 +59,19 @@ async def still_drives(page, bridge):
         (drive(padding="x" * 9000), "too_large"),
     ],
 )
-async def test_a_message_that_does_not_fit_is_refused(driving, bridge, what, code):
+async def test_malformed_message_is_refused(driving, bridge, what, code):
     await driving.say_raw(what)
     await driving.refused(code)
     await still_drives(driving, bridge)
 
 
-async def test_a_binary_frame_is_refused(driving, bridge):
+async def test_binary_frame_is_refused(driving, bridge):
     await driving.say_bytes(b"\x00")
     await driving.refused("not_text")
     await still_drives(driving, bridge)
 
 
-async def test_an_old_fencing_number_is_refused(driving, bridge):
+async def test_old_fencing_number_is_refused(driving, bridge):
     await driving.say_raw(drive(fence=FENCE + 1))
     refused = await driving.refused("old_fence")
     assert (refused["of"], refused["seq"], refused["fence"]) == ("drive", 1, FENCE + 1)
@@ -92,19 +92,19 @@ async def test_control_of_one_robot_does_not_drive_another(driving, open_page, b
     assert not bridge.all(wire.Drive)
 
 
-async def test_the_first_message_is_hello(open_page):
+async def test_first_message_must_be_hello(open_page):
     page = await open_page("operator", hello=False)
     await page.say("take")
     await page.refused("hello_first")
 
 
-async def test_hello_is_said_once(open_page):
+async def test_second_hello_is_refused(open_page):
     page = await open_page("operator")
     await page.say("hello", tab="another-tab-0123456789")
     await page.refused("hello_twice")
 
 
-async def test_only_some_refusals_are_answered_and_all_are_counted(driving, bridge):
+async def test_few_refusals_are_answered_but_all_are_counted(driving, bridge):
     for _ in range(100):
         await driving.say_raw("go!")
     await still_drives(driving, bridge)
@@ -113,7 +113,7 @@ async def test_only_some_refusals_are_answered_and_all_are_counted(driving, brid
     assert sum(message["t"] == "refused" for message in driving.inbox) < 30
 
 
-async def test_a_burst_after_a_stall_is_forwarded(driving, bridge):
+async def test_burst_after_a_stall_is_forwarded(driving, bridge):
     for seq in range(250):
         await driving.say_raw(drive(seq=seq))
     await driving.say("ping", sent_ms=1)
@@ -121,7 +121,7 @@ async def test_a_burst_after_a_stall_is_forwarded(driving, bridge):
     assert "refused" not in [message["t"] for message in driving.inbox]
 
 
-async def test_a_flood_is_refused_and_then_the_connection_is_closed(driving, bridge):
+async def test_flood_is_refused_and_closes_the_connection(driving, bridge):
     for seq in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
         await driving.say_raw(drive(seq=seq))
     assert await driving.is_closed() == CloseCode.FLOOD
@@ -130,19 +130,19 @@ async def test_a_flood_is_refused_and_then_the_connection_is_closed(driving, bri
 
 
 @pytest.mark.parametrize("what", ["go!", '{"t":"dance"}', "[]"])
-async def test_a_flood_of_what_nobody_understands_ends_like_any_other(driving, bridge, what):
+async def test_flood_of_malformed_messages_closes_the_connection(driving, bridge, what):
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
         await driving.say_raw(what)
     assert await driving.is_closed() == CloseCode.FLOOD
 
 
-async def test_what_the_bridge_refuses_reaches_the_page_that_sent_it(driving, bridge):
+async def test_refusal_of_the_bridge_reaches_the_sending_page(driving, bridge):
     refusal = wire.Refusal("too_old", "The command was 0.5 s on its way.", "dead-man")
     bridge.say(wire.Refused("drive", refusal, seq=7, fence=FENCE))
     assert (await driving.refused("too_old"))["seq"] == 7
 
 
-async def test_the_holder_has_motions_performed_and_cancelled_and_nobody_else(open_page, driving, bridge):
+async def test_only_the_holder_plays_and_cancels_motions(open_page, driving, bridge):
     await driving.say("play", fence=FENCE, motion="wave")
     assert (await bridge.hears(wire.Play)).motion == "wave"
     await driving.say("play_cancel", fence=FENCE)
@@ -153,7 +153,7 @@ async def test_the_holder_has_motions_performed_and_cancelled_and_nobody_else(op
     assert len(bridge.all(wire.Play)) == 1
 
 
-async def test_the_holder_lets_the_head_look_ahead_and_nobody_else(open_page, driving, bridge):
+async def test_only_the_holder_lets_the_head_look_ahead(open_page, driving, bridge):
     await driving.say("look_ahead", fence=FENCE)
     assert (await bridge.hears(wire.LookAhead)).fence == FENCE
     await driving.say("look_ahead", fence=FENCE + 1)

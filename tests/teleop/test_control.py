@@ -62,7 +62,7 @@ def count(kind):
 # --- take -----------------------------------------------------------------------------------------
 
 
-async def test_whoever_takes_a_free_robot_gets_control_and_may_drive(open_page, bridge):
+async def test_taking_a_free_robot_gives_control_and_drive(open_page, bridge):
     page = await open_page("operator")
     assert page.control["state"] == "free"
 
@@ -80,7 +80,7 @@ async def test_whoever_takes_a_free_robot_gets_control_and_may_drive(open_page, 
     assert command.encode() in bridge.raw  # byte for byte
 
 
-async def test_the_bridge_is_told_how_long_the_way_to_the_drivers_page_is(open_page, bridge):
+async def test_grant_contains_the_delay_to_the_drivers_page(open_page, bridge):
     page = await open_page("operator")
     await take(page)
     assert (await bridge.hears(wire.Grant)).delay_s is None, "no picture was drawn yet"
@@ -91,13 +91,13 @@ async def test_the_bridge_is_told_how_long_the_way_to_the_drivers_page_is(open_p
     assert 0.0 < told.delay_s < 5.0
 
 
-async def test_the_welcome_says_who_one_is_and_what_the_robot_can_do(open_page, robot):
+async def test_welcome_names_the_person_and_the_robots_facts(open_page, robot):
     page = await open_page("operator")
     assert (page.welcome["you"], page.welcome["role"]) == ("Olga Operator", "operator")
     assert page.welcome["robot"]["slug"] == robot.slug
 
 
-async def test_the_others_are_told_who_has_control_and_until_when(open_page):
+async def test_other_pages_see_the_holder_and_the_time_left(open_page):
     watching = await open_page("observer")
     await take(await open_page("operator"))
     told = await watching.hears("control", state="other")
@@ -107,7 +107,7 @@ async def test_the_others_are_told_who_has_control_and_until_when(open_page):
     assert told["refusal"]["code"] == "role_too_low"
 
 
-async def test_whoever_comes_second_is_refused_and_told_who_has_it(open_page):
+async def test_second_taker_is_refused_with_the_holders_name(open_page):
     await take(await open_page("operator"))
     late = await open_page("second")
     await late.say("take")
@@ -115,13 +115,13 @@ async def test_whoever_comes_second_is_refused_and_told_who_has_it(open_page):
     assert refusal["figures"]["holder"] == "Olga Operator"
 
 
-async def test_the_grant_is_renewed_every_second_for_three(open_page, bridge):
+async def test_grant_of_3_s_is_renewed_every_second(open_page, bridge):
     await take(await open_page("operator"))
     renewed = await bridge.hears(wire.Grant, count=3)
     assert renewed.seconds == 3.0
 
 
-async def test_a_fault_of_ours_does_not_end_the_renewal(open_page, bridge, monkeypatch):
+async def test_internal_fault_does_not_end_the_renewal(open_page, bridge, monkeypatch):
     page = await open_page("operator")
     works, faults = BridgeLink.grant, iter([RuntimeError("a fault of ours")])
 
@@ -135,7 +135,7 @@ async def test_a_fault_of_ours_does_not_end_the_renewal(open_page, bridge, monke
     await bridge.hears(wire.Grant, count=2)
 
 
-async def test_nothing_reaches_the_bridge_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
+async def test_control_that_cannot_be_recorded_is_not_granted(open_page, bridge, monkeypatch):
     page = await open_page("operator")
     monkeypatch.setattr(audit, "record", unavailable)
     await page.say("take")
@@ -145,7 +145,7 @@ async def test_nothing_reaches_the_bridge_when_it_cannot_be_recorded(open_page, 
     assert not bridge.all(wire.Grant)
 
 
-async def test_on_a_full_disk_nobody_gets_control_and_with_room_again_one_does(open_page, bridge, disk):
+async def test_full_disk_refuses_control_until_there_is_space(open_page, bridge, disk):
     page = await open_page("operator")
     await in_database(disk.fill)
     await page.say("take")
@@ -161,7 +161,7 @@ async def test_on_a_full_disk_nobody_gets_control_and_with_room_again_one_does(o
     await bridge.hears(wire.Grant)
 
 
-async def test_a_robot_out_of_reach_is_not_given_to_anybody(open_page, bridge):
+async def test_robot_out_of_reach_cannot_be_taken(open_page, bridge):
     page = await open_page("operator")
     await bridge.close()
     await page.hears("bridge_gone")
@@ -170,7 +170,7 @@ async def test_a_robot_out_of_reach_is_not_given_to_anybody(open_page, bridge):
     assert await in_database(ControlSession.objects.count) == 0
 
 
-async def test_control_that_the_bridge_refuses_ends_and_says_why(open_page, bridge):
+async def test_control_refused_by_the_bridge_ends_with_its_reason(open_page, bridge):
     bridge.refuses = Refusal("old_fence", "Control number 1 is over.", "lease")
     page = await open_page("operator")
     await page.say("take")
@@ -180,7 +180,7 @@ async def test_control_that_the_bridge_refuses_ends_and_says_why(open_page, brid
     assert session.end_reason == EndReason.BRIDGE
 
 
-async def test_a_fencing_number_is_above_what_the_bridge_has_seen(open_page, bridge):
+async def test_fence_is_above_the_bridges_highest_fence(open_page, bridge):
     bridge.fence = 40
     page = await open_page("operator")
     assert (await take(page))["fence"] == 41
@@ -189,7 +189,7 @@ async def test_a_fencing_number_is_above_what_the_bridge_has_seen(open_page, bri
 # --- give back, ask, hand over, take over -------------------------------------------------------------
 
 
-async def test_giving_back_revokes_at_the_bridge_and_frees_the_robot(open_page, bridge):
+async def test_release_revokes_at_the_bridge_and_frees_the_robot(open_page, bridge):
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     await page.say("release")
@@ -200,9 +200,7 @@ async def test_giving_back_revokes_at_the_bridge_and_frees_the_robot(open_page, 
     assert not bridge.all(wire.Drive)
 
 
-async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_is_given_back_later(
-    open_page, bridge, monkeypatch
-):
+async def test_release_that_cannot_be_recorded_is_stored_later(open_page, bridge, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 0.05)
     page = await open_page("operator")
     fence = (await take(page))["fence"]
@@ -216,7 +214,7 @@ async def test_what_is_given_back_while_it_cannot_be_recorded_is_not_yours_and_i
     assert session.end_reason == EndReason.RELEASED
 
 
-async def test_whoever_could_not_give_back_may_take_control_again(open_page, monkeypatch):
+async def test_holder_may_take_again_after_an_unstored_release(open_page, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 60.0)
     page = await open_page("operator")
     await take(page)
@@ -229,9 +227,7 @@ async def test_whoever_could_not_give_back_may_take_control_again(open_page, mon
     await take(page)
 
 
-async def test_who_takes_control_again_while_giving_back_is_tried_again_gets_it_and_keeps_it(
-    open_page, monkeypatch
-):
+async def test_take_after_an_unstored_release_is_kept(open_page, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 0.0)
     record, failed, trying, go_on = audit.record, threading.Event(), threading.Event(), threading.Event()
 
@@ -262,9 +258,7 @@ async def test_who_takes_control_again_while_giving_back_is_tried_again_gets_it_
     }
 
 
-async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_that_is_stored(
-    open_page, monkeypatch
-):
+async def test_unstored_release_stays_after_a_reload(open_page, monkeypatch):
     page = await open_page("operator")
     await take(page)
     monkeypatch.setattr(control_holder, "RETRY_S", 0.5)
@@ -278,9 +272,7 @@ async def test_what_was_given_back_stays_so_when_the_page_is_opened_anew_before_
     assert session.end_reason == EndReason.RELEASED
 
 
-async def test_the_lease_of_whose_right_ended_is_ended_even_if_that_can_only_be_stored_later(
-    open_page, bridge, monkeypatch
-):
+async def test_end_of_right_that_cannot_be_stored_is_stored_later(open_page, bridge, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 0.05)
     page = await open_page("operator")
     bridge.refuses = Refusal("stale_fence", "There is a higher number.", "lease")
@@ -293,13 +285,13 @@ async def test_the_lease_of_whose_right_ended_is_ended_even_if_that_can_only_be_
     assert session.end_reason == EndReason.BRIDGE
 
 
-async def test_who_gives_back_what_they_do_not_have_is_told(open_page):
+async def test_release_without_control_is_refused(open_page):
     page = await open_page("operator")
     await page.say("release")
     await page.refused("no_lease")
 
 
-async def test_a_second_person_asks_and_gets_control(open_page, bridge):
+async def test_second_person_asks_and_gets_control(open_page, bridge):
     holder, asker = await open_page("operator"), await open_page("second")
     old = (await take(holder))["fence"]
     await asker.hears("control", state="other")
@@ -323,7 +315,7 @@ async def test_a_second_person_asks_and_gets_control(open_page, bridge):
     assert (await bridge.hears(wire.Drive)).fence == given["fence"]
 
 
-async def test_a_question_is_withdrawn_when_its_page_is_closed(open_page):
+async def test_closing_the_page_withdraws_its_request(open_page):
     holder, asker = await open_page("operator"), await open_page("second")
     await take(holder)
     await asker.say("ask")
@@ -332,7 +324,7 @@ async def test_a_question_is_withdrawn_when_its_page_is_closed(open_page):
     assert (await holder.hears("control"))["requests"] == []
 
 
-async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page, monkeypatch):
+async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
     holder, asker = await open_page("operator"), await open_page("second")
     await take(holder)
     await asker.say("ask")
@@ -364,7 +356,7 @@ async def test_who_withdraws_a_question_is_not_told_that_it_is_closed(open_page,
     assert not [message for message in asker.inbox if message["t"] == "notice"]
 
 
-async def test_renewing_is_refused_while_somebody_asks(open_page):
+async def test_renewal_is_refused_while_another_person_asks(open_page):
     holder, asker = await open_page("operator"), await open_page("second")
     await take(holder)
     await asker.say("ask")
@@ -373,7 +365,7 @@ async def test_renewing_is_refused_while_somebody_asks(open_page):
     await holder.refused("somebody_asks")
 
 
-async def test_a_supervisor_takes_over_and_the_holder_is_told_why(open_page, bridge):
+async def test_holder_learns_the_reason_of_a_takeover(open_page, bridge):
     holder, boss = await open_page("operator"), await open_page("supervisor")
     await take(holder)
     assert (await boss.hears("control", state="other"))["may_take_over"]
@@ -385,7 +377,7 @@ async def test_a_supervisor_takes_over_and_the_holder_is_told_why(open_page, bri
     await bridge.hears(wire.Grant, lambda grant: grant.fence == fence)
 
 
-async def test_an_operator_does_not_take_over(open_page):
+async def test_operator_cannot_take_over(open_page):
     holder, other = await open_page("operator"), await open_page("second")
     await take(holder)
     await other.say("take_over", reason="because I want it")
@@ -405,7 +397,7 @@ async def test_control_ends_with_its_term(open_page, bridge):
     assert await count("control.end") == 1
 
 
-async def test_control_ends_with_its_term_even_if_that_cannot_be_recorded(open_page, bridge, monkeypatch):
+async def test_control_ends_with_its_term_even_if_not_recorded(open_page, bridge, monkeypatch):
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     monkeypatch.setattr(audit, "record", unavailable)
@@ -417,7 +409,7 @@ async def test_control_ends_with_its_term_even_if_that_cannot_be_recorded(open_p
     assert (await open_page("observer")).control["state"] == "free"
 
 
-async def test_renewing_begins_a_fresh_term(open_page):
+async def test_renewal_starts_a_new_term(open_page):
     page = await open_page("operator")
     await take(page)
     await moves_on(term_ends_at=timezone.now() + timedelta(seconds=30))
@@ -426,7 +418,7 @@ async def test_renewing_begins_a_fresh_term(open_page):
     assert (await page.hears("control"))["remaining_s"] > 890
 
 
-async def test_renewing_is_answered_also_where_a_booking_leaves_no_more_time(open_page, monkeypatch):
+async def test_renewal_is_answered_when_a_booking_allows_no_more(open_page, monkeypatch):
     page = await open_page("operator")
     ends = timezone.now() + timedelta(seconds=600)
     monkeypatch.setattr(services, "_term_end", lambda permit, now: ends)
@@ -438,7 +430,7 @@ async def test_renewing_is_answered_also_where_a_booking_leaves_no_more_time(ope
 # --- a page that goes and comes back ---------------------------------------------------------------------
 
 
-async def test_when_the_page_is_gone_the_bridge_is_told_at_once_and_the_others_see_it(open_page, bridge):
+async def test_closed_page_pauses_the_bridge_and_others_see_it(open_page, bridge):
     page, watching = await open_page("operator"), await open_page("second")
     fence = (await take(page))["fence"]
     await watching.hears("control", state="other")
@@ -448,7 +440,7 @@ async def test_when_the_page_is_gone_the_bridge_is_told_at_once_and_the_others_s
     assert 8 < away["resumable_s"] <= 10
 
 
-async def test_a_reloaded_page_has_control_again_under_the_same_number(open_page, bridge):
+async def test_reloaded_page_resumes_with_the_same_fence(open_page, bridge):
     page = await open_page("operator")
     before = await take(page)
     await page.close()
@@ -461,7 +453,7 @@ async def test_a_reloaded_page_has_control_again_under_the_same_number(open_page
     await bridge.hears(wire.Drive)
 
 
-async def test_after_the_grace_the_page_has_lost_control(open_page):
+async def test_page_has_lost_control_after_the_grace(open_page):
     page = await open_page("operator")
     await take(page)
     await page.close()
@@ -472,7 +464,7 @@ async def test_after_the_grace_the_page_has_lost_control(open_page):
     assert session.end_reason == EndReason.AWAY
 
 
-async def test_another_tab_does_not_resume_but_may_move_control_to_itself(open_page, bridge):
+async def test_another_tab_does_not_resume_but_may_take(open_page, bridge):
     first = await open_page("operator")
     old = (await take(first))["fence"]
     second = await open_page("operator", tab="another-tab-0123456789")
@@ -483,7 +475,7 @@ async def test_another_tab_does_not_resume_but_may_move_control_to_itself(open_p
     await first.hears("control", state="elsewhere")
 
 
-async def test_of_a_duplicated_tab_the_newest_has_control_and_the_older_is_told(open_page, bridge):
+async def test_newest_of_duplicated_tabs_has_control(open_page, bridge):
     older = await open_page("operator")
     fence = (await take(older))["fence"]
     newest = await open_page("operator")
@@ -498,7 +490,7 @@ async def test_of_a_duplicated_tab_the_newest_has_control_and_the_older_is_told(
     assert not bridge.all(wire.Revoke)
 
 
-async def test_a_signed_out_and_in_again_browser_does_not_resume(open_page, browsers, operator):
+async def test_new_sign_in_in_the_same_tab_does_not_resume(open_page, browsers, operator):
     page = await open_page("operator")
     await take(page)
     await page.close()
@@ -507,7 +499,7 @@ async def test_a_signed_out_and_in_again_browser_does_not_resume(open_page, brow
     assert again.control["state"] == "away"
 
 
-async def test_the_grip_is_renewed_when_the_link_comes_back(open_page, bridge):
+async def test_grant_is_renewed_when_the_link_comes_back(open_page, bridge):
     page = await open_page("operator")
     fence = (await take(page))["fence"]
     granted = len(bridge.all(wire.Grant))
@@ -533,13 +525,13 @@ def taken_elsewhere(robot, person):
     )
 
 
-async def test_what_another_process_changed_is_seen_at_the_next_look(open_page, robot, operator):
+async def test_change_by_another_process_is_seen_at_the_next_read(open_page, robot, operator):
     page = await open_page("observer")
     await taken_elsewhere(robot, operator)
     assert (await page.hears("control", state="other"))["holder"] == "Olga Operator"
 
 
-async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot, operator, monkeypatch):
+async def test_lease_event_of_another_process_is_seen_at_once(open_page, robot, operator, monkeypatch):
     page = await open_page("observer")
     monkeypatch.setattr("teleop.live.robot_hub.STATUS_S", 60)
     await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
@@ -550,7 +542,7 @@ async def test_and_at_once_when_the_other_process_gives_a_hint(open_page, robot,
     await elsewhere.close()
 
 
-async def test_control_is_taken_while_a_slow_computer_still_makes_the_link(open_page, bridge, monkeypatch):
+async def test_control_is_taken_while_the_link_is_being_made(open_page, bridge, monkeypatch):
     open_link = robots.link.client.open_link
 
     @asynccontextmanager
@@ -563,13 +555,13 @@ async def test_control_is_taken_while_a_slow_computer_still_makes_the_link(open_
     await take(await open_page("operator"))
 
 
-async def test_a_page_that_comes_while_the_bridge_is_away_is_told(open_page, bridge):
+async def test_page_opened_without_bridge_is_informed(open_page, bridge):
     await bridge.close()
     page = await open_page("observer")
     assert (await page.hears("bridge_gone"))["refusal"]["code"] == "bridge_down"
 
 
-async def test_a_robot_out_of_service_is_said_to_be(open_page, bridge, robot):
+async def test_robot_out_of_service_is_shown_as_such(open_page, bridge, robot):
     await in_database(lambda: Robot.objects.update(enabled=False))
     await bridge.close()
     page = await open_page("observer")
@@ -587,9 +579,7 @@ def short_grace(monkeypatch):
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.05)
 
 
-async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_though_the_connection_stands(
-    open_page, bridge, short_grace
-):
+async def test_holder_with_a_cut_network_loses_control(open_page, bridge, short_grace):
     holder, watching = await open_page("operator"), await open_page("second")
     await holder.say("take")
     await watching.hears("control", state="other")
@@ -598,7 +588,7 @@ async def test_a_holder_whose_network_is_cut_is_away_and_then_loses_control_thou
     await bridge.hears(wire.Revoke)
 
 
-async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_grace, monkeypatch):
+async def test_holder_that_only_pings_keeps_control(open_page, bridge, short_grace, monkeypatch):
     monkeypatch.setattr(rules, "LOST_AFTER_S", 1.5)  # a busy machine may keep a ping for a second
     monkeypatch.setattr(rules, "GRACE_S", 3.0)
     holder, watching = await open_page("operator"), await open_page("second")
@@ -611,7 +601,7 @@ async def test_a_holder_that_only_pings_keeps_control(open_page, bridge, short_g
         await watching.hears_nothing("control", within_s=0.1)
 
 
-async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(open_page, bridge, monkeypatch):
+async def test_page_closed_during_a_read_gets_no_control_again(open_page, bridge, monkeypatch):
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
     monkeypatch.setattr(robot_hub, "FULL_EVERY", 1)
     noted, looks, control_status = threading.Event(), threading.Semaphore(0), robot_hub.control_status
@@ -636,9 +626,7 @@ async def test_a_page_that_is_closed_during_a_look_is_not_given_control_again(op
     assert bridge.all(wire.Pause)[-1].reason == "The page is gone."
 
 
-async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_that_it_comes_back(
-    open_page, monkeypatch
-):
+async def test_database_fault_at_hello_closes_the_page(open_page, monkeypatch):
     page = await open_page("operator", hello=False)
     with monkeypatch.context() as broken:
         broken.setattr(robot_hub, "control_status", away)
@@ -647,9 +635,7 @@ async def test_a_page_whose_hello_meets_a_fault_of_the_database_is_closed_so_tha
     await open_page("operator")
 
 
-async def test_a_page_that_comes_back_while_that_cannot_be_stored_is_closed_and_then_has_control_again(
-    open_page, monkeypatch
-):
+async def test_resume_that_cannot_be_stored_closes_the_page(open_page, monkeypatch):
     page = await open_page("operator")
     session = (await take(page))["session"]
     await page.close()
@@ -665,7 +651,7 @@ async def test_a_page_that_comes_back_while_that_cannot_be_stored_is_closed_and_
     assert control["session"] == session
 
 
-async def test_what_is_done_is_not_refused_because_it_cannot_be_told_yet(open_page, monkeypatch):
+async def test_stored_change_is_accepted_even_if_not_yet_shown(open_page, monkeypatch):
     page = await open_page("operator")
     with monkeypatch.context() as broken:
         broken.setattr(robot_hub, "control_status", away)
@@ -675,9 +661,7 @@ async def test_what_is_done_is_not_refused_because_it_cannot_be_told_yet(open_pa
     await page.hears("control", state="yours")
 
 
-async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
-    open_page, bridge, monkeypatch
-):
+async def test_hub_closed_while_its_robot_is_edited_follows_no_link(open_page, bridge, monkeypatch):
     asked, told = threading.Event(), asyncio.Event()
     read, close = robot_hub.robot_entry, LeaseEvents.close
 
@@ -705,7 +689,7 @@ async def test_a_room_that_is_closed_while_its_robot_is_edited_follows_no_link(
     assert hub not in hub.link._listeners
 
 
-async def test_one_pages_fault_leaves_the_others_informed(open_page, bridge, monkeypatch):
+async def test_fault_of_one_page_does_not_affect_others(open_page, bridge, monkeypatch):
     await open_page("operator")
     second = await open_page("second")
     [hub] = robot_hub._hubs.values()

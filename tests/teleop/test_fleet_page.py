@@ -52,20 +52,20 @@ async def shows(page, fits):
             return robots
 
 
-async def test_a_card_for_each_robot_that_one_may_see(open_fleet, robot, other_robot):
+async def test_page_has_a_card_for_each_visible_robot(open_fleet, robot, other_robot):
     assert list(await shows(await open_fleet("observer"), lambda _: True)) == [robot.slug]
     assert list(await shows(await open_fleet("staff"), lambda _: True)) == [robot.slug, other_robot.slug]
     assert await shows(await open_fleet("stranger"), lambda _: True) == {}
 
 
-async def test_a_card_shows_the_state_or_why_it_is_not_known(open_fleet, robot, other_robot):
+async def test_card_shows_the_state_or_why_it_is_unknown(open_fleet, robot, other_robot):
     page = await open_fleet("staff")
     robots = await shows(page, lambda robots: robots[robot.slug]["state"])
     assert robots[robot.slug]["state"]["phase"] == "online"
     assert robots[other_robot.slug]["refusal"]["code"] == "bridge_down"
 
 
-async def test_a_card_of_a_bridge_that_says_nothing_more_is_unknown(open_fleet, robot, bridge, monkeypatch):
+async def test_card_of_a_silent_bridge_is_unknown(open_fleet, robot, bridge, monkeypatch):
     """It is frozen: what it said last is no longer the truth."""
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots[robot.slug]["state"])
@@ -76,14 +76,14 @@ async def test_a_card_of_a_bridge_that_says_nothing_more_is_unknown(open_fleet, 
     await shows(page, lambda robots: robots[robot.slug]["state"])
 
 
-async def test_a_disabled_robot_is_said_to_be(open_fleet, robot, bridge):
+async def test_disabled_robot_is_shown_as_such(open_fleet, robot, bridge):
     await in_database(lambda: Robot.objects.update(enabled=False))
     await bridge.close()
     page = await open_fleet("staff")
     await shows(page, lambda robots: robots[robot.slug]["refusal"]["code"] == "robot_disabled")
 
 
-async def test_news_is_shown_at_once(open_fleet, robot, bridge):
+async def test_change_is_shown_at_once(open_fleet, robot, bridge):
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots[robot.slug]["state"])
     bridge.say(wire.Status(msgspec.structs.replace(IDLE, holder="Olga Operator")))
@@ -91,7 +91,7 @@ async def test_news_is_shown_at_once(open_fleet, robot, bridge):
     assert robots[robot.slug]["state"]["holder"] == "Olga Operator"
 
 
-async def test_a_fault_in_looking_or_showing_ends_no_page(open_fleet, robot, bridge, monkeypatch):
+async def test_fault_in_reading_or_sending_ends_no_page(open_fleet, robot, bridge, monkeypatch):
     monkeypatch.setattr(fleet_consumer, "RIGHTS_S", 0.05)
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots[robot.slug]["state"])
@@ -111,13 +111,13 @@ async def test_a_fault_in_looking_or_showing_ends_no_page(open_fleet, robot, bri
     await shows(page, lambda robots: robots[robot.slug]["state"]["holder"])
 
 
-async def test_without_an_answer_no_second_picture_is_sent(open_fleet, bridge):
+async def test_next_update_waits_for_the_acknowledgement(open_fleet, bridge):
     page = await open_fleet("observer")
     await page.hears("fleet")
     await page.hears_nothing("fleet", within_s=1.5)
 
 
-async def test_stop_all_stops_every_robot_that_one_may_see(open_fleet, bridge, other_bridge):
+async def test_stop_all_stops_every_visible_robot(open_fleet, bridge, other_bridge):
     page = await open_fleet("staff")
     await page.hears("fleet")
     await page.say("stop_all")
@@ -125,9 +125,7 @@ async def test_stop_all_stops_every_robot_that_one_may_see(open_fleet, bridge, o
     await other_bridge.hears(wire.LinkStop)
 
 
-async def test_stop_all_leaves_robots_alone_that_one_may_not_see(
-    open_fleet, bridge, other_robot, other_bridge
-):
+async def test_stop_all_leaves_invisible_robots_alone(open_fleet, bridge, other_robot, other_bridge):
     staff = await open_fleet("staff")  # so that there is a link to the other robot
     await shows(staff, lambda robots: robots[other_robot.slug]["state"])
     page = await open_fleet("observer")
@@ -138,9 +136,7 @@ async def test_stop_all_leaves_robots_alone_that_one_may_not_see(
     assert (await other_bridge.hears(wire.LinkStop)).by == "Sam Staff"
 
 
-async def test_stop_all_tells_of_each_robot_that_was_not_stopped(
-    open_fleet, robot, bridge, other_robot, tiago
-):
+async def test_stop_all_names_each_robot_that_was_not_stopped(open_fleet, robot, bridge, other_robot, tiago):
     third = await in_database(
         lambda: Robot.objects.create(
             slug="tiago-3", name="TIAGo 3", profile=tiago, master_uri="http://127.0.0.1:9"
@@ -161,7 +157,7 @@ async def test_stop_all_tells_of_each_robot_that_was_not_stopped(
     assert robots[robot.slug]["pending"] is None
 
 
-async def test_stop_all_of_no_robot_says_so(open_fleet, robot):
+async def test_stop_all_without_robots_is_refused(open_fleet, robot):
     await in_database(lambda: Robot.objects.filter(pk=robot.pk).update(enabled=False))
     for who in ("stranger", "observer"):
         page = await open_fleet(who)
@@ -170,7 +166,7 @@ async def test_stop_all_of_no_robot_says_so(open_fleet, robot):
         assert told["refusal"]["text"] == "There is no robot in service that you may stop."
 
 
-async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
+async def test_card_stops_its_robot(open_fleet, robot, bridge):
     page = await open_fleet("observer")
     await page.say("stop", slug=robot.slug)
     await bridge.hears(wire.LinkStop)
@@ -179,14 +175,14 @@ async def test_one_robot_is_stopped_from_its_card(open_fleet, robot, bridge):
 
 
 @pytest.mark.parametrize("what", [{"t": "ack"}, {"t": "stop", "slug": "no-such-robot"}])
-async def test_a_flood_is_refused_and_then_the_connection_is_closed(open_fleet, what):
+async def test_flood_is_refused_and_closes_the_connection(open_fleet, what):
     page = await open_fleet("observer")
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
         await page.say(**what)
     assert await page.is_closed() == CloseCode.FLOOD
 
 
-async def test_a_role_taken_away_takes_the_card_away(open_fleet, robot, observer):
+async def test_removed_role_removes_the_card(open_fleet, robot, observer):
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots)
     await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
@@ -209,7 +205,7 @@ async def stopped(bridge, slug, page, number=3):
     return await shows(page, lambda robots: robots[slug]["state"]["stop"]["number"] == number)
 
 
-async def test_a_supervisor_clears_each_robot_by_its_stops_number(open_fleet, bridge, robot):
+async def test_supervisor_clears_each_robot_by_its_stop_number(open_fleet, bridge, robot):
     page = await open_fleet("supervisor")
     assert (await stopped(bridge, robot.slug, page))[robot.slug]["may_clear"] is True
     await page.say("clear", slug=robot.slug, number=3)
@@ -218,7 +214,7 @@ async def test_a_supervisor_clears_each_robot_by_its_stops_number(open_fleet, br
     assert cleared.robot_id == robot.pk
 
 
-async def test_whoever_may_not_clear_is_told_so_and_nothing_is_sent(open_fleet, bridge, robot):
+async def test_clear_without_the_right_is_refused_and_not_sent(open_fleet, bridge, robot):
     page = await open_fleet("operator")
     assert (await stopped(bridge, robot.slug, page))[robot.slug]["may_clear"] is False
     await page.say("clear", slug=robot.slug, number=3)
@@ -228,7 +224,7 @@ async def test_whoever_may_not_clear_is_told_so_and_nothing_is_sent(open_fleet, 
     assert not await in_database(Record.objects.filter(kind="stop.clear").exists)
 
 
-async def test_a_robot_that_is_out_of_reach_is_known_by_when_it_was_last_seen(open_fleet, bridge, robot):
+async def test_card_of_a_robot_out_of_reach_shows_its_last_contact(open_fleet, bridge, robot):
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots[robot.slug]["state"])
     bridge.say(wire.Status(msgspec.structs.replace(IDLE, phase="waiting", unseen_s=90.0)))

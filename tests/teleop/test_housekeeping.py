@@ -33,32 +33,32 @@ def held(robot, operator):
     )
 
 
-def test_a_lease_whose_page_is_gone_for_good_is_ended(robot, held):
+def test_lease_of_a_lost_page_is_ended(robot, held):
     Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=rules.GRACE_S + 1))
     call_command("run_housekeeping", "--once")
     assert lease_of(robot.id) is None
     assert ControlSession.objects.get().end_reason == EndReason.AWAY
 
 
-def test_a_lease_whose_term_is_over_is_ended(robot, held):
+def test_lease_with_its_term_over_is_ended(robot, held):
     Lease.objects.update(term_ends_at=timezone.now())
     call_command("run_housekeeping", "--once")
     assert ControlSession.objects.get().end_reason == EndReason.TERM
 
 
-def test_a_lease_in_force_is_left_alone(robot, held):
+def test_valid_lease_is_left_alone(robot, held):
     call_command("run_housekeeping", "--once")
     assert lease_of(robot.id).session == held.session
 
 
-def test_a_question_that_nobody_answered_lapses(robot, held, second_operator):
+def test_unanswered_request_lapses(robot, held, second_operator):
     services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
     ControlRequest.objects.update(asked_at=timezone.now() - timedelta(seconds=rules.REQUEST_S + 1))
     call_command("run_housekeeping", "--once")
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.LAPSED
 
 
-def test_the_chores_of_a_day_are_done_anew_when_the_clock_was_set(monkeypatch):
+def test_daily_work_runs_again_when_the_clock_was_set(monkeypatch):
     """Else a computer that starts with a wrong clock, and runs for hours only, would never do them by the right one."""
     begun = []
     monkeypatch.setattr(run_housekeeping, "daily_steps", lambda: iter(begun.append(time.time()) or ()))
@@ -72,7 +72,7 @@ def test_the_chores_of_a_day_are_done_anew_when_the_clock_was_set(monkeypatch):
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")
 @pytest.mark.parametrize("how", ["terminated", "parent gone"])
-def test_it_goes_round_until_it_is_told_to_end_or_its_parent_is_gone(how, robot, held):
+def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
     Lease.objects.update(term_ends_at=timezone.now())
     environment = os.environ | {
         "DJANGO_SETTINGS_MODULE": "fleet.settings",

@@ -56,7 +56,7 @@ def kinds():
 # --- take -----------------------------------------------------------------------------------------
 
 
-def test_taking_begins_a_control_session_and_is_recorded_with_its_fence(robot, operator):
+def test_take_starts_a_session_recorded_with_its_fence(robot, operator):
     held = take(robot, operator)
     session = ControlSession.objects.get(pk=held.session)
     record = Record.objects.get(kind="control.take")
@@ -64,20 +64,18 @@ def test_taking_begins_a_control_session_and_is_recorded_with_its_fence(robot, o
     assert (record.session_id, record.fence, record.actor_id) == (held.session, held.fence, str(operator.pk))
 
 
-def test_every_control_has_a_higher_fencing_number_than_all_before(robot, operator, second_operator):
+def test_fence_is_higher_than_all_before(robot, operator, second_operator):
     first = take(robot, operator)
     give_back(robot, first)
     second = take(robot, second_operator)
     assert second.fence > first.fence
 
 
-def test_a_restored_database_does_not_give_a_fencing_number_twice(robot, operator):
+def test_restored_database_does_not_repeat_a_fence(robot, operator):
     assert take(robot, operator, highest_fence=70).fence == 71
 
 
-def test_of_two_who_take_at_the_same_moment_one_gets_it_and_the_other_is_told(
-    robot, operator, second_operator
-):
+def test_one_of_two_simultaneous_takes_wins(robot, operator, second_operator):
     together = threading.Barrier(2)
     results = {}
 
@@ -102,9 +100,7 @@ def test_of_two_who_take_at_the_same_moment_one_gets_it_and_the_other_is_told(
     assert kinds() == ["control.take"]
 
 
-def test_a_lease_changed_since_it_was_read_is_not_changed_again(
-    robot, operator, second_operator, monkeypatch
-):
+def test_changed_lease_is_not_changed_again(robot, operator, second_operator, monkeypatch):
     """Where transactions do not exclude each other, the loser finds out by the count of changed rows."""
     take(robot, second_operator)
     monkeypatch.setattr(services, "lease_of", lambda _robot_id: None)  # what was read before
@@ -114,30 +110,30 @@ def test_a_lease_changed_since_it_was_read_is_not_changed_again(
     assert kinds() == ["control.take"]
 
 
-def test_observers_and_strangers_do_not_get_control(robot, observer, stranger):
+def test_observers_and_strangers_get_no_control(robot, observer, stranger):
     for person in (observer, stranger):
         assert refused(take, robot, person).code == "role_too_low"
 
 
-def test_nobody_gets_control_of_a_disabled_robot(robot, staff):
+def test_disabled_robot_gives_no_control(robot, staff):
     Robot.objects.update(enabled=False)
     assert refused(take, robot, staff).code == "robot_disabled"
 
 
-def test_a_closed_account_gets_no_control(robot, operator):
+def test_closed_account_gets_no_control(robot, operator):
     operator.is_active = False
     operator.save()
     assert refused(take, robot, operator).code == "account_inactive"
 
 
-def test_taking_in_another_tab_moves_control_there_under_a_new_number(robot, operator):
+def test_take_in_another_tab_moves_control_to_a_new_fence(robot, operator):
     first = take(robot, operator, name="one")
     second = take(robot, operator, name="two")
     assert second.fence > first.fence
     assert ControlSession.objects.get(pk=first.session).end_reason == EndReason.MOVED
 
 
-def test_what_cannot_be_recorded_is_not_granted(robot, operator, monkeypatch):
+def test_control_that_cannot_be_recorded_is_not_granted(robot, operator, monkeypatch):
     def unavailable(*_args, **_kwargs):
         raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
@@ -151,7 +147,7 @@ def test_what_cannot_be_recorded_is_not_granted(robot, operator, monkeypatch):
 # --- keep -----------------------------------------------------------------------------------------
 
 
-def test_renewing_begins_a_fresh_term(robot, operator, settings):
+def test_renewal_starts_a_new_term(robot, operator, settings):
     settings.FLEET_CONTROL_TERM_S = 60
     take(robot, operator)
     later = NOW + timedelta(seconds=50)
@@ -160,7 +156,7 @@ def test_renewing_begins_a_fresh_term(robot, operator, settings):
     assert lease_of(robot.id).term_ends_at == later + timedelta(seconds=60)
 
 
-def test_renewing_is_refused_while_somebody_asks(robot, operator, second_operator):
+def test_renewal_is_refused_while_another_person_asks(robot, operator, second_operator):
     take(robot, operator)
     services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
     refusal = refused(
@@ -169,7 +165,7 @@ def test_renewing_is_refused_while_somebody_asks(robot, operator, second_operato
     assert refusal.code == "somebody_asks"
 
 
-def test_a_page_that_comes_back_in_time_goes_on_under_the_same_number(robot, operator):
+def test_returning_page_keeps_its_fence(robot, operator):
     held = take(robot, operator)
     services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
     back = Tab("operator-tab", "operator-sign-in", "new-connection")
@@ -178,7 +174,7 @@ def test_a_page_that_comes_back_in_time_goes_on_under_the_same_number(robot, ope
     assert (again.session, again.fence, again.tab.connection) == (held.session, held.fence, "new-connection")
 
 
-def test_after_the_grace_it_does_not(robot, operator):
+def test_resume_is_refused_after_the_grace(robot, operator):
     held = take(robot, operator)
     services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
     refusal = refused(
@@ -191,7 +187,7 @@ def test_after_the_grace_it_does_not(robot, operator):
     assert refusal.code == "lease_over"
 
 
-def test_nobody_resumes_whose_right_ended_meanwhile(robot, operator):
+def test_resume_is_refused_when_the_right_has_ended(robot, operator):
     take(robot, operator)
     RobotRole.objects.filter(user=operator).update(role="observer")
     refusal = refused(
@@ -203,7 +199,7 @@ def test_nobody_resumes_whose_right_ended_meanwhile(robot, operator):
 # --- give, take over, end ---------------------------------------------------------------------------
 
 
-def test_handing_over_gives_control_to_the_page_that_asked(robot, operator, second_operator):
+def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_operator):
     before = take(robot, operator)
     number = services.control_request(
         robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW
@@ -222,7 +218,7 @@ def test_handing_over_gives_control_to_the_page_that_asked(robot, operator, seco
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.GRANTED
 
 
-def test_control_is_not_handed_to_somebody_who_withdrew(robot, operator, second_operator):
+def test_handover_to_a_withdrawn_request_is_refused(robot, operator, second_operator):
     take(robot, operator)
     number = services.control_request(
         robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW
@@ -240,14 +236,14 @@ def test_control_is_not_handed_to_somebody_who_withdrew(robot, operator, second_
     assert refusal.code == "no_such_request"
 
 
-def test_asking_twice_is_one_question(robot, operator, second_operator):
+def test_asking_twice_makes_one_request(robot, operator, second_operator):
     take(robot, operator)
     ask = {"robot_id": robot.id, "user_id": second_operator.id, "now": NOW}
     assert services.control_request(tab=tab("one"), **ask) == services.control_request(tab=tab("two"), **ask)
     assert ControlRequest.objects.get().tab == "two-tab"
 
 
-def test_a_supervisor_takes_over_with_a_reason_that_is_kept(robot, operator, supervisor):
+def test_takeover_records_its_reason(robot, operator, supervisor):
     before = take(robot, operator)
     services.lease_take_over(
         robot_id=robot.id,
@@ -263,7 +259,7 @@ def test_a_supervisor_takes_over_with_a_reason_that_is_kept(robot, operator, sup
     assert Record.objects.get(kind="control.take_over").details["text"] == "fire drill"
 
 
-def test_a_page_that_is_seen_while_its_lease_is_being_ended_keeps_it(robot, operator, monkeypatch):
+def test_page_seen_while_its_lease_expires_keeps_it(robot, operator, monkeypatch):
     """Where transactions do not exclude each other, another process may note that between any two steps."""
     held = take(robot, operator)
     over = NOW + timedelta(seconds=11)
@@ -281,7 +277,7 @@ def test_a_page_that_is_seen_while_its_lease_is_being_ended_keeps_it(robot, oper
     assert kinds() == ["control.take"]
 
 
-def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
+def test_expired_term_ends_once(robot, operator, settings):
     settings.FLEET_CONTROL_TERM_S = 60
     held = take(robot, operator)
     services.lease_expire(robot_id=robot.id, now=NOW + timedelta(seconds=9))
@@ -293,7 +289,7 @@ def test_a_term_that_is_over_is_ended_once(robot, operator, settings):
     assert kinds() == ["control.take", "control.end"]
 
 
-def test_however_control_ends_its_session_says_so_once(robot, operator, second_operator, supervisor):
+def test_session_ends_once_however_control_ends(robot, operator, second_operator, supervisor):
     def step(function, who, **more):
         return function(robot_id=robot.id, user_id=who.id, tab=tab(who.username), now=NOW, **more)
 
@@ -328,7 +324,7 @@ def test_however_control_ends_its_session_says_so_once(robot, operator, second_o
     assert by == [*(str(person.pk) for person in people), None, None, None, None]
 
 
-def test_names_and_reasons_in_records_of_control_may_expire(robot, operator, supervisor):
+def test_names_and_reasons_in_records_may_expire(robot, operator, supervisor):
     take(robot, operator)
     services.lease_take_over(
         robot_id=robot.id,
@@ -343,7 +339,7 @@ def test_names_and_reasons_in_records_of_control_may_expire(robot, operator, sup
     assert not [words for words in ("Olga", "Pervisor", "fire drill") if words in kept]
 
 
-def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, second_operator):
+def test_freeing_the_robot_closes_its_requests(robot, operator, second_operator):
     held = take(robot, operator)
     services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
     give_back(robot, held)
@@ -351,7 +347,7 @@ def test_questions_are_closed_when_the_robot_becomes_free(robot, operator, secon
 
 
 @pytest.mark.parametrize("outcome", ControlRequest.Outcome.values)
-def test_what_became_of_a_question_for_control_is_on_record(outcome, robot, operator, second_operator):
+def test_outcome_of_a_request_is_recorded(outcome, robot, operator, second_operator):
     held = take(robot, operator)
     asker, holder = tab("second"), {"robot_id": robot.id, "user_id": operator.id, "tab": tab("operator")}
     asked = services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
@@ -371,7 +367,7 @@ def test_what_became_of_a_question_for_control_is_on_record(outcome, robot, oper
     assert (answer.of_id, answer.outcome, answer.session_id) == (ask.pk, outcome, ask.session_id)
 
 
-def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_operator):
+def test_ending_an_ended_session_changes_nothing(robot, operator, second_operator):
     old = take(robot, operator)
     give_back(robot, old)
     new = take(robot, second_operator)
@@ -385,7 +381,7 @@ def test_ending_a_session_that_is_over_changes_nothing(robot, operator, second_o
     assert lease_of(robot.id).session == new.session
 
 
-def test_what_the_database_does_not_take_is_said_as_on_pages(robot, operator, monkeypatch):
+def test_database_error_becomes_a_refusal(robot, operator, monkeypatch):
     def locked(_robot_id):
         raise OperationalError("database is locked")
 
@@ -395,7 +391,7 @@ def test_what_the_database_does_not_take_is_said_as_on_pages(robot, operator, mo
     assert "another process keeps the database locked" in refusal.text
 
 
-def test_being_seen_counts_for_the_connection_that_holds_only(robot, operator):
+def test_only_the_holding_connection_counts_as_seen(robot, operator):
     held = take(robot, operator)
     later = NOW + timedelta(seconds=5)
     seen = {"robot_id": robot.id, "seen_at": later}

@@ -28,12 +28,12 @@ PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
         get_args(wire.LinkReport),
     ],
 )
-def test_every_message_is_named(kinds):
+def test_every_message_is_documented(kinds):
     tags = {kind.__struct_config__.tag for kind in kinds}
     assert {tag for tag in tags if f"`{tag}`" not in PAGE} == set()
 
 
-def test_the_reference_is_as_the_messages_are():
+def test_reference_matches_the_messages():
     assert messages.PAGE.read_text() == messages.page(), "run script/messages"
 
 
@@ -41,7 +41,7 @@ def test_every_rule_has_a_row_of_its_codes():
     assert [rule for rule in get_args(wire.Rule) if f"| {rule} | `" not in PAGE] == []
 
 
-async def test_the_example_prints_what_it_is_shown_and_acknowledges_it():
+async def test_example_prints_and_acknowledges_samples():
     [program] = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     heard = []
 

@@ -46,7 +46,7 @@ def denied(person=None, code="stopped", robot=None, session=None):
 # --- folding ------------------------------------------------------------------------------------------
 
 
-def test_the_first_is_written_at_once_and_what_follows_in_one_record_with_its_number(written, monkeypatch):
+def test_first_is_written_at_once_and_repeats_in_one_record(written, monkeypatch):
     monkeypatch.setattr(refusals, "GAP_S", 3 * SOON_S)
     person = User(username="p")
     written.add(denied(person))
@@ -56,7 +56,7 @@ def test_the_first_is_written_at_once_and_what_follows_in_one_record_with_its_nu
     assert written.told() == ("stopped", 37)
 
 
-def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written):
+def test_different_people_robots_and_codes_are_no_repeats(written):
     person, robot = User(username="p"), uuid4()
     for other in (
         denied(person),
@@ -69,7 +69,7 @@ def test_other_people_robots_sessions_and_codes_are_not_folded_into_one(written)
     assert [written.told()[1] for _ in range(5)] == [1] * 5
 
 
-def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(monkeypatch):
+def test_refusals_beyond_a_persons_budget_are_counted(monkeypatch):
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = []
     log = repeat_suppression.RepeatSuppressor(
@@ -86,7 +86,7 @@ def test_one_person_has_a_budget_of_records_and_what_is_beyond_it_is_counted(mon
     assert sum(times for who, times in told if who is person) == 300
 
 
-def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
+def test_waiting_refusals_do_not_take_the_places_of_others():
     told = []
     log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.append(denied.person))
     person, other = User(username="p"), User(username="q")
@@ -98,7 +98,7 @@ def test_nobody_takes_the_places_of_others_while_waiting_for_the_own_budget():
     assert len(told) <= repeat_suppression.MOST_PER_PERSON + repeat_suppression.RECORDS_BURST + 1
 
 
-def test_a_press_that_stopped_a_robot_is_written_at_once_whatever_was_refused_before():
+def test_press_that_stopped_a_robot_is_written_at_once():
     told = []
     log = repeat_suppression.RepeatSuppressor(lambda press, times: told.append((press.of, times)), most=None)
     person = User(username="p")
@@ -119,7 +119,7 @@ def assert_soon(holds):
         time.sleep(0.01)
 
 
-def test_after_a_calm_while_the_next_is_written_at_once_again(written):
+def test_refusal_after_a_pause_is_written_at_once(written):
     person = User(username="p")
     written.add(denied(person))
     written.told()
@@ -128,7 +128,7 @@ def test_after_a_calm_while_the_next_is_written_at_once_again(written):
     assert written.told() == ("stopped", 1)
 
 
-def test_a_flood_of_late_commands_is_one_record_for_a_long_while(written):
+def test_flood_of_late_commands_is_one_record(written):
     late = denied(code="too_old")
     written.add(late)
     written.told()
@@ -138,7 +138,7 @@ def test_a_flood_of_late_commands_is_one_record_for_a_long_while(written):
     assert written._waiting[late.key].due_s - time.monotonic() > 100 * SOON_S
 
 
-def test_whoever_is_refused_does_not_wait_for_the_database():
+def test_refusal_does_not_wait_for_the_database():
     begun, go_on = threading.Event(), threading.Event()
 
     def hang(_denied, _times):
@@ -159,7 +159,7 @@ def test_whoever_is_refused_does_not_wait_for_the_database():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_record_has_code_rule_and_figures_and_who_is_named_may_expire(operator, robot):
+def test_record_has_code_rule_figures_and_names_expire(operator, robot):
     session = uuid4()
     told = RefusedRequest(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
     write_record(told, 12)
@@ -172,7 +172,7 @@ def test_a_record_has_code_rule_and_figures_and_who_is_named_may_expire(operator
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_refusal_that_is_lost_is_logged_and_no_error(operator, monkeypatch, caplog):
+def test_refusal_that_cannot_be_recorded_is_logged(operator, monkeypatch, caplog):
     full = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
     def fail(*_args, **_kwargs):
@@ -202,7 +202,7 @@ async def on_record(code):
         ({"t": "dance"}, "invalid"),
     ],
 )
-async def test_what_the_robots_page_is_refused_is_on_record(message, code, open_page, observer):
+async def test_refusal_on_the_robot_page_is_recorded(message, code, open_page, observer):
     page = await open_page("observer")
     await page.say_raw(json.dumps(message))
     await page.refused(code)
@@ -210,7 +210,7 @@ async def test_what_the_robots_page_is_refused_is_on_record(message, code, open_
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_what_the_bridge_refuses_is_on_record_in_its_control_session(open_page, bridge):
+async def test_refusal_by_the_bridge_is_recorded_with_its_session(open_page, bridge):
     page = await open_page("operator")
     control = await take(page)
     bridge.say(wire.Refused("drive", FORBIDDEN, 1, control["fence"]))
@@ -224,9 +224,7 @@ async def test_what_the_bridge_refuses_is_on_record_in_its_control_session(open_
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_what_the_topics_page_is_refused_is_on_record(
-    robot, browsers, websocket_headers, bridge, supervisor
-):
+async def test_refusal_on_the_topics_page_is_recorded(robot, browsers, websocket_headers, bridge, supervisor):
     page = await Page(websocket_headers(browsers["supervisor"]), f"/ws/robots/{robot.slug}/topics/").open()
     await page.say("call", service="/clear_costmaps", fields={}, seq=1)
     await page.refused("role_too_low")
@@ -235,7 +233,7 @@ async def test_what_the_topics_page_is_refused_is_on_record(
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_what_the_fleet_page_is_refused_is_on_record(robot, browsers, websocket_headers, bridge, staff):
+async def test_refusal_on_the_fleet_page_is_recorded(robot, browsers, websocket_headers, bridge, staff):
     page = await Page(websocket_headers(browsers["staff"]), "/ws/fleet/").open()
     await page.say("stop", slug="no-such-robot")
     await page.refused("no_such_robot")
@@ -244,7 +242,7 @@ async def test_what_the_fleet_page_is_refused_is_on_record(robot, browsers, webs
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_what_rest_is_refused_is_on_record(browsers, robot, stranger):
+async def test_refusal_by_rest_is_recorded(browsers, robot, stranger):
     asked = await in_database(browsers["stranger"].post, f"/api/robots/{robot.slug}/stop/")
     assert asked.status_code == 404
     who, _, through, of = await on_record("not_found")

@@ -122,7 +122,7 @@ def browser_of(person, request, signed_in):
 
 
 @pytest.mark.parametrize("person", PEOPLE)
-def test_each_page_is_for_whom_it_concerns(person, request, signed_in, session, robot, said, drive):
+def test_each_page_is_only_for_the_people_concerned(person, request, signed_in, session, robot, said, drive):
     drive()
     client = browser_of(person, request, signed_in)
     addresses = [reverse("control-session", args=[session.pk]), reverse("robot-report", args=[robot.slug])]
@@ -134,7 +134,7 @@ def test_each_page_is_for_whom_it_concerns(person, request, signed_in, session, 
 
 
 @pytest.mark.parametrize("person", [*PEOPLE])
-def test_everybody_sees_what_they_did_and_nobody_elses(person, request, signed_in, said, session):
+def test_people_see_only_their_own_records(person, request, signed_in, said, session):
     answer = browser_of(person, request, signed_in).get(reverse("your-data"))
     assert answer.status_code == (401 if person == "anonymous" else 200)
     page = answer.content.decode()
@@ -143,27 +143,27 @@ def test_everybody_sees_what_they_did_and_nobody_elses(person, request, signed_i
 
 
 @pytest.mark.parametrize("person", PEOPLE)
-def test_the_robots_page_leads_to_its_report_whoever_may_see_that(person, request, signed_in, robot):
+def test_robot_page_links_to_its_report_for_supervisors(person, request, signed_in, robot):
     page = browser_of(person, request, signed_in).get(reverse("control", args=[robot.slug]))
     leads = reverse("robot-report", args=[robot.slug]) in page.content.decode()
     assert leads == (PEOPLE[person][1] == 200)
 
 
-def test_whoever_lost_every_right_on_the_robot_still_sees_what_they_did(operator, signed_in, session, said):
+def test_person_without_any_role_still_sees_own_records(operator, signed_in, session, said):
     RobotRole.objects.filter(user=operator).delete()
     page = signed_in(operator).get(reverse("control-session", args=[session.pk]))
     assert SAID in page.content.decode()
 
 
 @pytest.mark.parametrize("person", ["anonymous", "operator"])
-def test_the_privacy_page_tells_everybody_what_is_kept_for_how_long(person, request, signed_in):
+def test_privacy_page_shows_what_is_kept_for_how_long(person, request, signed_in):
     page = browser_of(person, request, signed_in).get(reverse("privacy")).content.decode()
     for days in [*settings.FLEET_AUDIT_KEEP_DAYS.values(), settings.FLEET_AUDIT_KEEP_RECORDS_DAYS]:
         assert f"{days} days" in page
     assert "who watched a camera" in page.lower()
 
 
-def test_details_go_with_their_records_at_the_latest_and_the_privacy_page_says_so(client, settings):
+def test_details_are_deleted_with_their_records_at_the_latest(client, settings):
     settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 400
     days = [kept["days"] for kept in client.get(reverse("privacy")).context["classes"]]
     assert max(days) == 400
@@ -172,7 +172,7 @@ def test_details_go_with_their_records_at_the_latest_and_the_privacy_page_says_s
 # --- a control session ----------------------------------------------------------------------------
 
 
-def test_the_timeline_has_each_request_once_with_what_came_of_it_oldest_first(put, session, drive, said):
+def test_timeline_has_each_request_with_its_outcome_in_order(put, session, drive, said):
     put("control.take")
     drive()
     entries = session_report.report_of(session).entries
@@ -182,9 +182,7 @@ def test_the_timeline_has_each_request_once_with_what_came_of_it_oldest_first(pu
     assert entries[0].at_s <= entries[1].at_s
 
 
-def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_another_is_not(
-    put, session, robot, other_robot, supervisor
-):
+def test_timeline_has_the_robots_own_events_of_that_time(put, session, robot, other_robot, supervisor):
     put("control.take")
     record("stop.press", actor=supervisor, robot_id=robot.pk, parameters={"times": 3})
     record("stop.press", actor=supervisor, robot_id=other_robot.pk)
@@ -199,7 +197,7 @@ def test_what_happened_to_the_robot_meanwhile_is_there_and_what_happened_to_anot
     assert report.figures.stops == 3
 
 
-def test_figures_are_those_of_all_drives(session, drive):
+def test_figures_cover_all_drives(session, drive):
     drive()
     drive()
     figures = session_report.report_of(session).figures
@@ -207,7 +205,7 @@ def test_figures_are_those_of_all_drives(session, drive):
     assert (figures.interventions, figures.stops, figures.complete) == (2, 0, True)
 
 
-def test_the_path_is_drawn_in_colours_of_speed_with_marks_and_can_be_replayed(session, drive):
+def test_path_is_drawn_in_colours_of_speed_with_marks(session, drive):
     drive()
     plot = session_report.report_of(session).plot
     assert [line.pace for line in plot.lines] == [1, 4]  # 0.2 m/s, then 1 m/s
@@ -221,7 +219,7 @@ def test_the_path_is_drawn_in_colours_of_speed_with_marks_and_can_be_replayed(se
     assert not plot.on_map
 
 
-def test_where_the_maps_pose_is_known_the_path_is_drawn_on_it(session, drive):
+def test_path_is_drawn_on_the_map_if_its_pose_is_known(session, drive):
     drive(map_to_odom=[10.0, 0.0, 1.5708])
     plot = session_report.report_of(session).plot
     assert plot.on_map
@@ -231,7 +229,7 @@ def test_where_the_maps_pose_is_known_the_path_is_drawn_on_it(session, drive):
     assert y2 < y0
 
 
-def test_a_bend_to_the_left_by_odometry_is_one_to_the_left_on_the_map():
+def test_left_bend_by_odometry_is_a_left_bend_on_the_map():
     bend = [[0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0, 1.0], [2.0, 1.0, 1.0, 1.57, 1.0]]
     plot = plot_drives([DrivePath(0.0, bend, frame=[10.0, 0.0, math.pi / 2])], [])
     [(_, x0, y0, _), (_, x1, y1, _), (_, x2, y2, _)] = plot.replay[0]
@@ -240,7 +238,7 @@ def test_a_bend_to_the_left_by_odometry_is_one_to_the_left_on_the_map():
     assert x2 < x1  # west
 
 
-def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, put):
+def test_drive_of_a_killed_bridge_has_no_path(session, put):
     start = put("drive.start", private={"pose": [0.0, 0.0, 0.0], "map_to_odom": None})
     put("drive.end", of=start, outcome="bridge_killed")
     report = session_report.report_of(session)
@@ -249,7 +247,7 @@ def test_a_robot_that_a_killed_bridge_drove_has_no_path_but_its_start(session, p
     assert report.entries[0].facts == ["bridge killed"]
 
 
-def test_what_has_expired_is_said(session, drive, said, signed_in, operator):
+def test_expired_details_are_shown_as_expired(session, drive, said, signed_in, operator):
     drive()
     list(take_out([*Record.objects.values_list("pk", flat=True)]))
     page = signed_in(operator).get(reverse("control-session", args=[session.pk])).content.decode()
@@ -258,7 +256,7 @@ def test_what_has_expired_is_said(session, drive, said, signed_in, operator):
     assert SAID not in page
 
 
-def test_a_long_session_shows_the_newest_and_says_so(session, put, monkeypatch):
+def test_long_session_shows_its_newest_entries(session, put, monkeypatch):
     monkeypatch.setattr(session_report, "MOST_ENTRIES", 2)
     for _ in range(3):
         last = put("refusal", outcome="too_old")
@@ -267,7 +265,7 @@ def test_a_long_session_shows_the_newest_and_says_so(session, put, monkeypatch):
     assert [entry.number for entry in report.entries] == [last.pk - 1, last.pk]
 
 
-def test_without_any_record_the_page_is_there(session, signed_in, operator):
+def test_page_opens_without_any_record(session, signed_in, operator):
     page = signed_in(operator).get(reverse("control-session", args=[session.pk])).content.decode()
     assert "Nothing is on record." in page
 
@@ -287,7 +285,7 @@ def at(monkeypatch):
     return move
 
 
-def test_a_robots_report_has_hours_distance_interventions_and_when(robot, drive, at):
+def test_robot_report_has_hours_distance_and_interventions(robot, drive, at):
     at(TUESDAY)
     drive()
     at(TUESDAY + timedelta(days=3))
@@ -304,7 +302,7 @@ def test_a_robots_report_has_hours_distance_interventions_and_when(robot, drive,
     ]
 
 
-def test_how_far_and_long_drives_were_is_known_when_their_paths_have_expired(robot, session, drive, at):
+def test_figures_of_drives_remain_after_their_paths_expired(robot, session, drive, at):
     at(TUESDAY)
     drive()
     list(take_out([*Record.objects.values_list("pk", flat=True)]))
@@ -314,7 +312,7 @@ def test_how_far_and_long_drives_were_is_known_when_their_paths_have_expired(rob
     assert (figures.driven, figures.distance_m, figures.complete) == ("0:00:08", 4.0, True)
 
 
-def test_drives_of_older_versions_count_until_their_details_expire(robot, session, drive, at):
+def test_drives_of_older_versions_count_until_they_expire(robot, session, drive, at):
     at(TUESDAY)
     drive()
     drive(as_once=True)
@@ -327,7 +325,7 @@ def test_drives_of_older_versions_count_until_their_details_expire(robot, sessio
     assert not session_report.report_of(session).figures.complete
 
 
-def test_what_is_older_or_another_robots_does_not_count(robot, other_robot, drive, put, at):
+def test_older_records_and_other_robots_do_not_count(robot, other_robot, drive, put, at):
     at(TUESDAY - timedelta(days=7))
     drive()
     at(TUESDAY)
@@ -341,7 +339,7 @@ def test_what_is_older_or_another_robots_does_not_count(robot, other_robot, driv
     assert robot_report.report_of(robot, 30, TUESDAY).drives == 1
 
 
-def test_every_press_of_a_stop_counts_however_few_records_there_are_of_it(robot, put, at):
+def test_every_stop_press_counts_even_in_shared_records(robot, put, at):
     at(TUESDAY)
     put("stop.press", parameters={"through": "page"})
     pressed = put("stop.press", parameters={"through": "page", "times": 4})
@@ -349,7 +347,7 @@ def test_every_press_of_a_stop_counts_however_few_records_there_are_of_it(robot,
     assert robot_report.report_of(robot, 7, TUESDAY).stops == 5
 
 
-def test_nor_does_what_a_clock_recorded_that_was_ahead(robot, drive, put, at):
+def test_records_of_a_clock_that_was_ahead_do_not_count(robot, drive, put, at):
     at(TUESDAY + timedelta(days=1000))
     drive()
     put("stop.press")
@@ -358,14 +356,14 @@ def test_nor_does_what_a_clock_recorded_that_was_ahead(robot, drive, put, at):
     assert (report.drives, report.interventions, report.stops, report.faults) == (0, 0, 0, [])
 
 
-def test_the_last_faults_are_listed(robot, at):
+def test_newest_faults_are_listed(robot, at):
     at(TUESDAY)
     record("fault", robot_id=robot.pk, outcome="bridge_lost", private={"words": "The link broke."})
     [fault] = robot_report.report_of(robot, 7, TUESDAY).faults
     assert fault.what == "The link broke."
 
 
-def test_a_fault_that_is_over_and_of_which_the_words_have_expired_is_named_by_its_outcome(robot, at):
+def test_expired_fault_is_named_by_its_outcome(robot, at):
     at(TUESDAY)
     begun = record("fault", robot_id=robot.pk, outcome="bridge_lost")
     record("fault", of=begun, outcome="over")
@@ -373,9 +371,7 @@ def test_a_fault_that_is_over_and_of_which_the_words_have_expired_is_named_by_it
     assert fault.what == "bridge lost"
 
 
-def test_a_report_asks_as_few_questions_of_a_long_log_as_of_a_short_one(
-    robot, drive, django_assert_max_num_queries
-):
+def test_report_needs_no_more_queries_for_a_long_log(robot, drive, django_assert_max_num_queries):
     for _ in range(3):
         drive()
     with django_assert_max_num_queries(8):
@@ -383,7 +379,7 @@ def test_a_report_asks_as_few_questions_of_a_long_log_as_of_a_short_one(
 
 
 @pytest.mark.parametrize("days", ["", "0", "31", "all"])
-def test_a_period_that_is_not_offered_is_refused(days, robot, supervisor, signed_in):
+def test_unknown_period_is_refused(days, robot, supervisor, signed_in):
     address = reverse("robot-report", args=[robot.slug])
     assert signed_in(supervisor).get(address, {"days": days}).status_code == 400
 
@@ -404,7 +400,7 @@ def test_own_records_come_page_by_page(operator, signed_in, put):
     assert refusals == [f"number {number}." for number in reversed(range(70))]
 
 
-def test_own_control_sessions_come_page_by_page(operator, robot, signed_in):
+def test_own_sessions_come_page_by_page(operator, robot, signed_in):
     began = now()
     for number in range(25):
         ControlSession.objects.create(
@@ -432,11 +428,11 @@ def test_own_control_sessions_come_page_by_page(operator, robot, signed_in):
         "began_before=9999-12-31T23:59:59-23:59",
     ],
 )
-def test_an_address_that_says_nothing_is_refused(query, operator, signed_in):
+def test_invalid_address_is_refused(query, operator, signed_in):
     assert signed_in(operator).get(f"{reverse('your-data')}?{query}").status_code == 400
 
 
-def test_a_link_alone_exports_nothing(operator, signed_in):
+def test_export_needs_a_post(operator, signed_in):
     assert signed_in(operator).get(reverse("your-data-export")).status_code == 405
 
 
@@ -462,7 +458,7 @@ def meddled(session, robot, other_robot, operator, staff, supervisor, second_ope
     return "Sam", "sam@", "Sue", theirs, str(staff.pk)
 
 
-def test_ones_data_has_what_others_did_that_concerns_one_and_nothing_of_them(meddled, operator, signed_in):
+def test_own_data_has_records_by_others_without_their_names(meddled, operator, signed_in):
     page = signed_in(operator).get(reverse("your-data"))
     assert [(line.what, line.by) for line in page.context["about"]][:6] == [
         ("control ended", "by the console itself"),
@@ -477,14 +473,14 @@ def test_ones_data_has_what_others_did_that_concerns_one_and_nothing_of_them(med
     assert not [word for word in meddled if word in words]
 
 
-def test_it_has_what_came_of_it(session, operator, staff, signed_in, put):
+def test_records_by_others_have_their_outcome(session, operator, staff, signed_in, put):
     pressed = put("stop.press", actor=staff, parameters={"through": "page"})
     record("stop.press", of=pressed, outcome="latched", parameters={"confirmed": True})
     line, *_ = signed_in(operator).get(reverse("your-data")).context["about"]
     assert (line.outcome, line.subject) == ("latched", "through page · confirmed yes")
 
 
-def test_it_has_who_tried_to_sign_in_as_one_and_nothing_of_where_from(operator, client, signed_in):
+def test_own_data_has_failed_sign_ins_without_their_origin(operator, client, signed_in):
     client.post(reverse("sign-in"), {"username": operator.username, "password": "guessed"})
     page = signed_in(operator).get(reverse("your-data"))
     line, *_ = page.context["about"]
@@ -496,9 +492,7 @@ def test_it_has_who_tried_to_sign_in_as_one_and_nothing_of_where_from(operator, 
     )
 
 
-def test_of_tries_to_sign_in_the_page_has_those_of_late_and_the_export_all(
-    operator, second_operator, signed_in, monkeypatch
-):
+def test_page_has_recent_failed_sign_ins_the_export_all(operator, second_operator, signed_in, monkeypatch):
     monkeypatch.setattr(own_data, "TRIES", 4)
     people = [operator] * 2 + [second_operator] * 3 + [operator]
     tries = [
@@ -513,7 +507,7 @@ def test_of_tries_to_sign_in_the_page_has_those_of_late_and_the_export_all(
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="what PostgreSQL does depends on its statistics")
-def test_which_tries_are_of_late_the_index_alone_tells(operator):
+def test_recent_failed_sign_ins_are_found_by_the_index(operator):
     with CaptureQueriesContext(connection) as asked:
         own_data.recorded_by_others(operator, None)
     with connection.cursor() as cursor:
@@ -521,9 +515,7 @@ def test_which_tries_are_of_late_the_index_alone_tells(operator):
         assert "COVERING INDEX audit_kind" in str(cursor.fetchall())
 
 
-def test_one_reads_which_role_one_was_given_and_what_was_changed_of_ones_account(
-    operator, robot, staff, signed_in
-):
+def test_own_data_shows_changes_of_role_and_account(operator, robot, staff, signed_in):
     role_set(robot=robot, user=operator, role=Role.SUPERVISOR, actor=staff)
     operator.changed_by, operator.full_name, operator.is_staff = staff, "Olga O.", True
     operator.save()
@@ -535,7 +527,7 @@ def test_one_reads_which_role_one_was_given_and_what_was_changed_of_ones_account
     )
 
 
-def test_others_records_come_page_by_page(operator, staff, signed_in, put):
+def test_records_by_others_come_page_by_page(operator, staff, signed_in, put):
     for number in range(70):
         put("stop.press", actor=staff, parameters={"through": f"number {number}."})
     client, found, query = signed_in(operator), [], ""
@@ -551,7 +543,7 @@ def test_others_records_come_page_by_page(operator, staff, signed_in, put):
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="what PostgreSQL does depends on its statistics")
-def test_whoever_drove_for_years_waits_for_none_of_ones_own_records(operator, put):
+def test_page_of_a_frequent_driver_opens_fast(operator, put):
     put("stop.press")
     with CaptureQueriesContext(connection) as asked:
         own_data.recorded_by_others(operator, None)
@@ -562,7 +554,7 @@ def test_whoever_drove_for_years_waits_for_none_of_ones_own_records(operator, pu
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_so_has_the_export(meddled, operator, session):
+async def test_export_of_a_frequent_driver_is_fast(meddled, operator, session):
     client = AsyncClient()
     await client.aforce_login(operator)
     answer = await client.post(reverse("your-data-export"))
@@ -578,7 +570,7 @@ async def test_so_has_the_export(meddled, operator, session):
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_the_export_has_ones_own_records_alone_and_is_itself_on_record(operator, supervisor, said):
+async def test_export_has_own_records_only_and_is_recorded(operator, supervisor, said):
     client = AsyncClient()
     await client.aforce_login(operator)
     answer = await client.post(reverse("your-data-export"))

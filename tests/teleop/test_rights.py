@@ -40,7 +40,7 @@ async def revoked_in_time(bridge, take_away):
     assert session.ended_at is None or session.end_reason == EndReason.RIGHT
 
 
-async def test_without_the_role_control_ends_and_one_may_still_look(driving, bridge, operator):
+async def test_losing_the_role_ends_control_but_not_watching(driving, bridge, operator):
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).update(role="observer"))
     await driving.hears("welcome", role="observer")
     await driving.hears("notice", code="role_too_low")
@@ -51,7 +51,7 @@ async def test_without_the_role_control_ends_and_one_may_still_look(driving, bri
     assert ended.parameters["why"] == "role_too_low"
 
 
-async def test_without_any_role_the_page_is_cut_off(driving, bridge, operator):
+async def test_losing_every_role_closes_the_page(driving, bridge, operator):
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).delete())
     assert await driving.is_closed() == CloseCode.NOT_PERMITTED
 
@@ -61,9 +61,7 @@ async def test_signing_out_elsewhere_ends_control(driving, bridge, browsers, end
     assert await driving.is_closed() == CloseCode.SIGNED_OUT
 
 
-async def test_signing_out_frees_the_robot_at_once_though_the_page_has_gone_before(
-    driving, browsers, operator
-):
+async def test_signing_out_frees_the_robot_of_a_closed_page(driving, browsers, operator):
     await driving.close()
     await eventually(ControlSession.objects.filter(lease__connection="").first)  # its page may come back
     await in_database(lambda: browsers["operator"].post("/accounts/sign-out/"))
@@ -73,7 +71,7 @@ async def test_signing_out_frees_the_robot_at_once_though_the_page_has_gone_befo
     assert (ended.actor_id, ended.parameters["why"]) == (str(operator.pk), "signed_out")
 
 
-async def test_a_closed_account_loses_control(driving, bridge, operator):
+async def test_closed_account_loses_control(driving, bridge, operator):
     def close():
         operator.is_active = False
         operator.save()
@@ -82,7 +80,7 @@ async def test_a_closed_account_loses_control(driving, bridge, operator):
     assert await driving.is_closed() == CloseCode.SIGNED_OUT
 
 
-async def test_a_changed_password_ends_control(driving, bridge, operator):
+async def test_changed_password_ends_control(driving, bridge, operator):
     def change():
         operator.set_password("another walk on the beach")
         operator.save()
@@ -90,9 +88,7 @@ async def test_a_changed_password_ends_control(driving, bridge, operator):
     await revoked_in_time(bridge, change)
 
 
-async def test_a_lower_role_ends_control_and_what_was_begun_under_the_higher_one(
-    open_page, bridge, supervisor
-):
+async def test_lower_role_ends_control_and_its_tasks(open_page, bridge, supervisor):
     page = await open_page("supervisor")
     await page.say("take")
     await page.hears("control", state="yours")
@@ -106,7 +102,7 @@ def set_role(role):
     return in_database(lambda: RobotRole.objects.filter(user__username="supervisor").update(role=role))
 
 
-async def test_a_page_that_comes_back_after_its_role_became_a_lower_one_has_lost_control(open_page, bridge):
+async def test_page_that_returns_with_a_lower_role_has_no_control(open_page, bridge):
     page = await open_page("supervisor")
     await page.say("take")
     fence = (await page.hears("control", state="yours"))["fence"]
@@ -120,7 +116,7 @@ async def test_a_page_that_comes_back_after_its_role_became_a_lower_one_has_lost
     assert (ended.outcome, ended.parameters["why"]) == (EndReason.RIGHT, "role_lowered")
 
 
-async def test_a_role_that_rises_and_falls_back_to_that_of_the_take_ends_nothing(open_page, bridge):
+async def test_role_that_rises_and_falls_back_ends_nothing(open_page, bridge):
     await set_role("operator")
     page = await open_page("supervisor")
     await page.say("take")
@@ -132,35 +128,35 @@ async def test_a_role_that_rises_and_falls_back_to_that_of_the_take_ends_nothing
     assert not bridge.all(wire.Revoke)
 
 
-async def test_disabling_the_robot_ends_control_and_says_so(driving, bridge):
+async def test_disabling_the_robot_ends_control_with_that_reason(driving, bridge):
     await revoked_in_time(bridge, lambda: Robot.objects.update(enabled=False))
     await driving.hears("notice", code="robot_disabled")
 
 
-async def test_a_smaller_largest_share_reaches_the_bridge_while_driving(driving, bridge):
+async def test_lower_speed_limit_reaches_the_bridge_while_driving(driving, bridge):
     await in_database(lambda: Robot.objects.update(max_share=0.3))
     await bridge.hears(wire.Grant, lambda grant: grant.max_share == 0.3)
 
 
-async def test_an_observer_who_loses_the_role_is_cut_off(open_page, observer):
+async def test_observer_who_loses_the_role_is_disconnected(open_page, observer):
     page = await open_page("observer")
     await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
     assert await page.is_closed() == CloseCode.NOT_PERMITTED
 
 
-async def test_an_observer_who_signs_out_is_cut_off(open_page, browsers, end_session):
+async def test_observer_who_signs_out_is_disconnected(open_page, browsers, end_session):
     page = await open_page("observer")
     await in_database(end_session, browsers["observer"])
     assert await page.is_closed() == CloseCode.SIGNED_OUT
 
 
-async def test_a_stranger_does_not_even_learn_that_the_robot_exists(open_page):
+async def test_stranger_does_not_learn_that_the_robot_exists(open_page):
     for slug in ("tiago-1", "no-such-robot"):
         page = await open_page("stranger", slug=slug, hello=False)
         assert await page.is_closed() == CloseCode.NOT_FOUND
 
 
-async def test_an_edited_robot_is_shown_anew(open_page, robot):
+async def test_edited_robot_is_shown_again(open_page, robot):
     page = await open_page("observer")
     await in_database(lambda: Robot.objects.update(name="Rosie"))
     assert (await page.hears("welcome"))["robot"]["name"] == "Rosie"
@@ -178,7 +174,7 @@ async def is_not_renewed(bridge):
         await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * lease_renewal.RENEW_S)
 
 
-async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, monkeypatch):
+async def test_unconfirmed_control_is_not_renewed(driving, bridge, monkeypatch):
     """The database is gone: the bridge's own clock ends control three seconds later."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
     monkeypatch.setattr(robot_hub, "control_status", away)
@@ -186,9 +182,7 @@ async def test_control_that_cannot_be_confirmed_is_not_renewed(driving, bridge, 
     await is_not_renewed(bridge)
 
 
-async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_again(
-    driving, bridge, monkeypatch, caplog
-):
+async def test_lasting_fault_of_renewal_is_logged_once(driving, bridge, monkeypatch, caplog):
     monkeypatch.setattr(lease_renewal, "RENEW_S", 0.02)
     tries = asyncio.Semaphore(0)
     grant = lease_renewal.LeaseRenewer._grant
@@ -209,7 +203,7 @@ async def test_a_lasting_fault_of_the_renewal_is_logged_once_until_it_works_agai
         await bridge.hears(wire.Grant, count=len(bridge.all(wire.Grant)) + 1)
 
 
-async def test_a_look_at_others_rights_confirms_nobodys_control(driving, open_page, bridge, monkeypatch):
+async def test_read_of_others_rights_confirms_no_control(driving, open_page, bridge, monkeypatch):
     """Each newcomer is looked up; that says nothing of whoever drives."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
     [hub] = robot_hub._hubs.values()

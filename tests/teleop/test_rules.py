@@ -40,36 +40,36 @@ def code(refusal):
 # --- take -----------------------------------------------------------------------------------------
 
 
-def test_a_robot_that_nobody_has_may_be_taken():
+def test_free_robot_may_be_taken():
     assert rules.check_take(None, user=OLAF, tab=HIS_TAB, now=NOW) is None
 
 
-def test_a_robot_that_somebody_has_may_not_be_taken_and_the_refusal_names_who():
+def test_held_robot_may_not_be_taken_and_its_holder_is_named():
     refusal = rules.check_take(HELD, user=OLAF, tab=HIS_TAB, now=NOW)
     assert refusal.code == "held"
     assert refusal.figures == {"holder": "Olga", "remaining_s": 900}
 
 
-def test_while_the_holders_page_is_gone_others_are_told_when_it_becomes_free():
+def test_others_see_when_a_robot_with_a_lost_page_is_free():
     refusal = rules.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(4))
     assert refusal.code == "held_away"
     assert refusal.figures["resumable_s"] == 6.0
 
 
-def test_it_may_be_taken_once_the_grace_is_over():
+def test_robot_may_be_taken_after_the_grace():
     assert rules.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(10.001)) is None
 
 
-def test_it_may_be_taken_once_the_term_is_over_though_the_page_is_there():
+def test_robot_may_be_taken_after_the_term():
     still_there = msgspec.structs.replace(HELD, seen_at=after(900))
     assert rules.check_take(still_there, user=OLAF, tab=HIS_TAB, now=after(900)) is None
 
 
-def test_the_holder_may_move_control_to_another_of_their_tabs():
+def test_holder_may_move_control_to_another_tab():
     assert rules.check_take(HELD, user=OLGA, tab=HIS_TAB, now=NOW) is None
 
 
-def test_what_a_page_has_already_it_does_not_take_again():
+def test_page_in_control_may_not_take_again():
     assert code(rules.check_take(HELD, user=OLGA, tab=HER_TAB, now=NOW)) == "already_yours"
 
 
@@ -77,64 +77,64 @@ def test_what_a_page_has_already_it_does_not_take_again():
 
 
 @pytest.mark.parametrize("seconds", [0, 9.9, 10])
-def test_the_same_tab_resumes_within_ten_seconds(seconds):
+def test_same_tab_resumes_within_ten_seconds(seconds):
     assert rules.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(seconds)) is None
 
 
-def test_after_ten_seconds_it_does_not():
+def test_same_tab_does_not_resume_after_ten_seconds():
     assert code(rules.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(10.1))) == "lease_over"
 
 
-def test_a_duplicate_of_the_tab_resumes_though_the_first_is_still_there():
+def test_duplicated_tab_resumes_while_the_first_is_open():
     assert rules.check_resume(HELD, user=OLGA, tab=NEW_CONNECTION, now=NOW) is None
 
 
 @pytest.mark.parametrize("tab", [Tab("other-tab", "her-sign-in", "c"), Tab("her-tab", "other-sign-in", "c")])
-def test_another_tab_or_another_sign_in_does_not_resume(tab):
+def test_another_tab_or_sign_in_does_not_resume(tab):
     assert code(rules.check_resume(LOST, user=OLGA, tab=tab, now=NOW)) == "not_holder"
 
 
-def test_another_person_does_not_resume_even_with_the_tabs_token():
+def test_another_person_does_not_resume_with_the_tabs_token():
     assert code(rules.check_resume(LOST, user=OLAF, tab=NEW_CONNECTION, now=NOW)) == "not_holder"
 
 
 # --- renew, ask, hand over ----------------------------------------------------------------------------
 
 
-def test_the_holder_may_renew():
+def test_holder_may_renew():
     assert rules.check_renew(HELD, tab=HER_TAB, requests=[], now=NOW) is None
 
 
-def test_the_holder_may_not_renew_while_somebody_asks():
+def test_holder_may_not_renew_while_another_person_asks():
     refusal = rules.check_renew(HELD, tab=HER_TAB, requests=[HE_ASKS], now=NOW)
     assert refusal.code == "somebody_asks"
     assert "Olaf" in refusal.text
 
 
-def test_a_question_that_lapsed_does_not_keep_the_holder_from_renewing():
+def test_lapsed_request_does_not_block_the_renewal():
     still_there = msgspec.structs.replace(HELD, seen_at=after(rules.REQUEST_S))
     assert rules.check_renew(still_there, tab=HER_TAB, requests=[HE_ASKS], now=after(rules.REQUEST_S)) is None
 
 
-def test_only_the_page_that_has_control_renews():
+def test_only_the_page_in_control_renews():
     assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, requests=[], now=NOW)) == "not_holder"
     assert code(rules.check_renew(None, tab=HER_TAB, requests=[], now=NOW)) == "no_lease"
     assert code(rules.check_renew(HELD, tab=HER_TAB, requests=[], now=after(900))) == "lease_over"
 
 
-def test_one_asks_for_what_somebody_else_has():
+def test_only_control_of_another_person_can_be_requested():
     assert rules.check_request(HELD, user=OLAF, now=NOW) is None
     assert code(rules.check_request(HELD, user=OLGA, now=NOW)) == "already_yours"
     assert code(rules.check_request(None, user=OLAF, now=NOW)) == "free"
 
 
-def test_control_is_handed_to_whoever_still_asks():
+def test_handover_needs_an_open_request():
     assert rules.check_still_open(HE_ASKS, now=NOW) is None
     assert code(rules.check_still_open(HE_ASKS, now=after(rules.REQUEST_S))) == "no_such_request"
     assert code(rules.check_still_open(None, now=NOW)) == "no_such_request"
 
 
-def test_questions_are_answered_in_the_order_they_came():
+def test_requests_are_sorted_by_time():
     early = msgspec.structs.replace(HE_ASKS, id=2, asked_at=NOW - timedelta(seconds=30))
     assert [ask.id for ask in rules.open_requests([HE_ASKS, early], NOW)] == [2, 1]
 
@@ -142,20 +142,20 @@ def test_questions_are_answered_in_the_order_they_came():
 # --- take over, clear -----------------------------------------------------------------------------
 
 
-def test_a_supervisor_may_take_over_from_a_holder():
+def test_supervisor_may_take_over():
     assert rules.check_take_over(HELD, user=OLAF, supervises=True, now=NOW) is None
 
 
-def test_an_operator_may_not_take_over():
+def test_operator_may_not_take_over():
     assert code(rules.check_take_over(HELD, user=OLAF, supervises=False, now=NOW)) == "role_too_low"
 
 
-def test_there_is_nothing_to_take_over_when_nobody_has_it():
+def test_free_robot_cannot_be_taken_over():
     assert code(rules.check_take_over(None, user=OLAF, supervises=True, now=NOW)) == "free"
     assert code(rules.check_take_over(HELD, user=OLGA, supervises=True, now=NOW)) == "already_yours"
 
 
-def test_the_stop_is_cleared_by_the_holder_or_a_supervisor():
+def test_holder_and_supervisor_may_clear_the_stop():
     assert rules.check_clear(HELD, tab=HER_TAB, supervises=False, now=NOW) is None
     assert rules.check_clear(None, tab=None, supervises=True, now=NOW) is None
     assert code(rules.check_clear(HELD, tab=HIS_TAB, supervises=False, now=NOW)) == "may_not_clear"
@@ -177,11 +177,11 @@ def test_the_stop_is_cleared_by_the_holder_or_a_supervisor():
         (HELD, 900, Phase.LAPSED),
     ],
 )
-def test_a_lease_goes_through_its_phases(lease, seconds, phase):
+def test_lease_passes_through_its_phases(lease, seconds, phase):
     assert rules.phase(lease, after(seconds)) is phase
 
 
-def test_a_term_ends_no_later_than_the_permit():
+def test_term_ends_no_later_than_the_permit():
     assert rules.term_end(NOW, 900, None) == after(900)
     assert rules.term_end(NOW, 900, after(60)) == after(60)
     assert rules.term_end(NOW, 900, after(6000)) == after(900)

@@ -78,7 +78,7 @@ def ground_of(session):
 # --- which ------------------------------------------------------------------------------------------
 
 
-def test_a_map_that_stays_the_same_is_one_row_and_another_one_is_another(seen):
+def test_unchanged_map_is_one_row_a_changed_one_another(seen):
     first = seen(NOON)
     assert seen(NOON + 5 * MINUTE) == first
     other = seen(NOON + 10 * MINUTE, "b")
@@ -88,7 +88,7 @@ def test_a_map_that_stays_the_same_is_one_row_and_another_one_is_another(seen):
     assert rows[0].last_seen_at == NOON + 5 * MINUTE
 
 
-def test_a_session_is_shown_on_the_map_of_its_time(control, seen, drive, other_robot):
+def test_session_is_shown_on_the_map_of_its_time(control, seen, drive, other_robot):
     session = control()
     drive(session)
     assert ground_of(session) is None
@@ -102,7 +102,7 @@ def test_a_session_is_shown_on_the_map_of_its_time(control, seen, drive, other_r
     assert ground_of(session) == of_then.pk
 
 
-def test_where_the_map_changed_meanwhile_the_newest_is_shown(control, seen, drive):
+def test_newest_map_of_a_session_is_shown(control, seen, drive):
     session = control()
     drive(session)
     seen(NOON + MINUTE, "a")
@@ -111,9 +111,7 @@ def test_where_the_map_changed_meanwhile_the_newest_is_shown(control, seen, driv
     assert ground_of(session) == newest.pk
 
 
-def test_a_map_that_was_first_seen_by_a_clock_years_ahead_is_shown_with_the_sessions_after_it(
-    control, seen, drive
-):
+def test_map_seen_by_a_clock_years_ahead_is_shown_later(control, seen, drive):
     session = control()
     drive(session)
     ahead = seen(NOON + 3650 * DAY)
@@ -122,11 +120,11 @@ def test_a_map_that_was_first_seen_by_a_clock_years_ahead_is_shown_with_the_sess
     assert list(RobotMap.objects.order_by("pk").values_list("pk", flat=True)) == [ahead.pk, *rows]
 
 
-def test_a_clock_that_is_set_back_by_minutes_makes_no_other_row(seen):
+def test_clock_set_back_by_minutes_makes_no_second_row(seen):
     assert seen(NOON) == seen(NOON - 4 * MINUTE)
 
 
-def test_a_path_whose_place_on_the_map_is_not_known_is_drawn_on_none(control, seen, drive):
+def test_path_without_pose_on_the_map_is_drawn_without_map(control, seen, drive):
     session = control()
     drive(session)
     drive(session, map_to_odom=None)
@@ -144,7 +142,7 @@ def on_the_picture(plot, x, y):
 
 
 @pytest.mark.parametrize("turn", [0.0, math.pi / 2.0, -2.5])
-def test_the_map_lies_where_the_path_is_with_its_lower_left_corner_at_the_origin(turn):
+def test_map_lies_with_its_lower_left_corner_at_the_origin(turn):
     # Of a map of 6 m by 3 m the robot drives from the lower left corner to the right, then up.
     origin = (7.0, -3.0, turn)
     c, s = math.cos(turn), math.sin(turn)
@@ -159,7 +157,7 @@ def test_the_map_lies_where_the_path_is_with_its_lower_left_corner_at_the_origin
         assert on_the_picture(plot, u, 3.0 - v) == pytest.approx((x, y), abs=0.2)
 
 
-def test_of_the_map_the_surroundings_of_the_path_are_in_the_picture():
+def test_only_the_maps_part_around_the_path_is_shown():
     samples = [[0.0, 1.0, 1.0, 0.0, 0.0], [1.0, 1.5, 1.0, 0.0, 0.5]]
     small = plot_drives(
         [DrivePath(0.0, samples, frame=(0, 0, 0))], [], MapImage(1, 2.0, 1.8, (0.0, 0.0, 0.0))
@@ -185,7 +183,7 @@ def address_of(session, found):
 
 
 @pytest.mark.parametrize("person", PEOPLE)
-def test_a_map_is_for_whoever_may_see_the_sessions_page(person, request, signed_in, control, seen, drive):
+def test_map_is_visible_to_people_who_may_see_the_session(person, request, signed_in, control, seen, drive):
     session = control()
     drive(session)
     found = seen(NOON + MINUTE)
@@ -202,7 +200,7 @@ def test_a_map_is_for_whoever_may_see_the_sessions_page(person, request, signed_
         assert b"PNG" not in answer.content
 
 
-def test_ones_own_session_gives_no_other_map_away(control, seen, signed_in, operator, other_robot):
+def test_own_session_gives_access_to_no_other_map(control, seen, signed_in, operator, other_robot):
     session = control()
     client = signed_in(operator)
     seen(NOON + MINUTE)
@@ -217,7 +215,7 @@ def kept():
     return list(RobotMap.objects.order_by("pk").values_list("digest", flat=True))
 
 
-def test_a_map_is_kept_for_as_long_as_a_path_may_be_shown_on_it(control, seen):
+def test_map_is_kept_as_long_as_a_path_on_it(control, seen):
     control()
     seen(NOON + MINUTE)
     keep = timedelta(days=settings.FLEET_AUDIT_KEEP_DAYS["driving"])
@@ -227,7 +225,7 @@ def test_a_map_is_kept_for_as_long_as_a_path_may_be_shown_on_it(control, seen):
     assert kept() == []
 
 
-def test_of_a_robot_that_draws_its_map_anew_one_is_kept_for_each_session(control, seen, other_robot):
+def test_one_map_per_session_is_kept_of_a_mapping_robot(control, seen, other_robot):
     control()
     control(NOON + 30 * MINUTE)
     seen(NOON + 21 * MINUTE, "of another robot", on=other_robot)
@@ -239,7 +237,7 @@ def test_of_a_robot_that_draws_its_map_anew_one_is_kept_for_each_session(control
     assert kept() == ["6", "36"]
 
 
-def test_what_is_removed_is_what_no_session_shows(control, seen, drive):
+def test_removed_maps_are_those_that_no_session_shows(control, seen, drive):
     sessions = [
         control(NOON + minute * MINUTE, lasted * MINUTE) for minute, lasted in ((0, 3), (4, 20), (90, 9))
     ]
@@ -263,7 +261,7 @@ def test_housekeeping_removes_maps(seen):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_by_a_clock_that_is_years_ahead_no_map_goes(control, seen, drive, monkeypatch):
+def test_clock_years_ahead_removes_no_map(control, seen, drive, monkeypatch):
     drive(control())
     seen(NOON + MINUTE)
     monkeypatch.setattr(django_timezone, "now", lambda: NOON + 3 * 365 * DAY)

@@ -57,7 +57,7 @@ def driven():
 
 
 @pytest.mark.parametrize("slower", [0.03, 0.1, 0.5])
-def test_no_command_moves_the_robot_longer_after_it_was_sent_than_it_lives(driven, slower):
+def test_command_moves_the_robot_no_longer_than_it_lives(driven, slower):
     stick = HeldStick(driven, slower)
     for _ in stick.passes(1.0 + 1.2 * COMMAND_LIFE_S / slower):
         if driven.last != STILL:
@@ -67,7 +67,7 @@ def test_no_command_moves_the_robot_longer_after_it_was_sent_than_it_lives(drive
     assert driven.core.state(driven.now_s, []).neutral_needed is not None
 
 
-def test_a_page_whose_answers_come_late_is_told_to_the_gate_with_the_next_grant(driven, monkeypatch):
+def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatch):
     """The page answers each picture on the connection of its commands, behind them: what delays one delays the other.
 
     This also notices what is too slow a change for a command's age, which is reckoned from the best of the last minute.
@@ -90,7 +90,7 @@ def test_a_page_whose_answers_come_late_is_told_to_the_gate_with_the_next_grant(
     assert answers(0.6) == pytest.approx(0.6)
 
 
-def test_the_way_from_bridge_to_robot_is_watched_while_a_stick_is_held_still(driven):
+def test_link_delay_is_measured_while_the_stick_is_still(driven):
     """Commands alone that come later: no sensor shows it, the acknowledgements of the twists do."""
 
     def latency_after(echo_s):

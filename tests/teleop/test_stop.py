@@ -44,19 +44,19 @@ def recorded(kind, count):
 
 
 @pytest.mark.parametrize("who", ["observer", "operator", "supervisor", "staff"])
-async def test_whoever_may_see_the_robot_may_stop_it(open_page, bridge, who):
+async def test_every_person_who_sees_the_robot_may_stop_it(open_page, bridge, who):
     page = await open_page(who)
     await page.say("stop")
     await bridge.hears(wire.LinkStop)
 
 
-async def test_a_stop_needs_no_hello(open_page, bridge):
+async def test_stop_needs_no_hello(open_page, bridge):
     page = await open_page("observer", hello=False)
     await page.say("stop")
     assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
 
 
-async def test_a_stop_and_what_came_of_it_are_recorded(open_page, bridge, observer):
+async def test_stop_and_its_result_are_recorded(open_page, bridge, observer):
     page = await open_page("observer")
     await page.say("stop")
     pressed, outcome = await recorded("stop.press", 2)
@@ -64,7 +64,7 @@ async def test_a_stop_and_what_came_of_it_are_recorded(open_page, bridge, observ
     assert (outcome.of_id, outcome.outcome) == (pressed.id, "stopping")
 
 
-async def test_a_stop_belongs_to_the_control_session_that_it_interrupts(open_page, bridge):
+async def test_stop_is_recorded_with_the_session_it_interrupts(open_page, bridge):
     holder, other = await open_page("operator"), await open_page("observer")
     await holder.say("take")
     control = await holder.hears("control", state="yours")
@@ -73,14 +73,14 @@ async def test_a_stop_belongs_to_the_control_session_that_it_interrupts(open_pag
         assert (str(record.session_id), record.fence) == (control["session"], control["fence"])
 
 
-async def test_a_stop_is_the_last_word_of_a_page(open_page, bridge):
+async def test_stop_is_delivered_though_the_page_closes(open_page, bridge):
     page = await open_page("observer")
     await page.say("stop")
     await page.close()
     await bridge.hears(wire.LinkStop)
 
 
-async def test_a_stop_does_not_wait_for_the_database(open_page, bridge, monkeypatch):
+async def test_stop_does_not_wait_for_the_database(open_page, bridge, monkeypatch):
     answered = threading.Event()
     page = await open_page("observer")
     monkeypatch.setattr(audit, "record", lambda *_args, **_kwargs: answered.wait(10))
@@ -91,14 +91,14 @@ async def test_a_stop_does_not_wait_for_the_database(open_page, bridge, monkeypa
         answered.set()
 
 
-async def test_a_stop_works_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
+async def test_stop_works_when_it_cannot_be_recorded(open_page, bridge, monkeypatch):
     page = await open_page("observer")
     monkeypatch.setattr(audit, "record", unavailable)
     await page.say("stop")
     await bridge.hears(wire.LinkStop)
 
 
-async def test_a_stop_is_heard_in_the_middle_of_a_flood(open_page, bridge):
+async def test_stop_is_accepted_during_a_flood(open_page, bridge):
     page = await open_page("observer")
     for _ in range(700):
         await page.say("ping", sent_ms=1)
@@ -119,7 +119,7 @@ def presses_on_record(count):
     return eventually(told)
 
 
-async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, bridge, monkeypatch):
+async def test_every_press_is_sent_but_few_are_recorded(open_page, bridge, monkeypatch):
     monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     page = await open_page("observer")
     for number in range(1, 31):
@@ -133,7 +133,7 @@ async def test_each_of_many_presses_is_sent_and_few_are_recorded(open_page, brid
     assert len(told) <= 4
 
 
-async def test_a_stop_after_the_last_was_cleared_is_no_repetition(open_page, bridge, robot, monkeypatch):
+async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeypatch):
     """It is on record at once, with the control session that it interrupts."""
     monkeypatch.setattr(emergency_stop, "GAP_S", 60.0)
     holder, page = await open_page("operator"), await open_page("observer")
@@ -156,7 +156,7 @@ async def test_a_stop_after_the_last_was_cleared_is_no_repetition(open_page, bri
     assert [times for times, _ in await presses_on_record(4)] == [1, 1, 1, 1]
 
 
-async def test_many_presses_without_a_live_connection_are_few_records_too(browsers, bridge, monkeypatch):
+async def test_presses_by_form_share_records_too(browsers, bridge, monkeypatch):
     monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     for _ in range(10):
         assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
@@ -166,7 +166,7 @@ async def test_many_presses_without_a_live_connection_are_few_records_too(browse
     assert len(told) <= 4
 
 
-async def test_a_press_after_a_while_is_recorded_by_itself(open_page, bridge, monkeypatch):
+async def test_press_after_a_pause_has_its_own_record(open_page, bridge, monkeypatch):
     monkeypatch.setattr(emergency_stop, "GAP_S", 0.1)
     page = await open_page("observer")
     for count in (1, 2):
@@ -175,7 +175,7 @@ async def test_a_press_after_a_while_is_recorded_by_itself(open_page, bridge, mo
         await eventually(lambda: not emergency_stop.log._waiting)
 
 
-async def test_no_number_of_stops_is_refused_nor_ends_the_connection(open_page, bridge):
+async def test_stops_are_never_refused_for_their_number(open_page, bridge):
     page = await open_page("observer")
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 500):
         await page.say("stop")
@@ -204,7 +204,7 @@ class SilentLink:
         return await self.answers[-1]
 
 
-async def test_the_presses_of_a_flood_are_one_more_when_the_bridge_has_answered(robot, observer):
+async def test_presses_of_a_flood_become_one_more_press(robot, observer):
     link, button = SilentLink(robot), emergency_stop.StopButton(observer, "robot page", None)
     button.press(link)
     await eventually(lambda: link.answers)
@@ -218,7 +218,7 @@ async def test_the_presses_of_a_flood_are_one_more_when_the_bridge_has_answered(
     assert len(link.sent) == 2
 
 
-async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, bridge):
+async def test_press_without_bridge_is_reported(open_page, bridge):
     page = await open_page("observer")
     await bridge.close()
     await page.hears("bridge_gone")
@@ -228,7 +228,7 @@ async def test_whoever_presses_is_told_when_the_bridge_is_not_there(open_page, b
     assert refused["figures"] == {"because": "bridge_down"}
 
 
-async def test_every_page_says_that_a_stop_waits_for_a_robot_without_bridge(open_page, bridge):
+async def test_every_page_shows_a_pending_stop(open_page, bridge):
     presser, other = await open_page("observer"), await open_page("operator")
     await bridge.close()
     assert (await other.hears("bridge_gone"))["stop"] is None
@@ -239,7 +239,7 @@ async def test_every_page_says_that_a_stop_waits_for_a_robot_without_bridge(open
     assert abs(gone["stop"]["at"] - time.time()) < 60.0
 
 
-async def test_whoever_presses_is_told_so_before_the_database_answers(open_page, bridge, monkeypatch):
+async def test_result_is_reported_before_the_database_answers(open_page, bridge, monkeypatch):
     answered = threading.Event()
     page = await open_page("observer")
     await bridge.close()
@@ -254,9 +254,7 @@ async def test_whoever_presses_is_told_so_before_the_database_answers(open_page,
         answered.set()
 
 
-async def test_a_press_while_another_is_on_a_way_round_a_lost_link_is_sent_too(
-    open_page, bridge, monkeypatch
-):
+async def test_press_during_a_delivery_without_link_is_sent_too(open_page, bridge, monkeypatch):
     pressed = []
     first, second = asyncio.Event(), asyncio.Event()
 
@@ -280,7 +278,7 @@ async def test_a_press_while_another_is_on_a_way_round_a_lost_link_is_sent_too(
     assert len(pressed) >= 2
 
 
-async def test_however_slowly_stops_are_recorded_rights_are_confirmed(open_page, bridge, monkeypatch):
+async def test_slow_records_of_stops_do_not_delay_rights(open_page, bridge, monkeypatch):
     begun, answered = threading.Semaphore(0), threading.Event()
 
     def slow(*_args, **_kwargs):
@@ -302,7 +300,7 @@ async def test_however_slowly_stops_are_recorded_rights_are_confirmed(open_page,
         answered.set()
 
 
-def test_what_waits_is_recorded_at_the_end_of_the_process_however_much_it_is():
+def test_waiting_records_are_written_at_the_end_of_the_process():
     told = []
     log = RepeatSuppressor(lambda press, times: told.append((press.robot_id, times)), most=None)
     presses = [
@@ -319,14 +317,14 @@ def test_what_waits_is_recorded_at_the_end_of_the_process_however_much_it_is():
 
 
 @pytest.mark.parametrize("who", ["supervisor", "staff"])
-async def test_supervisors_and_staff_clear_the_stop_without_control(open_page, bridge, who):
+async def test_supervisors_and_staff_clear_without_control(open_page, bridge, who):
     page = await open_page(who)
     assert page.control["may_clear"]
     await page.say("clear", number=0)
     await bridge.hears(wire.LinkClear)
 
 
-async def test_the_holder_clears_the_stop(open_page, bridge):
+async def test_holder_clears_the_stop(open_page, bridge):
     page = await open_page("operator")
     await page.say("take")
     assert (await page.hears("control", state="yours"))["may_clear"]
@@ -336,14 +334,14 @@ async def test_the_holder_clears_the_stop(open_page, bridge):
 
 
 @pytest.mark.parametrize("who", ["observer", "operator"])
-async def test_others_do_not_clear_it(open_page, bridge, who):
+async def test_other_people_may_not_clear_the_stop(open_page, bridge, who):
     page = await open_page(who)
     await page.say("clear", number=0)
     await page.refused("may_not_clear")
     assert not bridge.all(wire.LinkClear)
 
 
-async def test_the_clear_names_the_stop_that_the_page_showed_and_its_refusal_is_told(open_page, bridge):
+async def test_clear_names_the_shown_stop_and_its_refusal_is_sent(open_page, bridge):
     page = await open_page("staff")
     bridge.newest_stop = 8
     await page.say("clear", number=7)
@@ -351,14 +349,14 @@ async def test_the_clear_names_the_stop_that_the_page_showed_and_its_refusal_is_
     assert (await bridge.hears(wire.LinkClear)).number == 7
 
 
-async def test_a_clear_that_names_no_stop_is_refused(open_page, bridge):
+async def test_clear_without_stop_number_is_refused(open_page, bridge):
     page = await open_page("staff")
     await page.say("clear")
     await page.refused("invalid")
     assert not bridge.all(wire.LinkClear)
 
 
-async def test_what_cannot_be_recorded_is_not_cleared(open_page, bridge, monkeypatch):
+async def test_clear_that_cannot_be_recorded_is_not_sent(open_page, bridge, monkeypatch):
     page = await open_page("staff")
     monkeypatch.setattr(audit, "record", unavailable)
     await page.say("clear", number=0)
@@ -373,7 +371,7 @@ def post(browser, address, accept="*/*"):
     return in_database(lambda: browser.post(address, headers={"accept": accept}))
 
 
-async def test_the_forms_address_stops_too(browsers, robot, bridge):
+async def test_form_address_stops_the_robot(browsers, robot, bridge):
     answer = await post(browsers["observer"], f"/robots/{robot.slug}/stop/")
     assert answer.status_code == 200
     assert answer.json()["robots"][robot.slug]["stop"]["state"] == "stopping"
@@ -383,9 +381,7 @@ async def test_the_forms_address_stops_too(browsers, robot, bridge):
     assert [record.robot_name for record in pressed] == ["TIAGo 1", "TIAGo 1"]
 
 
-async def test_stop_all_stops_what_one_may_see_and_names_what_it_did_not_reach(
-    browsers, robot, other_robot, bridge
-):
+async def test_stop_all_names_the_robots_it_did_not_reach(browsers, robot, other_robot, bridge):
     answer = await post(browsers["staff"], "/stop-all/")
     assert answer.status_code == 202
     assert answer.json()["text"].startswith("Pending, not confirmed yet: TIAGo 2. ")
@@ -400,14 +396,14 @@ async def test_stop_all_leaves_disabled_robots_out(browsers, robot, other_robot,
     await recorded("stop.press", 2)
 
 
-async def test_stop_all_of_nobodys_robots_does_not_say_that_anything_stopped(browsers, bridge):
+async def test_stop_all_without_robots_claims_no_stop(browsers, bridge):
     answer = await post(browsers["stranger"], "/stop-all/")
     told = {"text": "There is no robot in service that you may stop.", "robots": {}}
     assert (answer.status_code, answer.json()) == (200, told)
     assert not bridge.all(wire.LinkStop)
 
 
-async def test_a_form_without_scripts_is_answered_with_a_page(browsers, robot, bridge):
+async def test_form_without_scripts_gets_a_page(browsers, robot, bridge):
     address = f"/robots/{robot.slug}/stop/"
     answer = await post(browsers["observer"], address, "text/html,application/xhtml+xml,*/*;q=0.8")
     assert (answer.status_code, "Stopped." in answer.text) == (200, True)
@@ -415,6 +411,6 @@ async def test_a_form_without_scripts_is_answered_with_a_page(browsers, robot, b
     await recorded("stop.press", 2)
 
 
-async def test_a_stranger_stops_nothing(browsers, robot, bridge):
+async def test_stranger_stops_nothing(browsers, robot, bridge):
     assert (await post(browsers["stranger"], f"/robots/{robot.slug}/stop/")).status_code == 404
     assert not bridge.all(wire.LinkStop)

@@ -58,7 +58,7 @@ def post(browser, address, *, token, headers=None, **form):
 
 
 @pytest.mark.parametrize("form", FORMS)
-async def test_a_stop_is_never_refused_for_its_form(observer, robot, bridge, form):
+async def test_stop_is_never_refused_for_its_form(observer, robot, bridge, form):
     browser, token = await in_database(browser_of, observer)
     for number, address in enumerate(ADDRESSES, 1):
         answer = await in_database(lambda address=address: post(browser, address, token=token, **FORMS[form]))
@@ -68,7 +68,7 @@ async def test_a_stop_is_never_refused_for_its_form(observer, robot, bridge, for
             assert json.loads(answer.content)["robots"]["tiago-1"]["stop"]["state"] == "stopping"
 
 
-async def test_a_form_without_scripts_has_its_token_in_the_body(observer, robot, bridge):
+async def test_form_without_scripts_has_its_token_in_the_body(observer, robot, bridge):
     browser, token = await in_database(browser_of, observer)
     fields = {"csrfmiddlewaretoken": token}
     answer = await in_database(lambda: browser.post("/robots/tiago-1/stop", fields))
@@ -86,14 +86,14 @@ async def test_another_site_stops_nothing(observer, robot, bridge, form, token):
     assert not bridge.all(wire.LinkStop)
 
 
-async def test_whoever_is_not_signed_in_stops_nothing(robot, bridge):
+async def test_signed_out_request_stops_nothing(robot, bridge):
     for address in ADDRESSES:
         answer = await in_database(lambda address=address: Client().post(address, headers={"accept": "*/*"}))
         assert (answer.status_code, answer.json()["code"]) == (401, "signed_out"), address
     assert not bridge.all(wire.LinkStop)
 
 
-async def test_a_get_stops_nothing(browsers, robot, bridge):
+async def test_get_request_stops_nothing(browsers, robot, bridge):
     for address in ADDRESSES:
         answer = await in_database(lambda address=address: browsers["observer"].get(address))
         assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed"), address

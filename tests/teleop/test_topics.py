@@ -59,12 +59,12 @@ async def open_topics(robot, browsers, websocket_headers, bridge):
 
 
 @pytest.mark.parametrize("slug", ["tiago-1", "no-such-robot"])
-async def test_a_stranger_does_not_even_learn_that_the_robot_exists(slug, open_topics):
+async def test_stranger_does_not_learn_that_the_robot_exists(slug, open_topics):
     page = await open_topics("stranger", slug)
     assert await page.is_closed() == CloseCode.NOT_FOUND
 
 
-async def test_a_page_of_another_origin_is_not_let_in(robot, browsers, websocket_headers, bridge):
+async def test_page_of_another_origin_is_refused(robot, browsers, websocket_headers, bridge):
     headers = [
         (name, b"http://elsewhere.example" if name == b"origin" else value)
         for name, value in websocket_headers(browsers["staff"])
@@ -74,9 +74,7 @@ async def test_a_page_of_another_origin_is_not_let_in(robot, browsers, websocket
     assert (await page._event())["type"] == "websocket.close"
 
 
-async def test_whoever_loses_the_role_is_cut_off_in_time_and_shown_nothing_more(
-    open_topics, bridge, observer
-):
+async def test_person_who_loses_the_role_is_disconnected(open_topics, bridge, observer):
     page = await open_topics("observer")
     await page.say("look", topic="/odom")
     await bridge.hears(wire.LinkSubscribe)
@@ -87,7 +85,7 @@ async def test_whoever_loses_the_role_is_cut_off_in_time_and_shown_nothing_more(
     await bridge.hears(wire.LinkSubscribe, lambda look: not look.topics)
 
 
-async def test_whoever_signs_out_is_cut_off_in_time(open_topics, browsers, end_session):
+async def test_person_who_signs_out_is_disconnected(open_topics, browsers, end_session):
     page = await open_topics("observer")
     begun_s = time.monotonic()
     await in_database(end_session, browsers["observer"])
@@ -98,7 +96,7 @@ async def test_whoever_signs_out_is_cut_off_in_time(open_topics, browsers, end_s
 # --- questions ------------------------------------------------------------------------------------------
 
 
-async def test_a_question_reaches_the_bridge_and_its_answer_comes_back_untouched(open_topics, bridge):
+async def test_query_reaches_the_bridge_and_its_answer_the_page(open_topics, bridge):
     graph = wire.Graph([wire.TopicRow("/odom", "nav_msgs/Odometry", ["/base"])], [], [], seq=5)
     bridge.answer = lambda ask: graph
     page = await open_topics("observer")
@@ -107,7 +105,7 @@ async def test_a_question_reaches_the_bridge_and_its_answer_comes_back_untouched
     assert page.last_raw == wire.encode(graph).decode()
 
 
-async def test_answers_find_the_connection_that_asked(open_topics, bridge):
+async def test_answer_reaches_the_connection_that_asked(open_topics, bridge):
     bridge.answer = lambda ask: wire.Parameter(ask.name, 1, ask.seq)
     first, second = await open_topics("observer"), await open_topics("operator")
     await first.say("parameter", name="/first", seq=1)
@@ -116,7 +114,7 @@ async def test_answers_find_the_connection_that_asked(open_topics, bridge):
     assert (await second.hears("parameter_value"))["name"] == "/second"
 
 
-async def test_what_the_robot_refuses_comes_back_as_it_is(open_topics, bridge):
+async def test_refusal_of_the_robot_is_passed_on(open_topics, bridge):
     refusal = wire.Refusal("unknown_type", "No such type.", "robot")
     bridge.answer = lambda ask: wire.Refused("describe", refusal, ask.seq)
     page = await open_topics("observer")
@@ -124,7 +122,7 @@ async def test_what_the_robot_refuses_comes_back_as_it_is(open_topics, bridge):
     assert (await page.hears("refused", of="describe", seq=2))["refusal"]["code"] == "unknown_type"
 
 
-async def test_a_question_that_the_bridge_itself_refuses_is_answered(open_topics, bridge):
+async def test_query_refused_by_the_bridge_is_answered(open_topics, bridge):
     bridge.silent = True
     page = await open_topics("observer")
     await page.say("parameters", seq=2)
@@ -134,7 +132,7 @@ async def test_a_question_that_the_bridge_itself_refuses_is_answered(open_topics
     assert refused["refusal"]["code"] == "inspector_silent"
 
 
-async def test_a_bridge_that_does_not_answer_is_said_to_be_silent(open_topics, bridge, monkeypatch):
+async def test_bridge_without_answer_is_reported_as_silent(open_topics, bridge, monkeypatch):
     monkeypatch.setattr("robots.link.client.BridgeLink.ask.__defaults__", (0.05,))
     bridge.silent = True
     page = await open_topics("observer")
@@ -142,7 +140,7 @@ async def test_a_bridge_that_does_not_answer_is_said_to_be_silent(open_topics, b
     assert (await page.hears("refused", of="parameters", seq=2))["refusal"]["code"] == "bridge_silent"
 
 
-async def test_without_a_bridge_the_page_is_told_and_each_question_refused(open_topics, bridge):
+async def test_queries_without_a_bridge_are_refused(open_topics, bridge):
     await bridge.close()
     page = await open_topics("observer")
     assert (await page.hears("bridge_gone"))["refusal"]["code"] == "bridge_down"
@@ -150,7 +148,7 @@ async def test_without_a_bridge_the_page_is_told_and_each_question_refused(open_
     assert (await page.hears("refused", of="topics", seq=1))["refusal"]["code"] == "bridge_down"
 
 
-async def test_a_question_under_way_when_the_bridge_goes_is_answered_with_that(open_topics, bridge):
+async def test_pending_query_is_answered_when_the_link_breaks(open_topics, bridge):
     bridge.silent = True
     page = await open_topics("observer")
     await page.say("topics", seq=1)
@@ -159,7 +157,7 @@ async def test_a_question_under_way_when_the_bridge_goes_is_answered_with_that(o
     assert (await page.hears("refused", of="topics", seq=1))["refusal"]["code"] == "bridge_down"
 
 
-async def test_only_some_questions_are_under_way_at_once(open_topics, bridge):
+async def test_pending_queries_are_limited(open_topics, bridge):
     bridge.silent = True
     page = await open_topics("observer")
     for seq in range(1, MAX_PENDING + 2):
@@ -168,7 +166,7 @@ async def test_only_some_questions_are_under_way_at_once(open_topics, bridge):
     await bridge.hears(wire.LinkQuery, count=MAX_PENDING)
 
 
-async def test_who_asks_on_and_on_is_slowed_down(open_topics, bridge):
+async def test_frequent_queries_are_slowed_down(open_topics, bridge):
     page = await open_topics("observer")
     for seq in range(1, int(QUERIES_BURST) + 1):
         await page.say("parameters", seq=seq)
@@ -190,7 +188,7 @@ async def test_who_asks_on_and_on_is_slowed_down(open_topics, bridge):
         ('{"t":"topics","seq":3,"padding":"' + "x" * 9000 + '"}', "too_large"),
     ],
 )
-async def test_what_does_not_fit_is_refused_and_the_connection_is_kept(raw, code, open_topics, bridge):
+async def test_malformed_message_is_refused_and_keeps_the_connection(raw, code, open_topics, bridge):
     page = await open_topics("staff")
     await page.say_raw(raw)
     refused = await page.refused(code)
@@ -215,7 +213,7 @@ async def test_only_staff_call_services_and_set_parameters(question, open_topics
 
 
 @pytest.mark.parametrize("question", [CALL | {"service": "/shutdown"}, SET | {"name": "/use_sim_time"}])
-async def test_what_is_not_on_the_allow_list_is_not_even_for_staff(question, open_topics, bridge):
+async def test_staff_are_bound_to_the_allow_list(question, open_topics, bridge):
     page = await open_topics("staff")
     await page.say(**question, seq=1)
     refused = await page.hears("refused", of=question["t"], seq=1)
@@ -231,7 +229,7 @@ async def test_what_is_not_on_the_allow_list_is_not_even_for_staff(question, ope
         (SET, "parameter.set", {"name": "/volume", "value": 50}),
     ],
 )
-async def test_a_call_is_on_record_before_it_is_sent_and_its_outcome_after(
+async def test_call_is_recorded_before_it_is_sent(
     question, kind, parameters, open_topics, bridge, staff, robot
 ):
     bridge.silent = True
@@ -250,7 +248,7 @@ async def test_a_call_is_on_record_before_it_is_sent_and_its_outcome_after(
     assert (outcome.outcome, details) == ("service_failed", {"words": "It said no."})
 
 
-async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_then(open_topics, bridge):
+async def test_outcome_of_a_call_is_recorded_after_the_page_closed(open_topics, bridge):
     bridge.silent = True
     page = await open_topics("staff")
     await page.say(**CALL, seq=1)
@@ -263,7 +261,7 @@ async def test_that_a_call_was_done_is_on_record_even_if_the_page_is_gone_by_the
     assert outcome.outcome == "done"
 
 
-async def test_of_a_call_with_many_fields_the_beginning_is_on_record(open_topics, bridge):
+async def test_record_of_a_long_call_has_its_beginning(open_topics, bridge):
     page = await open_topics("staff")
     await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
     await bridge.hears(wire.LinkQuery)
@@ -274,7 +272,7 @@ async def test_of_a_call_with_many_fields_the_beginning_is_on_record(open_topics
     assert len(kept.encode()) == TEXT_BYTES
 
 
-async def test_what_cannot_be_recorded_is_not_called(open_topics, bridge, disk):
+async def test_call_that_cannot_be_recorded_is_not_sent(open_topics, bridge, disk):
     page = await open_topics("staff")
     await in_database(disk.fill)
     await page.say("call", service="/clear_costmaps", fields={"a": "x" * 5000}, seq=1)
@@ -286,7 +284,7 @@ async def test_what_cannot_be_recorded_is_not_called(open_topics, bridge, disk):
 # --- looks --------------------------------------------------------------------------------------------------
 
 
-async def test_a_look_is_shown_the_newest_message_each_time_it_has_drawn_the_last(open_topics, bridge):
+async def test_subscriber_gets_the_newest_sample_after_each_ack(open_topics, bridge):
     page = await open_topics("observer")
     await page.say("look", topic="/odom", rate_hz=10)
     assert (await bridge.hears(wire.LinkSubscribe)).topics == {"/odom": 10.0}
@@ -300,7 +298,7 @@ async def test_a_look_is_shown_the_newest_message_each_time_it_has_drawn_the_las
     assert (await page.hears("shown"))["number"] == 3
 
 
-async def test_the_bridge_is_told_once_what_all_want_and_when_nobody_looks(open_topics, bridge):
+async def test_bridge_gets_all_subscriptions_in_one_message(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
     await first.say("look", topic="/odom", rate_hz=2)
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 2.0})
@@ -314,7 +312,7 @@ async def test_the_bridge_is_told_once_what_all_want_and_when_nobody_looks(open_
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {})
 
 
-async def test_whoever_changes_his_mind_all_the_time_keeps_no_bridge_busy(open_topics, bridge):
+async def test_frequent_changes_of_topics_are_collected(open_topics, bridge):
     page = await open_topics("observer")
     for number in range(100):
         await page.say("look", topic=f"/topic{number}")
@@ -324,7 +322,7 @@ async def test_whoever_changes_his_mind_all_the_time_keeps_no_bridge_busy(open_t
     assert len(bridge.all(wire.LinkSubscribe)) < 30
 
 
-async def test_each_sees_what_it_looks_at_and_a_newcomer_the_newest_at_once(open_topics, bridge):
+async def test_newcomer_gets_the_newest_sample_at_once(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
     await first.say("look", topic="/map")
     await bridge.hears(wire.LinkSubscribe)
@@ -335,7 +333,7 @@ async def test_each_sees_what_it_looks_at_and_a_newcomer_the_newest_at_once(open
     assert (await second.hears("shown"))["number"] == 1
 
 
-async def test_a_bridge_that_was_started_again_is_told_what_is_looked_at(open_topics, bridge):
+async def test_restarted_bridge_gets_the_subscriptions_again(open_topics, bridge):
     page = await open_topics("observer")
     await page.say("look", topic="/odom")
     await bridge.hears(wire.LinkSubscribe)
@@ -345,7 +343,7 @@ async def test_a_bridge_that_was_started_again_is_told_what_is_looked_at(open_to
     await page.hears("shown")
 
 
-async def test_a_robot_that_moved_is_looked_at_where_it_is_now(open_topics, bridge, monkeypatch):
+async def test_robot_with_a_new_address_keeps_its_subscriptions(open_topics, bridge, monkeypatch):
     page = await open_topics("observer")
     await page.say("look", topic="/odom")
     await bridge.hears(wire.LinkSubscribe)
@@ -353,7 +351,7 @@ async def test_a_robot_that_moved_is_looked_at_where_it_is_now(open_topics, brid
     await page.hears("bridge_gone")
 
 
-async def test_more_looks_than_a_connection_may_have_are_refused(open_topics, bridge):
+async def test_too_many_subscriptions_are_refused(open_topics, bridge):
     page = await open_topics("observer")
     for number in range(MAX_SUBSCRIPTIONS):
         await page.say("look", topic=f"/topic{number}")
@@ -367,7 +365,7 @@ async def test_more_looks_than_a_connection_may_have_are_refused(open_topics, br
     await bridge.hears(wire.LinkSubscribe, lambda look: "/one_more" in look.topics)
 
 
-async def test_all_looks_at_one_robot_fit_into_a_message_to_its_bridge(open_topics, bridge):
+async def test_all_subscriptions_fit_into_one_message(open_topics, bridge):
     long = "/" + "x" * 190
     for number in range(wire.MOST_SUBSCRIPTIONS):
         if number % MAX_SUBSCRIPTIONS == 0:

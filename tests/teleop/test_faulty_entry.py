@@ -27,14 +27,14 @@ def gain_a_laser():
     profile.save()
 
 
-async def test_the_pages_of_the_robot_and_the_fleet_open(own_lasers, browsers, robot, other_robot):
+async def test_pages_of_robot_and_fleet_open(own_lasers, browsers, robot, other_robot):
     await in_database(gain_a_laser)
     for address in ("/", f"/robots/{robot.slug}/", f"/robots/{other_robot.slug}/"):
         page = await in_database(browsers["staff"].get, address)
         assert page.status_code == 200, address
 
 
-async def test_its_page_says_why_and_stops_it(own_lasers, open_page, bridge):
+async def test_page_shows_the_reason_and_can_stop_the_robot(own_lasers, open_page, bridge):
     await in_database(gain_a_laser)
     page = await open_page("operator")
     assert page.control["refusal"]["code"] == "robot_misdescribed"
@@ -46,7 +46,7 @@ async def test_its_page_says_why_and_stops_it(own_lasers, open_page, bridge):
     await bridge.hears(wire.LinkStop)
 
 
-async def test_without_its_bridge_the_page_says_why_too(own_lasers, open_page, bridge):
+async def test_page_shows_the_reason_without_a_bridge(own_lasers, open_page, bridge):
     await in_database(gain_a_laser)
     await bridge.close()
     page = await open_page("operator")
@@ -54,7 +54,7 @@ async def test_without_its_bridge_the_page_says_why_too(own_lasers, open_page, b
     assert WHY in gone["refusal"]["text"]
 
 
-async def test_whoever_drives_it_loses_control_with_that_reason(own_lasers, open_page, bridge):
+async def test_holder_loses_control_with_that_reason(own_lasers, open_page, bridge):
     page = await open_page("operator")
     await page.say("take")
     await page.hears("control", state="yours")
@@ -63,7 +63,7 @@ async def test_whoever_drives_it_loses_control_with_that_reason(own_lasers, open
     assert WHY in (await page.hears("notice", code="robot_misdescribed"))["text"]
 
 
-async def test_its_card_says_why_and_the_others_show_their_own(
+async def test_fleet_card_shows_the_reason_others_their_own(
     own_lasers, browsers, websocket_headers, robot, other_robot
 ):
     await in_database(gain_a_laser)
@@ -74,14 +74,14 @@ async def test_its_card_says_why_and_the_others_show_their_own(
     await page.close()
 
 
-async def test_another_robot_of_that_profile_is_driven(own_lasers, open_page, browsers, other_robot):
+async def test_another_robot_of_the_profile_can_be_driven(own_lasers, open_page, browsers, other_robot):
     await in_database(gain_a_laser)
     page = await open_page("staff", slug=other_robot.slug)
     assert page.control["refusal"] is None
     assert len(page.welcome["robot"]["sonars"]) == 3
 
 
-async def test_rest_says_why(own_lasers, browsers, robot):
+async def test_rest_shows_the_reason(own_lasers, browsers, robot):
     await in_database(gain_a_laser)
     listed = await in_database(browsers["operator"].get, "/api/robots/")
     assert listed.status_code == 200
@@ -90,7 +90,7 @@ async def test_rest_says_why(own_lasers, browsers, robot):
     assert one["facts"]["limits"]["forward_mps"] == 1.0
 
 
-async def test_an_entry_that_is_not_even_readable_breaks_no_page(open_page, robot):
+async def test_unreadable_entry_breaks_no_page(open_page, robot):
     await in_database(lambda: Robot.objects.update(overrides={"limits": "fast"}))
     page = await open_page("operator")
     assert "limits: Expected an object" in page.control["refusal"]["text"]

@@ -51,9 +51,7 @@ def count(kind):
     return in_database(Record.objects.filter(kind=kind).count)
 
 
-async def test_a_watch_begins_with_its_first_picture_and_ends_when_it_is_closed(
-    page, bridge, robot, observer
-):
+async def test_viewing_lasts_from_first_picture_to_unsubscribe(page, bridge, robot, observer):
     await look(bridge, page)
     await picture(bridge, page, 1)
     start = await found("camera.start")
@@ -70,21 +68,21 @@ async def test_a_watch_begins_with_its_first_picture_and_ends_when_it_is_closed(
     assert await count("camera.start") == 1
 
 
-async def test_a_page_that_is_closed_watches_no_more(page, bridge):
+async def test_closing_the_page_ends_the_viewing(page, bridge):
     await look(bridge, page)
     await picture(bridge, page)
     await page.close()
     assert (await found("camera.end")).outcome == "closed"
 
 
-async def test_whoever_may_not_look_any_more_watches_no_more(page, bridge, observer):
+async def test_losing_access_ends_the_viewing(page, bridge, observer):
     await look(bridge, page)
     await picture(bridge, page)
     await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
     assert (await found("camera.end")).of_id == (await found("camera.start")).pk
 
 
-async def test_what_is_no_picture_or_was_not_shown_is_not_watched(page, bridge):
+async def test_samples_without_picture_are_no_viewing(page, bridge):
     await look(bridge, page)
     await picture(bridge, page, 1, type="nav_msgs/Odometry")
     await picture(bridge, page, 2, refusal=wire.Refusal("too_large", "Too large.", "robot"))
@@ -93,7 +91,7 @@ async def test_what_is_no_picture_or_was_not_shown_is_not_watched(page, bridge):
     assert await count("camera.start") == 1
 
 
-async def test_a_long_watch_is_told_in_parts(page, bridge, monkeypatch):
+async def test_long_viewing_is_recorded_in_parts(page, bridge, monkeypatch):
     monkeypatch.setattr(camera_audit, "PART_S", 0.0)
     await look(bridge, page)
     await picture(bridge, page, 1)
@@ -102,7 +100,7 @@ async def test_a_long_watch_is_told_in_parts(page, bridge, monkeypatch):
     await eventually(lambda: Record.objects.filter(kind="camera.start").count() == 2)
 
 
-def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer, monkeypatch):
+def test_viewing_left_by_a_dead_process_ends_as_unknown(robot, observer, monkeypatch):
     def watched():
         return record("camera.start", actor=observer, robot_id=robot.id, parameters={"camera": CAMERA})
 
@@ -118,7 +116,7 @@ def test_what_a_web_process_that_died_left_open_ends_as_unknown(robot, observer,
     assert Record.objects.filter(of=ended).count() == 1
 
 
-async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, robot):
+async def test_sample_is_decoded_once_for_all_viewers(observer, robot):
     shown = wire.Sample("/odom", "nav_msgs/Odometry", 1, 5.0, 4, None, 1, {"data": [uuid4().hex]})
     message = wire.encode(shown).decode()
     before = camera_audit._camera_of.cache_info().misses
@@ -127,9 +125,7 @@ async def test_a_message_is_looked_into_once_for_all_whom_it_is_shown(observer, 
     assert camera_audit._camera_of.cache_info().misses == before + 1
 
 
-async def test_whoever_begins_to_watch_very_often_is_shown_the_next_picture_later(
-    page, bridge, robot, monkeypatch
-):
+async def test_frequent_viewings_delay_the_next_picture(page, bridge, robot, monkeypatch):
     monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 2.0)
     monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.01)
     monkeypatch.setattr(camera_audit, "_budgets", repeat_suppression.RecordBudgets())

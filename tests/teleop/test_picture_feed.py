@@ -11,7 +11,7 @@ from teleop.live.picture_feed import FULL_RATE_VIEWERS, PictureFeed, PictureView
 pytestmark = pytest.mark.django_db(transaction=True)
 
 
-async def test_a_page_gets_the_next_picture_when_it_has_drawn_the_last_and_then_the_newest(open_page, bridge):
+async def test_page_gets_the_newest_picture_after_drawing_the_last(open_page, bridge):
     page = await open_page("observer")
     await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer"])
     bridge.show(1)
@@ -24,7 +24,7 @@ async def test_a_page_gets_the_next_picture_when_it_has_drawn_the_last_and_then_
     assert (await page.hears("view"))["state"]["seq"] == 3
 
 
-async def test_a_page_that_is_ready_waits_for_the_next_picture(open_page, bridge):
+async def test_ready_page_waits_for_the_next_picture(open_page, bridge):
     page = await open_page("observer")
     await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer"])
     bridge.show(1)
@@ -35,7 +35,7 @@ async def test_a_page_that_is_ready_waits_for_the_next_picture(open_page, bridge
     assert (await page.hears("view"))["state"]["seq"] == 2
 
 
-async def test_the_bridge_is_told_who_looks_and_when_nobody_does(open_page, bridge):
+async def test_bridge_knows_the_names_of_the_viewers(open_page, bridge):
     first, second = await open_page("observer"), await open_page("operator")
     await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer", "Olga Operator"])
     await first.close()
@@ -44,7 +44,7 @@ async def test_the_bridge_is_told_who_looks_and_when_nobody_does(open_page, brid
     await bridge.hears(wire.Viewers, lambda watch: watch.watchers == [])
 
 
-async def test_a_picture_travels_as_the_bridge_encoded_it(open_page, bridge):
+async def test_picture_is_passed_on_as_the_bridge_encoded_it(open_page, bridge):
     page = await open_page("observer")
     await bridge.hears(wire.Viewers, lambda watch: watch.watchers == ["Obi Observer"])
     sent = bridge.show(1)
@@ -52,7 +52,7 @@ async def test_a_picture_travels_as_the_bridge_encoded_it(open_page, bridge):
     assert page.last_raw == sent
 
 
-async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
+async def test_stalled_viewer_delays_no_other_and_stores_no_picture():
     views = PictureFeed()
     sent = {"stalled": [], "lively": []}
 
@@ -74,7 +74,7 @@ async def test_a_stalled_viewer_costs_the_others_nothing_and_keeps_no_picture():
     assert stalled not in views.ready
 
 
-async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_picture():
+async def test_many_viewers_take_turns_but_the_driver_gets_all():
     views = PictureFeed()
     sent = {}
 
@@ -101,7 +101,7 @@ async def test_of_a_crowd_each_gets_its_turn_and_whoever_drives_gets_every_pictu
     assert max(newest.values()) <= FULL_RATE_VIEWERS + 1  # not all at once
 
 
-async def test_a_viewer_whose_sending_fails_costs_the_others_nothing():
+async def test_viewer_that_fails_to_send_affects_no_other():
     views, sent, arrived = PictureFeed(), [], asyncio.Event()
 
     async def fails(_event):

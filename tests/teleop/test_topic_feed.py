@@ -38,7 +38,7 @@ async def turns(count=5):
         await asyncio.sleep(0)
 
 
-async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_message(feed, viewer):
+async def test_stalled_connection_delays_no_other_and_stores_nothing(feed, viewer):
     stalled, lively = viewer(), viewer()
     stalled.subscribe("/a", 10.0)
     lively.subscribe("/a", 1e9)
@@ -52,7 +52,7 @@ async def test_a_stalled_connection_costs_the_others_nothing_and_keeps_no_messag
     assert len(feed.newest) == 1
 
 
-async def test_the_last_message_is_shown_though_none_follows(feed, viewer):
+async def test_last_sample_is_shown_though_none_follows(feed, viewer):
     one = viewer()
     one.subscribe("/a", 4.0)
     feed.publish("/a", "first")
@@ -67,7 +67,7 @@ async def test_the_last_message_is_shown_though_none_follows(feed, viewer):
     assert one.sent == ["first", "last"]
 
 
-async def test_each_is_shown_as_often_as_it_asked(feed, viewer):
+async def test_each_viewer_gets_its_own_rate(feed, viewer):
     seldom, often = viewer(), viewer()
     seldom.subscribe("/a", 0.001)
     often.subscribe("/a", 1e9)
@@ -80,7 +80,7 @@ async def test_each_is_shown_as_often_as_it_asked(feed, viewer):
     assert (len(seldom.sent), len(often.sent)) == (1, 20)
 
 
-async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(feed, viewer):
+async def test_samples_are_acknowledged_in_order(feed, viewer):
     one = viewer()
     for topic in ("/a", "/b"):
         one.subscribe(topic, 1e9)
@@ -94,7 +94,7 @@ async def test_messages_are_acknowledged_in_the_order_in_which_they_were_sent(fe
     assert one.sent[2:] == ["/a 2"]
 
 
-async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is_acknowledged(feed, viewer):
+async def test_changing_topics_does_not_bypass_acknowledgement(feed, viewer):
     one = viewer()
     for number in range(100):
         topic = f"/topic{number}"
@@ -113,7 +113,7 @@ async def test_looking_away_and_at_others_again_and_again_brings_no_more_than_is
     assert one.sent[MAX_SUBSCRIPTIONS:] == ["again"]
 
 
-async def test_no_more_is_on_its_way_than_a_connection_may_look_at(feed, viewer):
+async def test_unacknowledged_samples_are_limited(feed, viewer):
     one = viewer()
     for number in range(MAX_SUBSCRIPTIONS - 1):
         one.subscribe(f"/old{number}", 1e9)
@@ -128,7 +128,7 @@ async def test_no_more_is_on_its_way_than_a_connection_may_look_at(feed, viewer)
     assert len(one.sent) == MAX_SUBSCRIPTIONS
 
 
-async def test_an_acknowledgement_of_nothing_does_nothing(feed, viewer):
+async def test_acknowledging_nothing_does_nothing(feed, viewer):
     one = viewer()
     one.acknowledge()
     one.subscribe("/a", 1e9)
@@ -138,7 +138,7 @@ async def test_an_acknowledgement_of_nothing_does_nothing(feed, viewer):
     assert one.sent == ["first"]
 
 
-async def test_a_connection_whose_sending_fails_costs_the_others_nothing(feed, viewer):
+async def test_connection_that_fails_to_send_affects_no_other(feed, viewer):
     async def fails(_event):
         raise RuntimeError("a fault of ours")
 
@@ -150,7 +150,7 @@ async def test_a_connection_whose_sending_fails_costs_the_others_nothing(feed, v
     assert lively.sent == ["first"]
 
 
-async def test_when_the_bridge_goes_what_it_said_last_is_shown_to_nobody(feed, viewer):
+async def test_samples_are_forgotten_when_the_bridge_goes(feed, viewer):
     viewer().subscribe("/a", 10.0)
     feed.publish("/a", "old")
     feed.clear()

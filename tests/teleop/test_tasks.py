@@ -57,7 +57,7 @@ async def holder(open_page):
 
 
 @pytest.mark.parametrize("kind", ORDERS)
-async def test_an_order_of_the_holder_reaches_the_bridge_and_its_answer_the_page(kind, holder, bridge):
+async def test_holders_request_reaches_the_bridge_and_is_answered(kind, holder, bridge):
     await holder.say(kind, fence=FENCE, seq=41, **ORDERS[kind])
     await holder.hears("accepted", of=kind, seq=41, fence=FENCE)
     bridge.refuses_orders = wire.Refusal("stopped", "The robot is stopped.", "stop")
@@ -67,9 +67,7 @@ async def test_an_order_of_the_holder_reaches_the_bridge_and_its_answer_the_page
 
 
 @pytest.mark.parametrize("kind", ORDERS)
-async def test_an_order_without_control_or_of_control_that_is_over_is_refused(
-    kind, holder, open_page, bridge
-):
+async def test_request_without_control_is_refused(kind, holder, open_page, bridge):
     await holder.say(kind, fence=FENCE + 1, seq=7, **ORDERS[kind])
     refused = await holder.hears("refused", of=kind, seq=7, fence=FENCE + 1)
     assert refused["refusal"]["code"] == "old_fence"
@@ -80,14 +78,14 @@ async def test_an_order_without_control_or_of_control_that_is_over_is_refused(
     assert not [message for message in bridge.heard if isinstance(message, wire.TaskRequest)]
 
 
-async def test_each_order_has_an_answer_however_many_were_refused_before(holder, bridge):
+async def test_every_request_is_answered_after_many_refusals(holder, bridge):
     for seq in range(60):
         await holder.say("play", fence=FENCE + 1, motion="wave", seq=seq)
     for seq in range(60):
         await holder.hears("refused", of="play", seq=seq)
 
 
-async def test_an_order_that_does_not_fit_is_refused_under_its_kind_and_number(holder, bridge):
+async def test_malformed_request_is_refused_with_kind_and_number(holder, bridge):
     await holder.say("say", fence=FENCE, text="Hola", language="not a language", seq=9)
     assert (await holder.hears("refused", of="say", seq=9))["refusal"]["code"] == "invalid"
     await holder.say("fly", seq=10)
@@ -98,9 +96,7 @@ async def test_an_order_that_does_not_fit_is_refused_under_its_kind_and_number(h
     "fields",
     ['{"a":' * 30 + "1" + "}" * 30, '{"a":' + "[" * 3000 + "]" * 3000 + "}", '{"a":' * 900 + "1" + "}" * 900],
 )
-async def test_fields_that_are_nested_without_end_are_refused_and_the_connection_is_kept(
-    fields, holder, bridge
-):
+async def test_endlessly_nested_fields_keep_the_connection(fields, holder, bridge):
     await holder.say_raw(
         '{"t":"publish","seq":3,"fence":1,"topic":"/notes","type":"a/B","fields":%s}' % fields  # noqa: UP031
     )
@@ -110,13 +106,13 @@ async def test_fields_that_are_nested_without_end_are_refused_and_the_connection
     await holder.hears("accepted", seq=4)
 
 
-async def test_a_text_that_is_too_long_for_the_link_is_refused_here(holder, bridge):
+async def test_text_too_long_for_the_link_is_refused_here(holder, bridge):
     await holder.say_raw('{"t":"say","fence":1,"seq":5,"language":"zh","text":"' + "说" * 3900 + '"}')
     assert (await holder.hears("refused", of="say", seq=5))["refusal"]["code"] == "too_large"
     assert not bridge.all(wire.Say)
 
 
-async def test_orders_of_two_pages_with_the_same_number_are_not_mixed_up(holder, open_page, bridge):
+async def test_requests_of_two_pages_with_one_number_stay_apart(holder, open_page, bridge):
     supervisor = await open_page("supervisor")
     bridge.silent = True
     await holder.say("play_cancel", fence=FENCE, seq=1)
@@ -130,7 +126,7 @@ async def test_orders_of_two_pages_with_the_same_number_are_not_mixed_up(holder,
     assert "accepted" not in [message["t"] for message in supervisor.inbox]
 
 
-async def test_an_order_that_is_under_way_when_the_bridge_goes_is_answered_with_that(holder, bridge):
+async def test_pending_request_is_answered_when_the_link_breaks(holder, bridge):
     bridge.silent = True
     await holder.say("play", fence=FENCE, motion="wave", seq=2)
     await bridge.hears(wire.Play)
@@ -138,14 +134,14 @@ async def test_an_order_that_is_under_way_when_the_bridge_goes_is_answered_with_
     assert (await holder.hears("refused", of="play", seq=2))["refusal"]["code"] == "bridge_down"
 
 
-async def test_an_order_while_the_bridge_is_away_is_refused_at_once(holder, bridge):
+async def test_request_without_bridge_is_refused_at_once(holder, bridge):
     await bridge.close()
     await holder.hears("bridge_gone")
     await holder.say("say", fence=FENCE, text="Hola", language="es", seq=3)
     assert (await holder.hears("refused", of="say", seq=3))["refusal"]["code"] == "bridge_down"
 
 
-async def test_orders_that_the_bridge_never_answers_do_not_pile_up(holder, bridge):
+async def test_unanswered_requests_do_not_pile_up(holder, bridge):
     bridge.silent = True
     for seq in range(1, MAX_PENDING + 2):
         await holder.say("play", fence=FENCE, motion="wave", seq=seq)
@@ -155,7 +151,7 @@ async def test_orders_that_the_bridge_never_answers_do_not_pile_up(holder, bridg
     assert (await holder.hears("refused", seq=99))["refusal"]["code"] == "busy"
 
 
-async def test_the_stick_waits_for_no_order(holder, bridge):
+async def test_drive_input_waits_for_no_request(holder, bridge):
     bridge.silent = True
     await holder.say("play", fence=FENCE, motion="wave", seq=1)
     await holder.say("drive", fence=FENCE, seq=2, sent_ms=1.0, x=0.5, w=0.0)
@@ -167,9 +163,7 @@ async def test_the_stick_waits_for_no_order(holder, bridge):
 
 @pytest.mark.parametrize(("kind", "what"), [("play_cancel", "motion"), ("say_cancel", "speech")])
 @pytest.mark.parametrize("who", ["supervisor", "staff"])
-async def test_supervisors_and_staff_cancel_without_control_and_by_name(
-    kind, what, who, holder, open_page, bridge
-):
+async def test_supervisors_and_staff_cancel_without_control(kind, what, who, holder, open_page, bridge):
     page = await open_page(who)
     await page.say(kind, seq=5)
     await page.hears("accepted", of=kind, seq=5)
@@ -180,7 +174,7 @@ async def test_supervisors_and_staff_cancel_without_control_and_by_name(
 
 @pytest.mark.parametrize("kind", ["play_cancel", "say_cancel"])
 @pytest.mark.parametrize("who", ["second", "observer"])
-async def test_nobody_else_cancels_without_control(kind, who, holder, open_page, bridge):
+async def test_other_people_do_not_cancel_without_control(kind, who, holder, open_page, bridge):
     page = await open_page(who)
     await page.say(kind, seq=5)
     assert (await page.hears("refused", of=kind, seq=5))["refusal"]["code"] == "no_lease"
@@ -211,9 +205,7 @@ async def test_nobody_else_cancels_without_control(kind, who, holder, open_page,
         ("publish", {"topic": "/key_vel", "type": "geometry_msgs/Twist"}, None),
     ],
 )
-async def test_what_is_chosen_and_published_is_on_the_allow_list_for_this_role(
-    kind, fields, code, open_page, bridge
-):
+async def test_topics_must_be_on_the_allow_list_for_the_role(kind, fields, code, open_page, bridge):
     bridge.offers = wire.Offers(uses={"speech": wire.UseOffer("/tts", "pal_interaction_msgs/TtsAction")})
     holder = await open_page("operator")
     await holder.say("take")
@@ -226,7 +218,7 @@ async def test_what_is_chosen_and_published_is_on_the_allow_list_for_this_role(
         assert not [message for message in bridge.heard if isinstance(message, wire.TaskRequest)]
 
 
-async def test_the_allow_list_is_the_admins(open_page, bridge, robot, monkeypatch):
+async def test_allow_list_comes_from_the_admin(open_page, bridge, robot, monkeypatch):
     monkeypatch.undo()  # no list of this module's
     page = await open_page("operator")
     await page.say("take")
@@ -241,7 +233,7 @@ async def test_the_allow_list_is_the_admins(open_page, bridge, robot, monkeypatc
     await page.hears("accepted", seq=2)
 
 
-async def test_with_the_role_for_it_more_may_be_chosen(open_page, bridge):
+async def test_higher_role_may_choose_more_topics(open_page, bridge):
     page = await open_page("supervisor")
     await page.say("take")
     await page.hears("control", state="yours")
@@ -249,7 +241,7 @@ async def test_with_the_role_for_it_more_may_be_chosen(open_page, bridge):
     await page.hears("accepted", of="choose", seq=1)
 
 
-async def test_orders_reach_the_bridge_in_the_order_in_which_they_came(holder, bridge):
+async def test_requests_reach_the_bridge_in_order(holder, bridge):
     for seq in range(1, 7):
         await holder.say("say", fence=FENCE, text=str(seq), language="en", seq=seq)
     for seq in range(1, 7):
@@ -273,7 +265,7 @@ def set_role(person, role):
     return in_database(lambda: RobotRole.objects.filter(user=person).update(role=role))
 
 
-async def test_a_role_that_rose_counts_from_the_next_control_on(risen, bridge):
+async def test_raised_role_counts_from_the_next_take_on(risen, bridge):
     await risen.say("choose", fence=FENCE, use="drive", topic="/nav_vel", seq=1)
     refusal = (await risen.hears("refused", of="choose", seq=1))["refusal"]
     assert (refusal["code"], refusal["figures"]["taken_as"]) == ("role_of_control", "operator")
@@ -289,7 +281,7 @@ async def test_a_role_that_rose_counts_from_the_next_control_on(risen, bridge):
 # --- what the robot offers --------------------------------------------------------------------------
 
 
-async def test_a_page_is_told_what_the_robot_offers_and_what_it_offers_now(open_page, bridge):
+async def test_page_learns_the_robots_offers_and_their_changes(open_page, bridge):
     bridge.offers = wire.Offers([wire.MotionOffer("wave", "Wave")], languages=["es", "ca"])
     page = await open_page("observer")
     offers = await page.hears("offers")
@@ -300,9 +292,7 @@ async def test_a_page_is_told_what_the_robot_offers_and_what_it_offers_now(open_
     assert (await late.hears("offers"))["motions_text"].startswith("No motions")
 
 
-async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(
-    open_page, bridge, monkeypatch
-):
+async def test_viewer_refreshes_the_offers_at_a_limited_rate(open_page, bridge, monkeypatch):
     monkeypatch.setattr("teleop.live.robot_hub.REFRESH_S", 60.0)
     bridge.offers = wire.Offers([])
     page = await open_page("observer")
@@ -320,7 +310,7 @@ async def test_whoever_may_look_has_the_offers_read_again_but_not_all_the_time(
     assert (await page.hears("offers"))["languages"] == ["es"]
 
 
-async def test_offers_are_not_read_again_while_the_bridge_is_away(open_page, bridge):
+async def test_offers_are_not_refreshed_without_bridge(open_page, bridge):
     page = await open_page("observer")
     await bridge.close()
     await page.hears("bridge_gone")
