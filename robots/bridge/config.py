@@ -1,4 +1,4 @@
-"""What a bridge is told about its robot: plain values, no Django, no ROS.
+"""Configuration of a bridge: plain values, no Django, no ROS.
 
 The registry builds a `BridgeConfig` (`robots.registry.selectors.bridge_config`), the supervisor compares
 their digests to notice edits.

@@ -1,7 +1,7 @@
-"""The bridge's decisions: who may drive, what is sent to the base, when it must stand still.
+"""The bridge's decisions: who may drive, which twist is sent, when the robot must stand still.
 
-`Core` is the one place where lease, dead-man, stop, audit and gate meet. It knows no socket, no
-ROS and no clock: time is an argument (monotonic seconds), the base is a small protocol. Everything runs on one thread.
+`Core` is the one place where lease, dead-man, stop, audit and gate meet. It knows no socket, no ROS and no clock: time
+is an argument (monotonic seconds), the base is a small protocol. Everything runs on one thread.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _HALTING = {
 
 
 class Base(TaskPerformer, Protocol):
-    """What the core may do to the robot."""
+    """The commands that the core may send to the robot."""
 
     def publish(self, velocity: Velocity) -> None:
         """Send a twist on the drive topic."""
@@ -78,7 +78,7 @@ class RosStatus(Struct, frozen=True):
 
 
 class Reported(Struct):
-    """What the robot told of itself last."""
+    """The newest reports of the robot."""
 
     odometry: tuple[float, Pose, Velocity] | None = None  # when it arrived, and what it said
     battery_percent: float | None = None
@@ -303,7 +303,7 @@ class Core:
         self._repeat_cancel(now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
-        """A web process's loop woke late. What was held against the operator meanwhile was not the operator's."""
+        """A web process's loop woke late: do not blame the operator for silence in that time."""
         self._console_late.observe(late_s, now_s)
         if self._silent and now_s - self._silent[1] < late_s:
             stick, noticed_s = self._silent
@@ -413,7 +413,7 @@ class Core:
     # --- what is told of it ------------------------------------------------------------------------
 
     def persisted(self) -> Persisted:
-        """What must survive a kill."""
+        """The state that must survive a kill."""
         stop = self.stop_state
         return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest)
 
@@ -537,7 +537,7 @@ class Core:
         return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
 
     def _watch_records(self, now_s: float) -> None:
-        """What cannot be recorded does not go on, nor does what waited for its record begin late."""
+        """Stop everything that cannot be recorded. A task that waited for its record does not begin late."""
         why = self._records.overdue(now_s)
         if why is None:
             self._unrecorded = None
@@ -556,7 +556,7 @@ class Core:
         return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
 
     def _wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
-        """What the holder asks for, and by which: the page's stick, or, where that rests, a twist.
+        """The requested velocity and its source: the page's stick, or a twist while the stick rests.
 
         One that is in the middle, if that counts, has done what it owes, and so has another that was not out when it
         was last seen.
@@ -638,7 +638,7 @@ class Core:
         self._cancelling = self.stop_state.state != "clear" or now_s - self._joined_s < REACHED_S
 
     def _cancel_all(self, now_s: float) -> None:
-        """Cancel everybody's goals. The stop itself hangs by nothing that comes of it."""
+        """Cancel everybody's goals. A failed cancel must not block the stop."""
         self._cancelled_s = now_s
         try:
             self._base.cancel_all()

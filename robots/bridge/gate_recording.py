@@ -1,8 +1,8 @@
-"""Recordings of what a gate was told and what it answered, and playing them again.
+"""Record the inputs and answers of a gate, and replay them.
 
 A file is gzip of frames, each a length (4 bytes, big-endian) and a msgpack value: first the gate's profile, then
-``[method, arguments, answer]`` for each call that told or asked the gate something (``observe_...``, ``forget`` and
-``decide``), in order. Numbers are kept to the last bit, NaN and infinities too.
+``[method, arguments, answer]`` for each call of ``observe_...``, ``forget`` and ``decide``, in order. Numbers keep
+their last bit, NaN and infinities too.
 """
 
 from __future__ import annotations

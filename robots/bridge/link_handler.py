@@ -1,8 +1,8 @@
-"""What comes in over the links: each message decoded, judged and answered.
+"""Decode, check and answer each message of a link.
 
-Nothing here waits, so that a stop is never behind anything. A link is heard 200 times a second with commands, far more
-than a stick sends; each one beyond is dropped in a turn of the event loop of its own, so that the ticks, the stop and
-the robot's sensors keep theirs.
+Nothing here waits: a stop is never queued behind other work. A link may send 200 commands a second, far more than a
+stick sends. Each further command is dropped in its own turn of the event loop, so that ticks, stops and sensors keep
+their turns.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class LoopLateness:
         return sum(late_s for at_s, late_s in self._late if at_s >= begin_s)
 
     def told(self, now_s: float) -> Overload | None:
-        """What people are told of it: the worst of the last seconds."""
+        """The worst lateness of the last seconds, for people."""
         late = [late_s for at_s, late_s in self._late if now_s - at_s <= KEPT_S]
         worst_s = max(late, default=0.0)
         return Overload(self._part, round(worst_s, 2)) if worst_s >= TOLD_S else None

@@ -1,4 +1,4 @@
-"""What `robots.bridge.ros.network.probe` is asked about a robot's ROS, and what it found: facts, no judgement."""
+"""Request and findings of `robots.bridge.ros.network.probe`: facts, no judgement."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Listened(Struct, frozen=True):
 
 
 class Plan(Struct, frozen=True):
-    """What to find out."""
+    """The facts to find."""
 
     master_uri: str
     drive: Topic
@@ -79,7 +79,7 @@ class DriveFound(Struct, frozen=True):
 
 
 class DescriptionFound(Struct, frozen=True):
-    """What the robot's description lacks of the arm; `error`: there is none that can be used."""
+    """Missing arm links of the robot's description. `error`: the description is not usable."""
 
     links: list[str] = []
     joints: list[str] = []

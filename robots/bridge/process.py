@@ -231,7 +231,7 @@ class Bridge:
             link.show(shown)
 
     def _watchers(self) -> tuple[list[str], int]:
-        """Who looks, and how many more than can be named."""
+        """Names of viewers, and the number of further viewers."""
         links = self._links.links
         return sorted({name for link in links for name in link.watchers}), sum(
             link.watchers_more for link in links
@@ -295,7 +295,7 @@ def _pending_stops(config: BridgeConfig) -> list[Waiting]:
 
 
 def heeding(pending: Sequence[Waiting], left: Persisted) -> tuple[Persisted, list[UUID]]:
-    """What a bridge begins with: latched if a stop waits for it, before anybody can drive. And those presses.
+    """The state at start: latched if a stop is pending. Also returns the pending presses.
 
     Their files stay until the stops are delivered: that they were heeded is confirmed then.
     """

@@ -1,4 +1,4 @@
-"""What is shown of the robot: its state, and a picture of what is seen. Asks, and changes nothing."""
+"""State and picture of a robot for pages. Reads only."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def state(
 
 
 def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
-    """What is seen, for pictures."""
+    """Known obstacles, for the picture."""
     obstacles = gate.obstacles(now_s)
     x, y = obstacles.points.T
     near = np.flatnonzero(x * x + y * y < VIEW_RADIUS_M**2)
@@ -97,7 +97,7 @@ def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
 def _centimetres(
     obstacles: Obstacles, near: NDArray[np.intp], kinds: Collection[Kind], grain: int = 1
 ) -> list[int]:
-    """What sources of these kinds know of, of the rows `near`: flat, one point for each `grain` centimetres."""
+    """Obstacles of these kinds among the rows `near`: a flat list, one point for each `grain` centimetres."""
     drawn = np.array([kind in kinds for kind in obstacles.kinds], dtype=np.bool_)
     rows = near[drawn[obstacles.source[near]]]
     if not len(rows):

@@ -1,6 +1,6 @@
-"""What odometry tells of a drive: its figures, and its path.
+"""Figures and path of a drive, from odometry.
 
-A path is few samples that tell where the robot was at every moment, to a stated tolerance.
+A path has few samples, which give the robot's position at every moment to a stated tolerance.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Path:
         settled, joint = self.samples[:-1], self.samples[-1:]
         self.samples = settled + simplified([*joint, *fresh], self.tolerance_m)
         while len(self.samples) > self._most:
-            # What is simplified again may miss by this once more, so that is what it misses from here on.
+            # A second simplification may add this error once more.
             self.samples = simplified(self.samples, self.tolerance_m)
             self.tolerance_m *= 2.0
 

@@ -1,7 +1,7 @@
-"""Where a bridge's records go: a seam, so that the bridge knows no database.
+"""Interface of the record store, so that the bridge knows no database.
 
-The methods are called from one worker thread, one at a time and in order. A method returns once
-its record is committed; `RecordError` means that it is not, and nothing that needs the record happens.
+The methods are called from one worker thread, one at a time and in order. A method returns once its record is
+committed. On `RecordError` it is not, and nothing that needs the record happens.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class BadRecord(RecordError):
 
 
 class Holder(Struct, frozen=True):
-    """Who drives, as granted."""
+    """The person in control, as granted."""
 
     holder_id: str
     holder: str
@@ -45,7 +45,7 @@ DriveEnd = Literal["standstill", "halted", "control_changed", "bridge_ended"]
 
 
 class DriveSummary(Struct, frozen=True):
-    """What a drive came to, from odometry: metres, seconds, m/s, rad/s."""
+    """Summary of a drive from odometry: metres, seconds, m/s, rad/s."""
 
     outcome: DriveEnd
     ended_by: str  # the same in words
@@ -68,7 +68,7 @@ class GateStart(Struct, frozen=True):
 
 
 class GateSummary(Struct, frozen=True):
-    """What it came to."""
+    """Summary of a gate intervention."""
 
     duration_s: float  # from its first to its last verdict
     also: list[str]  # codes of other rules that held back meanwhile

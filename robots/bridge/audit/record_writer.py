@@ -1,10 +1,9 @@
-"""Records are written on one worker thread, in order, while the control loop goes on.
+"""Write records on one worker thread, in order, while the control loop goes on.
 
-What is asked for must be written before it is done: if it cannot be, it is refused and forgotten. What has happened
-must be written sooner or later: it is kept, and tried again, ahead of all that comes after it. As nothing can be asked
-for successfully meanwhile, what is kept is no more than the ends of what was under way, and whoever keeps what the
-robot tells by itself must bound it. While the robot drives, a pulse tells every half second whether the database can
-be written at all.
+A request must be written before it is carried out; if it cannot be written, it is refused and forgotten. An outcome
+must be written sooner or later: it is kept and retried, ahead of all later records. No request succeeds in the
+meantime, so the kept records are only the ends of running tasks; callers must bound other records. While the robot
+drives, a pulse tests every half second that the database can be written.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _T = TypeVar("_T")
 
 
 class Trouble(NamedTuple):
-    """What was to be written last was not."""
+    """The last write failed."""
 
     since_s: float
     why: str
@@ -93,7 +92,7 @@ class RecordWriter:
         return None
 
     def close(self) -> None:
-        """Wait for the worker. What could not be written by then is not."""
+        """Wait for the worker. Records that are not written by then are lost."""
         self._worker.shutdown(wait=True)
         if self._unwritten:
             log.error("records that could not be written before the end: %d", len(self._unwritten))

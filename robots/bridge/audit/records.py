@@ -1,6 +1,6 @@
-"""What a bridge puts on record: what is asked of the robot, before it is done, and what came of it; stops; its map.
+"""Records of a bridge: requests before they are carried out, outcomes, stops, the map.
 
-The sink commits it in one worker thread, in order; the control loop looks whether that is done, and never waits.
+The sink commits them on one worker thread, in order. The control loop checks for completion and never waits.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Reply = Callable[[Refusal | None], None]  # to what was asked: why not, or None 
 
 
 class Requester(NamedTuple):
-    """Who asked for something, through which link, and how they are told whether it is done."""
+    """The person who requested a task, their link, and the callback for the answer."""
 
     holder: Holder
     link: int

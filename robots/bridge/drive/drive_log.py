@@ -1,11 +1,10 @@
-"""The drive log: a drive starts on record before the robot moves and ends at standstill.
+"""The drive log: a drive is recorded before the robot moves, and again at standstill.
 
-The control loop asks `may_move` and never waits. Gate interventions are kept as one record when they begin and one when
-they end.
+The control loop calls `may_move` and never waits. A gate intervention has one record at its begin and one at its end.
 
-What flickers is one intervention: it is over when its rule has held nothing back for `MERGE_S`. Another rule that holds
-back meanwhile is named in the end's record, and gets records of its own once the first is over. So there are never more
-than two records a second; only a stop after which the stick must return to neutral is on record at once, always.
+A flickering rule is one intervention: it ends when the rule has held nothing back for `MERGE_S`. Other rules of that
+time are named in the end's record and get their own records later. So there are at most two records a second. Only a
+stop after which the stick must return to neutral is always recorded at once.
 """
 
 from __future__ import annotations

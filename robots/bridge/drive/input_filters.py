@@ -1,9 +1,8 @@
-"""From the stick to what is asked of the base: a chain of named steps, which each robot has its own of. Pure.
+"""From a stick position to the requested twist: a chain of named filter steps, configured for each robot. Pure.
 
-A step takes a stick position and gives one. Two of them remember: the steadying ones, which take the tremor out of a
-hand. They never hold the robot back when it is to stop: an axis that is let go of is zero at once, one that is reversed
-goes the other way at once, and what is older than a command's life is forgotten. No step makes an axis larger
-than the hand has just held it.
+A step maps one stick position to another. Two steps have memory: they smooth the tremor of a hand. They never delay a
+stop: an axis at zero is zero at once, a reversed axis reverses at once, and values older than a command's life are
+dropped. No step makes an axis larger than the hand's own position.
 """
 
 from __future__ import annotations
@@ -144,7 +143,7 @@ def _weight(cutoff_hz: float, dt_s: float) -> float:
 
 
 def smoothed(step: OneEuro | Mean, memory: Memory | None, position: StickPosition, dt_s: float) -> Memory:
-    """What `step` gives for `position`, the first of each axis, and remembers; past it at zero and at reversal."""
+    """Apply `step` to `position`; return the result and the new filter state. Zero and reversal bypass the filter."""
     if memory is None or dt_s > COMMAND_LIFE_S:
         return step.begin(position.x), step.begin(position.y), step.begin(position.w)
     dt_s = max(dt_s, SHORTEST_S)
@@ -168,7 +167,7 @@ DEFAULT: tuple[StickStep, ...] = (DeadZone(), Curve(), OneEuro())
 def apply_filters(
     steps: Sequence[StickStep], memory: Memory | None, position: StickPosition, dt_s: float
 ) -> tuple[StickPosition, Memory | None]:
-    """What the chain makes of a position that came `dt_s` after the last, and what its steadying step remembers.
+    """Apply all steps to a position that came `dt_s` after the last; return the result and the filter state.
 
     `memory` None: nothing came before. There is at most one steadying step (`stick_problems`).
     """
@@ -182,7 +181,7 @@ def apply_filters(
 
 
 def describe(steps: Sequence[StickStep]) -> str:
-    """What an operator may want to know of the chain."""
+    """Describe the filters in words, for operators."""
     return ", ".join(filter(None, map(_words, steps))) or "as it is"
 
 

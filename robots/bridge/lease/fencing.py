@@ -1,7 +1,7 @@
-"""What web processes say of control, in order; a new fencing number is on disk before it is in force.
+"""Handle grants, renewals and revokes in order; a new fence is on disk before it is valid.
 
-A disk may hang. What belongs to a number that is still being written waits for it, in order, so that a revoke is never
-overtaken by its own grant; everything else goes on: an older holder can be stopped or revoked meanwhile.
+A disk may hang. Messages for a fence that is still being written wait for it in order: no revoke overtakes its own
+grant. Everything else goes on: the present holder can be stopped or revoked in the meantime.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Who may drive, as the bridge enforces it: one grant, its fencing number, its end. Pure."""
+"""The lease as the bridge enforces it: one grant, its fence, its end. Pure."""
 
 from __future__ import annotations
 

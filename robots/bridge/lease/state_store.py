@@ -1,4 +1,4 @@
-"""What a bridge must not forget when it is killed: the stop latch and the highest fencing number."""
+"""State that survives a kill of the bridge: the stop latch and the highest fence."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The robot's map, taken while somebody has control: by a short-lived process, for the control loop decodes none.
+"""Fetch the robot's map in a short-lived process: the control loop decodes none.
 
-Taken at the beginning of each control session and every few minutes of it, for a robot may be mapping just then.
+It is fetched at the begin of each control session and every few minutes, since a robot may be mapping.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 
 
 class MapWanted(Struct, frozen=True):
-    """What the process is asked."""
+    """The request to the map process."""
 
     master_uri: str
     topic: Topic

@@ -1,6 +1,6 @@
 """A nav_msgs/OccupancyGrid as a small picture, from its serialized bytes. Pure; numpy and the standard library.
 
-Numbers of a robot's are believed only as far as they make sense: what does not is `BadMap`, with words for the log.
+Impossible numbers raise `BadMap`, with a sentence for the log.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _geometry(
         raise BadMap(f"it begins at {x}, {y}")
     if not (0.5 < math.hypot(qx, qy, qz, qw) < 2.0 and math.hypot(qx, qy) < _TILT):
         raise BadMap("it does not lie flat")
-    # What was sent has single precision: 0.05 is meant, and not 0.05000000074505806.
+    # The message has single precision: 0.05000000074505806 means 0.05.
     return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, 2.0 * math.atan2(qz, qw)))
 
 

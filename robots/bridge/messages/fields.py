@@ -1,7 +1,7 @@
-"""What a person or a program gives for the fields of a message, made to fit the message's definition. Pure.
+"""Convert values from people and programs to the fields of a message definition. Pure.
 
 Fields are nested, or have dotted keys, or both; an array's elements may be named by their number ("points.0.x").
-What does not fit ends here, with the path of the wrong field, written as ``points[0].x``.
+A wrong value is refused with the path of its field, written as ``points[0].x``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A message's bytes, read and written by its definition. Pure: no class is generated, no code of anybody's is run.
+"""Read and write a message's bytes by its definition. Pure: no class is generated, no foreign code runs.
 
-A message is read in part: of a long array or text the beginning, the rest is stepped over. So a map of a million
-cells costs no more than a short one.
+Only the beginning of a long array or text is read; the rest is skipped. So a map of a million cells costs no more than
+a short one.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The bridge's end of the link: a WebSocket server for web processes.
 
-On one machine a Unix socket that only its owner can open; between machines TCP with TLS and
-a shared secret, never without.
-Text frames are messages, binary frames are views. A slow web process gets the newest view, never a queue of them.
+On one computer it is a Unix socket that only its owner can open; between computers TCP with TLS and a shared secret,
+never without. Text frames are messages, binary frames are views. A slow web process gets the newest view, never a
+queue.
 """
 
 from __future__ import annotations

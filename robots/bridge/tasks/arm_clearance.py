@@ -1,7 +1,7 @@
-"""Whether the arm has room for a motion: what the gate's sensors know of the space that it would sweep.
+"""Check whether the arm has room for a motion, from the obstacles that the gate knows.
 
-While the arm moves, laser and sonars do not see it: at their height it does not reach. The depth camera does. What it
-shows counts too, as far as joints tell where the arm is: what is not beside it is something else.
+Laser and sonars measure below the arm and do not see it move. The depth camera does. Its points count, too, except
+those next to the arm's known links.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from robots.wire import Refusal
 WATCH: tuple[Kind, ...] = ("scan", "depth")  # what must be awake before the arm moves
 WATCH_ARM: tuple[Kind, ...] = ("scan",)  # and while it does: the arm may carry the camera's view away
 SEES_NO_ARM: tuple[Kind, ...] = ("scan", "memory", "sonar")
-# What was seen earlier ("depth memory") may be the arm of any earlier moment.
+# Remembered depth points ("depth memory") may be the arm at an earlier moment.
 SEES_ARM: tuple[Kind, ...] = ("depth",)
 # A picture is some tenths of a second old when it comes, and half a second older when it stops to count.
 LATELY_S = 1.0
@@ -32,7 +32,7 @@ BESIDE_ARM_M = 0.10
 
 
 class ArmModel(Protocol):
-    """Who knows where the arm is."""
+    """Source of the arm's posture."""
 
     def arm(self) -> tuple[Disc, ...] | None:
         """The discs that it covers now, by its joints; None if they, or the robot's description, do not tell."""
@@ -68,7 +68,7 @@ class ArmClearance:
         return None
 
     def _in_the_way(self, space: Sequence[Disc], obstacles: Obstacles) -> Refusal | None:
-        """What of the obstacles is in the space that the arm sweeps."""
+        """Obstacles within the space that the arm sweeps."""
         gaps = self._gate.footprint.gaps(obstacles.points)
         found = intruder(space, obstacles, gaps, self._gate.arm_discs)
         if found is None:

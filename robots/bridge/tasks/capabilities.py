@@ -1,4 +1,4 @@
-"""What the robot offers besides driving, as pages hear it: on connecting, when it changed, and when they ask."""
+"""The robot's capabilities besides driving. Pages get them on connecting, on change and on request."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Capabilities:
         self._asked = False
 
     def title_of(self, motion: str, action: str) -> str:
-        """What people read for a motion of an action's; its own name, if nothing else is known."""
+        """Title of a motion for people; its name if there is no title."""
         motions, _ = self._motions.get(action, ((), ""))
         return next((offer.title for offer in motions if offer.name == motion), motion)
 
@@ -48,7 +48,7 @@ class Capabilities:
             self._announce(offers)
 
     def now(self) -> wire.Offers:
-        """What is on offer."""
+        """The present capabilities."""
         uses = self._routing.uses
         motions: Sequence[wire.MotionOffer] = ()
         text = "This robot has no recorded motions."

@@ -1,8 +1,7 @@
-"""What no allow-list admits, whoever asks: what would go around the chain, or blind it. Pure.
+"""Topics and services that no allow-list may permit: they would bypass or blind the chain. Pure.
 
-Names are judged word by word (/power/is_emergency: power, is, emergency), so that a name space or a number does not
-hide what a topic is. Types are judged too, for a robot may call its topics what it likes. Too much is refused rather
-than too little.
+Names are judged word by word (/power/is_emergency: power, is, emergency), so that a namespace or a number hides
+nothing. Types are judged, too, since a robot may name its topics freely. In doubt an entry is refused.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 _VELOCITY = "velocities move the base: they go through the gate only"
 
 # Why not, and what in a name means it: found anywhere in it, but where an underscore stands a word begins or ends.
-# What is chosen for driving has passed the gate, so that only the first group keeps it away.
+# Input on a chosen drive topic has passed the gate, so only the first group is denied.
 _OVERRIDING = {
     "controllers, and what configures or loads them, take commands past the gate": "control command trajectory mux "
     "reconfigure param rosapi nodelet bond _script urscript setpoint _pid_",
@@ -119,7 +118,7 @@ def admissible(allowed: Iterable[Allowed], topics: Topics) -> tuple[Allowed, ...
 
 
 def _why_topic_denied(name: str, type: str, topics: Topics, use: str) -> str | None:
-    """What is chosen takes input that has passed the chain, but must not win over a person's joystick or a lock."""
+    """A chosen topic gets gated input. It must not have priority over a person's joystick or a lock."""
     default: Topic | None = getattr(topics, use) if use in USE_TYPES else None
     if default is None:
         return f"this robot has nothing that takes input for {use or 'no use'}"

@@ -1,6 +1,6 @@
-"""One goal at a time for the robot: on record, sent, heard of, cancelled until the robot obeys, ended.
+"""One goal at a time: record it, send it, follow it, cancel it until the robot obeys.
 
-Nothing here begins a goal by itself, and one that was cancelled is over: whoever wants it again asks again.
+No goal starts by itself, and a cancelled goal never starts again.
 """
 
 from __future__ import annotations
@@ -76,12 +76,12 @@ class Goals(ABC, Generic[What]):
 
     @property
     def waiting(self) -> Requester | None:
-        """Who asked for what has not been sent yet, and was not cancelled."""
+        """Requesters of goals that are neither sent nor cancelled."""
         goal = self._current
         return goal.requester if goal is not None and goal.id is None and goal.cancelled is None else None
 
     def deny(self, refusal: Refusal, now_s: float) -> None:
-        """What has not been sent will not be, for this reason or the one for which it was cancelled before."""
+        """Deny all goals that are not sent, for this reason or for their earlier cancel reason."""
         goal = self._current
         if goal is None or goal.id is not None:
             return
@@ -119,7 +119,7 @@ class Goals(ABC, Generic[What]):
         return {topic for topic, told_s in self._others.items() if now_s - told_s <= UNHEARD_S}
 
     def _recorded(self, now_s: float) -> Goal[What] | None:
-        """What is on record and waits to be sent; what could not be recorded, or was cancelled meanwhile, is over."""
+        """Goals that are recorded and ready to send. Goals without a record, or cancelled ones, end here."""
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return None
@@ -144,7 +144,7 @@ class Goals(ABC, Generic[What]):
         return goal
 
     def _end(self, outcome: str, text: str, now_s: float) -> None:
-        """What ended as cancelled ended for the reason for which it was cancelled here, if it was."""
+        """If a goal ended as cancelled and this console cancelled it, use this console's reason."""
         goal, self._current = self._current, None
         if goal is not None:
             self._ended = goal.id

@@ -1,8 +1,7 @@
-"""Where a holder's input goes: for driving, speech and motions the robot's default, or a topic chosen instead.
+"""Where input goes: for driving, speech and motions, the robot's default topic or a chosen one.
 
-What may be chosen is on the admin's allow-list, has the default's type, and somebody on the robot listens to it. A
-choice is put on record, then connected, then made; it ends with its holder's control, and when that listener goes. That
-is put on record, too.
+A chosen topic is on the admin's allow-list, has the default's type and a listener on the robot. A choice is recorded,
+then connected, then valid. It ends with the control session, or when its listener goes; the end is recorded, too.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ PATIENCE_S = 3.0  # what is not connected by then may be asked for anew
 
 
 class InputSwitch(Protocol):
-    """What connects to the robot's topics."""
+    """Connects to the robot's topics."""
 
     def attend(self, use: Use, topics: frozenset[str]) -> None:
         """Be connected to these topics of that use and no others. Returns at once; `InputRouting.attended` follows."""
@@ -36,7 +35,7 @@ class InputSwitch(Protocol):
 
 
 class RoutingRules(Protocol):
-    """What choices must know of the robot, and do to it: `Core`."""
+    """The rules and commands that routing needs: `Core`."""
 
     def why_not_begin(self, requester: Requester, now_s: float) -> Refusal | None:
         """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
@@ -84,7 +83,7 @@ class InputRouting:
         self._asked: dict[Use, _Route] = {}
         self._always = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
         if "motions" in self._always:
-            # What a motion action performs that a bridge gave up, or left when it was killed, must be heard of.
+            # A killed bridge may have left a motion running on this action: listen to it.
             self._always["motions"] |= self._roles["motions"].keys()
         self._wanted = dict(self._always)
         self._connected: dict[Use, Collection[str]] = dict(self._wanted)
@@ -109,7 +108,7 @@ class InputRouting:
 
     @property
     def uses(self) -> dict[Use, wire.UseOffer]:
-        """What there is to choose, for pages, and where nobody takes the input."""
+        """Topics to choose from, for pages; also uses without any listener."""
         return {
             use: wire.UseOffer(topic.name, topic.type, dict(self._roles[use]), self.refuse(use, None))
             for use, topic in self._defaults.items()
@@ -172,7 +171,7 @@ class InputRouting:
             self._settle(use, now_s)
 
     def surveyed(self, listened: Mapping[str, str], now_s: float) -> None:
-        """Types of the topics that somebody on the robot listens to. What was chosen and is gone is chosen no more."""
+        """Take the types of topics with a listener. A chosen topic without a listener is dropped."""
         self._listened = listened
         for use, made in list(self._made.items()):
             default = self._defaults[use]
@@ -191,7 +190,7 @@ class InputRouting:
                 self._go_back(use, "control_ended", reason, now_s)
 
     def withdraw(self, refusal: Refusal, now_s: float) -> None:
-        """What was asked for and is not made yet will not be."""
+        """Withdraw choices that are not made yet."""
         for use in list(self._asked):
             self._withdraw(use, refusal, now_s)
 

@@ -1,6 +1,6 @@
-"""One recorded motion at a time: asked for, put on record, begun, watched, ended, and that put on record.
+"""One recorded motion at a time: request, record, start, follow, end, record the end.
 
-While it is put on record, the robot is asked for its points; it begins when both are there.
+While the request is being recorded, the robot is asked for the motion's points. The motion starts when both are there.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class _Point(Struct):
 
 
 class _Recorded(Struct):
-    """What of a motion's parameters tells how it moves."""
+    """The parameters of a motion that describe its movement."""
 
     joints: list[str]
     points: list[_Point]
@@ -50,7 +50,7 @@ class _Meta(Struct, frozen=True):
 
 
 class _Described(Struct):
-    """What of a motion's parameters is for people."""
+    """The parameters of a motion for people."""
 
     meta: _Meta = _Meta()
     points: list[_Time] = []
@@ -117,7 +117,7 @@ def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
 
 
 class MotionPlayer(Protocol):
-    """What performs motions."""
+    """Performs motions."""
 
     def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send the goal."""
@@ -128,7 +128,7 @@ class MotionPlayer(Protocol):
 
 @dataclass
 class MotionGoal:
-    """What is performed: a motion, and the space that its arm sweeps; None: the robot has not told yet."""
+    """A motion goal with the space that the arm sweeps; None: not known yet."""
 
     name: str
     title: str  # for people
@@ -181,7 +181,7 @@ class Motions(Goals[MotionGoal]):
     def told(
         self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
     ) -> None:
-        """What the arm sweeps by the points that the robot has now; None: it has no such motion, maybe for `why`."""
+        """The swept space by the robot's present recording; None: the robot has no such motion, see `why`."""
         if goal is not self._current:
             return
         goal.what.space = space
@@ -201,7 +201,7 @@ class Motions(Goals[MotionGoal]):
 
     @property
     def space(self) -> Sequence[Disc]:
-        """What the arm of this console's motion sweeps; nothing once it is cancelled."""
+        """The swept space of the running motion; nothing after its cancel."""
         goal = self._current
         return goal.what.space or () if goal is not None and goal.cancelled is None else ()
 
@@ -211,7 +211,7 @@ class Motions(Goals[MotionGoal]):
         return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
 
     def halt(self, refusal: Refusal, now_s: float) -> None:
-        """What runs is cancelled, what has not begun will not be."""
+        """Cancel the running motion and deny those that did not begin."""
         if self.begun:
             self.cancel(refusal.code, refusal.text)
         else:
@@ -253,14 +253,14 @@ class Motions(Goals[MotionGoal]):
             self._end_left(goal_id, refusal.code, now_s)
 
     def view(self, now_s: float) -> wire.Motion | None:
-        """What is under way, for pages."""
+        """The running motion, for pages."""
         goal = self._current
         if goal is None:
             return None
         return wire.Motion(goal.what.name, goal.requester.holder.holder, round(now_s - goal.since_s, 1))
 
     def _cancel_strays(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
-        """What a bridge that was killed left, or this one gave up: nobody watches the space about that arm."""
+        """A motion of an earlier bridge still runs, and nobody checks the arm's space: cancel it."""
         known = {self._current.id if self._current else None, self._ended}
         strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
         for goal_id in strays:

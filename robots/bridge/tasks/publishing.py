@@ -22,7 +22,7 @@ HALTED = Refusal(
 
 
 class Publisher(Protocol):
-    """What sends messages of any type."""
+    """Sends messages of any type."""
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
         """Whether the fields fit the type's definition; `then` is called once, with what does not, and the time."""
@@ -37,7 +37,7 @@ class Publisher(Protocol):
         """Send nothing of what was given until now: neither at a rate nor what still waits for its listeners."""
 
     def keep_alive(self) -> None:
-        """What is sent at a rate may go on: to be said all the time, for it pauses where nobody says so."""
+        """Allow repeated messages to go on. Call it regularly: without it they pause."""
 
 
 @dataclass(eq=False)
@@ -46,7 +46,7 @@ class _Publication(RecordedTask):
 
 
 class Publications:
-    """What is published for the holder, by topic."""
+    """Publications of the person in control, by topic."""
 
     def __init__(self, publisher: Publisher, records: Records) -> None:
         self._publisher = publisher
@@ -91,7 +91,7 @@ class Publications:
             self._end(topic, why, now_s)
 
     def deny(self, why: str, now_s: float, refusal: Refusal) -> None:
-        """What waits for its record will not be sent."""
+        """Deny publications that wait for their record."""
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.requester.answer(refusal)
@@ -99,13 +99,13 @@ class Publications:
 
     @property
     def under_way(self) -> list[str]:
-        """What is published at a rate, or waits for its record, in words."""
+        """Repeated and waiting publications, in words."""
         topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
         return [f"publishing on {topic}" for topic in sorted(topics)]
 
     @property
     def view(self) -> list[wire.Publishing]:
-        """What is published at a rate, for pages."""
+        """Repeated publications, for pages."""
         return [
             wire.Publishing(topic, publishing.order.type, publishing.order.rate_hz)
             for topic, publishing in self._running.items()

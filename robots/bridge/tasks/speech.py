@@ -1,7 +1,7 @@
-"""One text at a time for the robot's voice: which texts can be said, and what becomes of the one that is said.
+"""One text at a time for the robot's voice: which texts can be spoken, and the result of each.
 
-A text is on record before it is sent. It is said to its end also when its holder goes; only a cancel and the emergency
-stop end it, by its goal's id.
+A text is recorded before it is sent. It is spoken to its end, also when its holder leaves; only a cancel and the
+emergency stop end it, by its goal id.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def why_not_speakable(text: str) -> Refusal | None:
 
 
 def own_language(asked: str, own: Sequence[str]) -> str:
-    """What the robot itself calls a language (BCP 47), if it is one of its `own`; else as it was asked for.
+    """The robot's own tag (BCP 47) for a language if it is among `own`; else the requested tag.
 
     The same tag, in whichever case; else the first that is the same language: voices know es-ES, and neither es nor
     es-MX.
@@ -72,7 +72,7 @@ def word_said(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
 
 
 class Utterance(Struct, frozen=True):
-    """What is to be said where: `topic` is an action's name if the robot's voice is an action."""
+    """A text and its topic; `topic` is an action name if the robot's voice is an action."""
 
     text: str
     language: str
@@ -80,7 +80,7 @@ class Utterance(Struct, frozen=True):
 
 
 class SpeechOutput(Protocol):
-    """What speaks."""
+    """The robot's voice."""
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Pass it on. Whether the robot tells what becomes of it."""
@@ -145,7 +145,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
         self._end("unheard", "The bridge ended while the robot spoke.", now_s)
 
     def view(self, now_s: float) -> wire.Speech | None:
-        """What is being said, for pages, from when it was sent."""
+        """The text that is spoken now, for pages."""
         goal = self._current
         if goal is None or goal.id is None:
             return None

@@ -1,7 +1,7 @@
-"""What the holder asks of the robot besides driving: where to look, what to perform, say and publish, and where to.
+"""Tasks of the person in control: head, motions, speech, publishing, topic choice.
 
-Each order passes the same chain as a stick (lease, stop, robot there), is put on record, and is passed on to the robot
-after that. Nothing here waits, and nothing that ended begins again by itself.
+Each task passes the same chain as the stick (lease, stop, robot online), is recorded, and is then sent to the robot.
+Nothing here waits, and no ended task starts again by itself.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
 class TaskRules(input_routing.RoutingRules, Protocol):
-    """What orders must know of the robot besides: `Core`."""
+    """Further rules that tasks need: `Core`."""
 
     lease: LeaseGuard
 
@@ -54,7 +54,7 @@ class TaskRules(input_routing.RoutingRules, Protocol):
 
 
 class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Protocol):
-    """What orders do to the robot."""
+    """The commands that tasks send to the robot."""
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there."""
@@ -68,7 +68,7 @@ class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Protocol)
 
 
 class Tasks:
-    """The orders of one robot's holder."""
+    """Tasks of one robot."""
 
     def __init__(
         self,
@@ -123,7 +123,7 @@ class Tasks:
                 answer(self._end(order, now_s))
 
     def _end(self, order: wire.TaskRequest, now_s: float) -> Refusal | None:
-        """What ends something is done at once, and its outcome put on record."""
+        """End a task at once and record its outcome."""
         match order:
             case wire.PlayCancel():
                 return self._cancel_motion("Its holder cancelled it.")
@@ -153,7 +153,7 @@ class Tasks:
 
     @property
     def under_way(self) -> list[str]:
-        """What was asked for and is not over, in words. A text that is said is not in it: it ends by itself."""
+        """Unfinished tasks, in words. Speech is not among them: it ends by itself."""
         return self.motions.under_way + self.publications.under_way
 
     # --- what happens meanwhile ---------------------------------------------------------------------
@@ -192,7 +192,7 @@ class Tasks:
         self.routing.withdraw(refusal, now_s)
 
     def page_left(self, now_s: float) -> None:
-        """Who asked is gone: what has not begun will not, whoever comes back. `tick` bears what runs for a while."""
+        """The page is gone: deny tasks that did not begin. `tick` tolerates running ones for a while."""
         self._deny_asked(now_s, LEFT)
         self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
@@ -228,7 +228,7 @@ class Tasks:
         self._asked[kind].append(RecordedTask(requester, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
-        """What is not on record yet will not be done."""
+        """Deny tasks that are not recorded yet."""
         for kind, waiting in self._asked.items():
             denied, waiting[:] = list(waiting), []
             for asked in denied:
@@ -250,7 +250,7 @@ class Tasks:
         return granted
 
     def _why_not_forget(self, now_s: float) -> Refusal | None:
-        """What was seen counts for the way that the base is on, and for the arm's."""
+        """Keep the memory while base or arm move: their safety depends on it."""
         if self.motions.refuse(now_s):
             text = "The robot performs a motion: what it saw is needed for that."
             return Refusal("motion_running", text, "robot")
@@ -302,7 +302,7 @@ class Tasks:
         self._publisher.check(order, checked)
 
     def _why_not_publish(self, order: wire.Publish) -> Refusal | None:
-        """What the allow-list has not, nobody publishes."""
+        """Refuse topics that are not on the allow-list."""
         wanted = ("publish", order.topic, order.type)
         if any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._config.allowed):
             return None
@@ -328,7 +328,7 @@ class Tasks:
     def _play(self, order: wire.Play, requester: Requester, now_s: float) -> None:
         """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
         refusal = self.motions.refuse(now_s) or self._why_no_motion(requester, None, now_s)
-        # Who listened at the last survey is seconds old: a robot that has just come may have joined since.
+        # The last survey is seconds old: a listener may have joined since.
         if refusal is not None and refusal.code != "no_listener":
             requester.answer(refusal)
             return
@@ -396,5 +396,5 @@ class Tasks:
 
 
 def holder_of(grant: Grant) -> Holder:
-    """Who answers for what happens under a grant."""
+    """The person who is responsible under a grant."""
     return Holder(grant.holder_id, grant.holder, grant.session, grant.fence)

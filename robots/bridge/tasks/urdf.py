@@ -1,4 +1,4 @@
-"""A robot's kinematic tree, from its description (URDF), and where its links are with given joint positions.
+"""A robot's kinematic tree from its description (URDF), and the positions of its links.
 
 A joint's frame is its origin in the parent's frame, then moved along or about its axis (wiki.ros.org/urdf/XML/joint).
 Metres and radians.

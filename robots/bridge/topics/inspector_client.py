@@ -1,8 +1,7 @@
-"""The bridge's way to its inspector: a process that is there only while somebody looks, asks or publishes.
+"""The bridge's client of its inspector. The process runs only while somebody needs it.
 
-Questions and looks of all links go in, answers and messages come out and are handed to the links that wanted them, by
-`robots.bridge.topics.inspector_messages`. All of it is bytes:
-the control loop decodes no message of the robot's, and waits for nothing.
+Queries and subscriptions of all links go in; answers and samples come out and go to the links that asked
+(`robots.bridge.topics.inspector_messages`). The control loop passes bytes, decodes no ROS message and never waits.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ _NOT_KNOWN = Refusal(
 
 
 class InspectorViewer(Protocol):
-    """Who looks: a `Link`."""
+    """A viewer of topics: a `Link`."""
 
     def report(self, message: Struct) -> None:
         """Queue an answer."""
@@ -165,7 +164,7 @@ class InspectorClient:
         return True
 
     def keep_alive(self) -> None:
-        """What is published at a rate may go on for `LIFE_S` of the inspector's."""
+        """Allow repeated publications for another `LIFE_S`."""
         if self._talking:
             self._send(KeepAlive())
 
@@ -221,7 +220,7 @@ class InspectorClient:
                 self._ready = True
 
     def ended(self) -> None:
-        """What was published ended with it, and nothing begins again by itself."""
+        """The inspector ended, and all publications with it. None restarts by itself."""
         self._ready = self._has_published = False
         if self._talking:
             self._talking.clear()
@@ -249,7 +248,7 @@ class InspectorClient:
         return self._count
 
     def _give_up(self, number: int) -> None:
-        """Nothing was answered in time. What was not sent never is: of that it is known."""
+        """No answer came in time. A request that was not sent is dropped, and its asker is told so."""
         unsent = self._unsent.pop(number, None)
         self._answer(number, self._waiting[number].silence if unsent is None else _SILENT)
 

@@ -1,4 +1,4 @@
-"""What the bridge and its inspector say to each other: one JSON line each."""
+"""Messages between bridge and inspector: one JSON line each."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Ready(Struct, frozen=True, tag_field="t", tag="ready"):
 
 
 class Done(Struct, frozen=True, tag_field="t", tag="done"):
-    """What `number` asked for was done, or why not."""
+    """The result of request `number`: done, or the refusal."""
 
     number: int
     refusal: Refusal | None = None

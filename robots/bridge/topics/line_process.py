@@ -20,7 +20,7 @@ LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
 
 
 class LineProcessOwner(Protocol):
-    """Who speaks with it."""
+    """The owner of a line process."""
 
     def needed(self) -> bool:
         """Whether there must be one."""
@@ -29,7 +29,7 @@ class LineProcessOwner(Protocol):
         """One is there, and can be told what it must know."""
 
     def hear(self, line: bytes) -> None:
-        """What it said. A ValueError ends it."""
+        """Handle one line. A ValueError ends the process."""
 
     def ended(self) -> None:
         """It has ended, and with it whatever it was told."""
@@ -74,7 +74,7 @@ class LineProcess:
         return True
 
     def let_go(self) -> None:
-        """Close its stdin, at which it ends; insist after a while. Who needs one meanwhile gets the next one."""
+        """Close stdin, so that the process ends; kill it after a while. A new need starts a new process."""
         self._let_go = True
         if self._stdin is not None:
             self._stdin.close()

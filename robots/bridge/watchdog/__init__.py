@@ -1,4 +1,4 @@
-"""The watchdog: a small process beside each bridge that hears stops, and repeats zeros when the bridge cannot.
+"""The watchdog: a small process for each bridge. It hears stops, and repeats zeros while the bridge cannot.
 
-It subscribes to nothing on the robot, so that no sensor can hold it up. The bridge sends it a beat with each tick.
+It subscribes to nothing on the robot, so that no sensor can block it. The bridge sends it a heartbeat with each tick.
 """

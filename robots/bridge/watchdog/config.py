@@ -1,4 +1,4 @@
-"""What a watchdog is told about its robot: a small part of the bridge's config."""
+"""Configuration of a watchdog: a small part of the bridge's."""
 
 from __future__ import annotations
 

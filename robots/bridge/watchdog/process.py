@@ -35,7 +35,7 @@ _decoder: msgspec.json.Decoder[LinkStop | Heartbeat] = msgspec.json.Decoder(Link
 
 
 class RobotOutput(Protocol):
-    """What the watchdog may do to the robot."""
+    """The commands that the watchdog may send to the robot."""
 
     def zero(self) -> int:
         """Publish a zero velocity wherever the robot is driven; returns how many nodes it was written to."""

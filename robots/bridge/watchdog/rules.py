@@ -1,8 +1,8 @@
-"""The watchdog's decisions, pure: presses and beats in, "publish zeros? cancel goals?" out. Time is an argument.
+"""The watchdog's decisions: presses and heartbeats in, "publish zeros? cancel goals?" out. Pure; time is an argument.
 
-A stop is the watchdog's own until a bridge has taken it. From then on the latch follows the bridge's beats, so that
-clearing works as if there were no watchdog. When the bridge dies with its stop latched, the stop is the watchdog's own
-again, and the next bridge is told of it.
+The watchdog owns a stop until a bridge has taken it. From then on it follows the latch in the bridge's heartbeats, so
+that a clear needs no watchdog. When the bridge dies with a latched stop, the watchdog owns the stop again and reports
+it to the next bridge.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class StopFile:
         return self._newest
 
     def before(self) -> Heartbeat:
-        """What the bridge did by its state file. It need not be told of a stop that it has written there."""
+        """Read the bridge's state file: a stop that is already there needs no second report."""
         left = self._bridge.load(0)
         return Heartbeat(latched=left.latched, by=left.by, reason=left.reason)
 
