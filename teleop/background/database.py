@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 _threads = ThreadPoolExecutor(max_workers=4, thread_name_prefix="database")
 _background_thread = ThreadPoolExecutor(
-    max_workers=1, thread_name_prefix="beside"
+    max_workers=1, thread_name_prefix="database-background"
 )  # separate: rights are confirmed in `_threads`
 
 

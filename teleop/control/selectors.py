@@ -68,7 +68,7 @@ def control_status(
 
 
 def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
-    """Return the reason in words for which each of these control sessions ended, where there are words.
+    """Return the recorded words about the end of each of these control sessions, where there are any.
 
     They are in the audit log only: they contain reasons and names, so they expire, and are deleted with a person.
     """

@@ -352,7 +352,7 @@ def _assign(
 
 def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None:
     """Empty the lease, if its columns still have the values in `still`. This closes the requests for control."""
-    nobody = {
+    empty = {
         "session": None,
         "tab": "",
         "sign_in": "",
@@ -361,7 +361,7 @@ def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None
         "term_ends_at": None,
         "seen_at": None,
     }
-    _change_lease(robot_id, held, nobody, **still)
+    _change_lease(robot_id, held, empty, **still)
     _close_requests(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
 
 

@@ -23,7 +23,7 @@ class SessionEnd(Struct, frozen=True):
 
 
 class Rights(Struct, frozen=True):
-    """What one sign-in may do with one robot now."""
+    """The rights of one sign-in on one robot at this moment."""
 
     active: bool  # signed in, account active
     role: Role | None

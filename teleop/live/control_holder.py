@@ -94,7 +94,7 @@ class ControlHolder:
     # --- requests -----------------------------------------------------------------------------------
 
     async def take(self) -> None:
-        """Take control of a robot that nobody else controls."""
+        """Take control of a robot that no other person controls."""
         await self._end_lease()  # the database may still list the session that was given up here
         await self._change(services.lease_take, highest_fence=await self._highest_fence())
 

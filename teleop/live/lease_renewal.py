@@ -96,7 +96,7 @@ class LeaseRenewer:
             except LinkRefused as error:
                 if error.refusal.rule == "lease":
                     return error.refusal
-                # The bridge is away or slow. The base follow by then; the page is told by the link.
+                # The bridge is down or slow. Its robot stands still by then, and the link informs the page.
         return None
 
     async def _grant(self) -> None:

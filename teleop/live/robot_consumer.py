@@ -262,7 +262,7 @@ class RobotConsumer(RobotSocket):
             self.viewer.leave()
         await super().revoke_access(refusal)
 
-    # --- what the page is told -----------------------------------------------------------------------
+    # --- messages to the page ------------------------------------------------------------------------
 
     async def _welcome(self) -> None:
         if self.control is not None and self.rights.role:

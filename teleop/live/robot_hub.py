@@ -188,7 +188,8 @@ class RobotHub:
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         if rules.phase(status.lease, status.read_at) is not Phase.LAPSED:
             return status, confirmed_s
-        # The lease is over by the clock. Store that, unless its page came back, or another process was faster.
+        # The lease is over by the clock, even if its end cannot be stored. Its page may just have come back, or another
+        # process may be faster: then `lease_expire` refuses.
         with suppress(ControlRefused, DatabaseError):
             self._store_seen()
             lease_expire(robot_id=self.robot_id, now=status.read_at)
@@ -226,10 +227,10 @@ class RobotHub:
                 log.exception("Reading the status of control failed.")
 
     async def _read_regularly(self, *, full: bool) -> None:
-        holders = [member.person for member in self.members.values() if member.checked_often]
+        often = [member.person for member in self.members.values() if member.checked_often]
         if not full:
-            if holders:
-                await self._read_status(holders)
+            if often:
+                await self._read_status(often)
             return
         await self._read_registry()
         await self.read_status()

@@ -52,12 +52,12 @@ def _starts(robot: Robot, user: User) -> QuerySet[Record]:
 
 
 def _spoken_text(start: Record, end: Record | None) -> SpokenText:
-    told = start.details
+    details = start.details
     return SpokenText(
         number=start.pk,
-        text=told.get("text", ""),  # "": the text has expired
-        language=told["language"],
-        topic=told["topic"],
+        text=details.get("text", ""),  # "": the text has expired
+        language=details["language"],
+        topic=details["topic"],
         who=start.actor_name,
         at=start.at,
         outcome=end.outcome if end else None,

@@ -101,8 +101,8 @@ def author_of(record: Record) -> Author:
 
 def visible_details(row: Row, user: User) -> dict[str, Any]:
     """Return the details that this person may see: no other person's identifier."""
-    told = _visible_details(row.record, user)
-    return told | _visible_details(row.end, user) if row.end else told
+    details = _visible_details(row.record, user)
+    return details | _visible_details(row.end, user) if row.end else details
 
 
 def _visible_details(record: Record, user: User) -> dict[str, Any]:

@@ -34,8 +34,8 @@ from teleop.reports.session_maps import maps_of
 
 _AUTHORS = {
     own_data.Author.CONSOLE: gettext_lazy("by the console itself"),
-    own_data.Author.OTHER: gettext_lazy("by somebody else"),
-    own_data.Author.UNKNOWN: gettext_lazy("by somebody who did not get in"),
+    own_data.Author.OTHER: gettext_lazy("by another person"),
+    own_data.Author.UNKNOWN: gettext_lazy("by a person who failed to sign in"),
 }
 MAP_CACHED_S = 60 * 60  # in the browser; the picture of a number never changes
 
@@ -171,9 +171,9 @@ def _line_about(row: Row, person: User) -> Line:
     )
 
 
-def _facts_about(told: dict[str, Any], person: User) -> Iterator[str]:
+def _facts_about(details: dict[str, Any], person: User) -> Iterator[str]:
     """Return facts in words, without this person's own identity: "full name Olga → Olga Operator", "to supervisor"."""
-    to_last = sorted(told.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
+    to_last = sorted(details.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
     for name, value in to_last:
         if name == "changes":
             for change in value:

@@ -1,4 +1,4 @@
-"""A bridge for each robot, and a browser for each of the cast."""
+"""Fixtures: a fake bridge for the robot, a signed-in browser for each person."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OpenPage = Callable[..., Awaitable[Page]]
 
 @pytest.fixture
 def browsers(staff, supervisor, operator, observer, stranger, second_operator, signed_in):
-    """Each person's browser, by role; signed in."""
+    """Return the signed-in browser of each person, by user name."""
     people = [staff, supervisor, operator, observer, stranger, second_operator]
     return {person.username: signed_in(person) for person in people}
 
@@ -36,7 +36,7 @@ def second_operator(robot):
 
 @pytest.fixture(autouse=True)
 def stop_log(monkeypatch) -> Iterator[None]:
-    """What is pressed in a test is written in it or not at all."""
+    """Write the stops of a test during that test or not at all."""
     own = RepeatSuppressor(emergency_stop.write_record, most=None)
     monkeypatch.setattr(emergency_stop, "log", own)
     yield
@@ -44,7 +44,7 @@ def stop_log(monkeypatch) -> Iterator[None]:
     own.flush()
     in_database_background(lambda: None).result(
         10
-    )  # and what came of it: nothing is written into the next test
+    )  # wait for results too: nothing must be written during the next test
 
 
 @pytest_asyncio.fixture

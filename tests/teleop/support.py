@@ -1,4 +1,4 @@
-"""A bridge that says yes, and pages that speak to the console as a browser does."""
+"""A fake bridge that accepts everything, and pages that speak to the console like a browser."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robots.wire import Odometry, Refusal, State, StopState, Verdict
 from teleop.background.database import in_database
 
 TIMEOUT_S = 20.0
-PATIENCE_S = 20.0  # until something is on record: a busy machine takes its time
+PATIENCE_S = 20.0  # until something is recorded: a busy machine needs time
 M = TypeVar("M", bound=msgspec.Struct)
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ IDLE = State(
 
 
 async def eventually(find: Callable[[], T]) -> T:
-    """What `find()`, asked of the database, finds in the end."""
+    """Wait until `find()`, called in a database thread, returns a true value; return it."""
     end_s = time.monotonic() + PATIENCE_S
     while not (found := await in_database(find)):
         assert time.monotonic() < end_s, "it was not recorded"
@@ -55,18 +55,18 @@ async def eventually(find: Callable[[], T]) -> T:
 
 
 class FakeBridge:
-    """The bridge's end of the link, without a robot behind it. Keeps what it heard."""
+    """The bridge's end of the link, without a robot. It stores all messages that it receives."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.heard: list[msgspec.Struct] = []
         self.raw: list[bytes] = []
         self.fence = 0
-        self.refuses: Refusal | None = None  # of every grant
+        self.refuses: Refusal | None = None  # if set, the refusal of every grant
         self.newest_stop = 0
         self.offers: wire.Offers | None = None
-        self.silent = False  # answers no order and no question
-        self.refuses_orders: Refusal | None = None
+        self.silent = False  # answers no task request and no query
+        self.refuses_tasks: Refusal | None = None
         self.answer: Callable[[wire.TopicQuery], msgspec.Struct] = lambda ask: wire.Parameters(
             ["/a"], ask.seq
         )
@@ -81,12 +81,12 @@ class FakeBridge:
         await self._server.close()
 
     def say(self, message: msgspec.Struct) -> None:
-        """To every web process."""
+        """Send a message to every web process."""
         for link in self._server.links:
             link.report(message)
 
     def show(self, number: int) -> str:
-        """A picture for every web process; it is known by its number. Returns it as a page sees it."""
+        """Send a picture with this number to every web process. Returns it as a page receives it."""
         state = msgspec.structs.replace(IDLE, seq=number)
         picture = wire.encode(wire.View(state, None))
         for link in self._server.links:
@@ -94,12 +94,12 @@ class FakeBridge:
         return picture.decode()
 
     def tells_stop(self, state: str) -> None:
-        """The stop latch as it is now, to every web process."""
+        """Send the state of the stop to every web process."""
         latch = StopState(state, number=self.newest_stop)
         self.say(wire.Status(msgspec.structs.replace(IDLE, stop=latch)))
 
     def shows(self, topic: str, number: int) -> str:
-        """A message of a topic for every web process. Returns it as a page sees it."""
+        """Send a sample of a topic to every web process. Returns it as a page receives it."""
         shown = wire.encode(wire.Sample(topic, "std_msgs/Int32", number, 5.0, 4, None, 1, {"data": number}))
         self.say(wire.LinkSample(topic, msgspec.Raw(shown)))
         return shown.decode()
@@ -115,7 +115,7 @@ class FakeBridge:
     async def hears(
         self, kind: type[M], fits: Callable[[M], bool] = lambda _message: True, count: int = 1
     ) -> M:
-        """The message of this kind that fits; waits for the `count`th."""
+        """Wait for the `count`th message of this kind that fits, and return it."""
 
         def found() -> list[M]:
             return [message for message in self.all(kind) if fits(message)]
@@ -161,8 +161,8 @@ class FakeBridge:
             link.report(wire.LinkAnswer(message.seq, msgspec.Raw(answer)))
         elif isinstance(message, wire.TaskRequest | wire.LinkCancel):
             kind, fence = wire.kind_of(message), getattr(message, "fence", None)
-            if self.refuses_orders:
-                link.report(wire.Refused(kind, self.refuses_orders, message.seq, fence))
+            if self.refuses_tasks:
+                link.report(wire.Refused(kind, self.refuses_tasks, message.seq, fence))
             else:
                 link.report(wire.Accepted(kind, message.seq, fence))
 
@@ -181,7 +181,7 @@ class Page:
         return self
 
     async def close(self) -> None:
-        """The tab is closed, or its network is gone."""
+        """Close the connection, as when the tab is closed or its network fails."""
         await self._socket.send_input({"type": "websocket.disconnect", "code": 1001})
         await self._socket.wait(TIMEOUT_S)
 
@@ -195,7 +195,7 @@ class Page:
         await self._socket.send_input({"type": "websocket.receive", "bytes": data})
 
     async def hears(self, t: str, **fields: Any) -> dict[str, Any]:
-        """The next message of kind `t` with these fields; what comes before it goes to `inbox`."""
+        """Return the next message of kind `t` with these fields; earlier messages go to `inbox`."""
         try:
             while True:
                 message = await self._message()
@@ -215,7 +215,7 @@ class Page:
             self.inbox.append(message)
 
     async def is_closed(self) -> int:
-        """Waits for the server to close the connection; its code."""
+        """Wait until the server closes the connection; return its code."""
         while True:
             event = await self._event()
             if event["type"] == "websocket.close":

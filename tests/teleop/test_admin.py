@@ -1,4 +1,4 @@
-"""Control sessions in the admin: who, what, from when to when, and why it ended. To read."""
+"""The read-only list of control sessions in the admin."""
 
 from datetime import datetime, timedelta
 
@@ -35,12 +35,12 @@ def ended(robot, operator, supervisor):
 
 @pytest.fixture
 def running(other_robot, staff):
-    """A session that goes on."""
+    """A session that has not ended."""
     return ControlSession.objects.create(robot=other_robot, user=staff, fence=1, started_at=timezone.now())
 
 
 def listed(client, **filters):
-    """Whose sessions are listed, newest first."""
+    """Return the holders of the listed sessions, newest first."""
     days = client.get(LIST, filters).context["days"]
     return [line.who for _day, _address, lines in days for line in lines]
 
@@ -87,7 +87,7 @@ def test_pages_show_every_session_once(staff, operator, robot, signed_in):
 
 
 def test_sessions_that_began_together_share_a_page(staff, operator, robot, signed_in, monkeypatch):
-    """As after a restart of all bridges, or by a script."""
+    """Many sessions can begin at one moment: after a restart of all bridges, or by a script."""
     monkeypatch.setattr("teleop.admin.PAGE", 3)
     now = timezone.now()
     for fence in range(12):

@@ -1,4 +1,4 @@
-"""REST: the robots, how they are, the stop; refusals explain themselves."""
+"""REST: robots, their state, stop, speech; errors are refusals."""
 
 import pytest
 from django.db import connection
@@ -102,7 +102,7 @@ async def test_signed_out_request_gets_401(client, robot):
 
 
 def said(robot, who, text, outcome=None):
-    """A text on record, with what came of it."""
+    """Record a spoken text with its outcome."""
     facts = {"language": "en-GB", "topic": "/tts"}
     start = record(
         "speech.start", actor=who, robot_id=robot.id, robot_name=robot.name, parameters=facts, text=text

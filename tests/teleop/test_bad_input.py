@@ -1,4 +1,4 @@
-"""What does not fit is refused with code and text, counted, never forwarded, and the connection is kept."""
+"""Invalid messages: refused with code and text, counted, never forwarded; the connection is kept."""
 
 import json
 
@@ -14,7 +14,7 @@ FENCE = 1
 
 @pytest.fixture
 async def driving(open_page):
-    """The operator's page, in control under number `FENCE`."""
+    """The operator's page, in control with the fence `FENCE`."""
     page = await open_page("operator")
     await page.say("take")
     assert (await page.hears("control", state="yours"))["fence"] == FENCE
@@ -26,7 +26,7 @@ def drive(**changes):
 
 
 async def still_drives(page, bridge):
-    """The connection was kept, and nothing of what came before was forwarded."""
+    """Check that the connection is open and no earlier message was forwarded."""
     assert not bridge.all(wire.Drive)
     await page.say_raw(drive(seq=99))
     assert (await bridge.hears(wire.Drive)).seq == 99

@@ -1,4 +1,4 @@
-"""Who watched a camera is on record, from the first picture to the last."""
+"""Viewings of cameras are recorded from the first picture to the last."""
 
 from datetime import timedelta
 from uuid import uuid4
@@ -30,7 +30,7 @@ async def page(robot, browsers, websocket_headers, bridge):
 
 
 async def picture(bridge, page, number=1, **fields):
-    """The robot shows one, and the page draws it."""
+    """Send a picture that the page draws."""
     shown = wire.Sample(CAMERA, "sensor_msgs/CompressedImage", number, 5.0, 4, None, 1, {"data": [1]})
     encoded = wire.encode(msgspec.structs.replace(shown, **fields))
     bridge.say(wire.LinkSample(CAMERA, msgspec.Raw(encoded)))
@@ -62,7 +62,7 @@ async def test_viewing_lasts_from_first_picture_to_unsubscribe(page, bridge, rob
     )
     await picture(bridge, page, 2)
     await page.say("unlook", topic=CAMERA)
-    end = await found("camera.end")  # shorter than a second, and it counts
+    end = await found("camera.end")  # shorter than a second, but recorded
     assert (end.of_id, end.actor_id, end.outcome) == (start.pk, str(observer.pk), "closed")
     assert 0.0 <= end.parameters["duration_s"] < 5.0
     assert await count("camera.start") == 1
@@ -108,7 +108,7 @@ def test_viewing_left_by_a_dead_process_ends_as_unknown(robot, observer, monkeyp
     record("camera.end", of=ended, outcome="closed")
     later = timezone.now() + camera_audit.ABANDONED_AFTER + timedelta(seconds=1)
     call_command("run_housekeeping", "--once")
-    assert not Record.objects.filter(of=left).exists()  # somebody may be watching still
+    assert not Record.objects.filter(of=left).exists()  # this viewing may still be running
     for _ in range(2):
         list(camera_audit.close_abandoned(later))
     end = Record.objects.get(of=left)

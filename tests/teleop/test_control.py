@@ -1,4 +1,4 @@
-"""Control on live pages: who gets it, keeps it, and loses it."""
+"""Control on live pages: taking, keeping, handing over and losing it."""
 
 import asyncio
 import threading
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 async def take(page):
-    """Take control on this page; what it is told then."""
+    """Take control on this page; return the resulting `control` message."""
     await page.say("take")
     return await page.hears("control", state="yours")
 
@@ -41,12 +41,12 @@ def drive(fence, seq=1):
 
 
 def unavailable(*_args, **_kwargs):
-    """Stands in for `audit.record` when the database cannot be written."""
+    """Replaces `audit.record` when the database cannot be written."""
     raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
 
 def away(*_args, **_kwargs):
-    """Stands in for what asks a database that does not answer."""
+    """Replaces a query when the database does not answer."""
     raise OperationalError("the database is away")
 
 
@@ -186,7 +186,7 @@ async def test_fence_is_above_the_bridges_highest_fence(open_page, bridge):
     assert (await take(page))["fence"] == 41
 
 
-# --- give back, ask, hand over, take over -------------------------------------------------------------
+# --- release, ask, hand over, take over ---------------------------------------------------------------
 
 
 async def test_release_revokes_at_the_bridge_and_frees_the_robot(open_page, bridge):
@@ -373,7 +373,7 @@ async def test_holder_learns_the_reason_of_a_takeover(open_page, bridge):
     fence = (await boss.hears("control", state="yours"))["fence"]
     told = await holder.hears("notice", code="taken_over")
     assert "fire drill" in told["text"]
-    assert told["level"] == "info"  # somebody decided it: nothing failed
+    assert told["level"] == "info"  # info: a person decided it, nothing failed
     await bridge.hears(wire.Grant, lambda grant: grant.fence == fence)
 
 
@@ -513,7 +513,7 @@ async def test_grant_is_renewed_when_the_link_comes_back(open_page, bridge):
 
 
 def taken_elsewhere(robot, person):
-    """Somebody takes control in another web process."""
+    """Let a person take control in another web process."""
     tab = Tab("their-tab-0123456789", "their-sign-in", "their-connection")
     return in_database(
         services.lease_take,
@@ -534,7 +534,7 @@ async def test_change_by_another_process_is_seen_at_the_next_read(open_page, rob
 async def test_lease_event_of_another_process_is_seen_at_once(open_page, robot, operator, monkeypatch):
     page = await open_page("observer")
     monkeypatch.setattr("teleop.live.robot_hub.STATUS_S", 60)
-    await page.hears_nothing("control", within_s=0.6)  # the look that was due is over
+    await page.hears_nothing("control", within_s=0.6)  # the regular read that was due is over
     await taken_elsewhere(robot, operator)
     elsewhere = LeaseEvents(robot.id, on_change=lambda: pytest.fail("its own hint"))
     await elsewhere.publish()
@@ -568,12 +568,12 @@ async def test_robot_out_of_service_is_shown_as_such(open_page, bridge, robot):
     assert (await page.hears("bridge_gone"))["refusal"]["code"] == "robot_disabled"
 
 
-# --- an open connection is not yet a page that is there ----------------------------------------------
+# --- an open connection whose page is gone -----------------------------------------------------------
 
 
 @pytest.fixture
 def short_grace(monkeypatch):
-    """A page is late after 0.6 s and gone after 1.2 s; the database is looked at often."""
+    """A page counts as lost after 0.6 s, and its lease ends after 1.2 s; the database is read often."""
     monkeypatch.setattr(rules, "LOST_AFTER_S", 0.6)
     monkeypatch.setattr(rules, "GRACE_S", 1.2)
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.05)

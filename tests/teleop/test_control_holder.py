@@ -1,4 +1,4 @@
-"""Control of a robot by a door without a WebSocket."""
+"""Control of a robot without a WebSocket."""
 
 import asyncio
 import time
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 class Program:
-    """A door to a robot that is no web page: a member of the robot's hub that owns a ControlHolder."""
+    """A program that controls a robot: a member of the robot's hub that owns a ControlHolder."""
 
     wants_pictures = False
     checked_often = True
@@ -50,7 +50,7 @@ class Program:
         await self.hub.remove(self)
 
     async def hears(self, kind, **fields):
-        """The next report of this kind with these fields."""
+        """Return the next report of this kind with these fields."""
         while True:
             report = await asyncio.wait_for(self.reports.get(), TIMEOUT_S)
             if isinstance(report, kind) and all(

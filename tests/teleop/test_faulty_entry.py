@@ -1,4 +1,4 @@
-"""A profile gains a laser; a robot of its own list of lasers is refused in words, and every other page works."""
+"""A robot's entry that contradicts its changed profile: the robot cannot be driven, its pages say why, others work."""
 
 import pytest
 
@@ -14,7 +14,7 @@ WHY = "scans: 1 here, 2 in the profile"
 
 @pytest.fixture
 def own_lasers(robot, other_robot):
-    """`robot` names its own laser; `other_robot` takes the profile's."""
+    """`robot` has its own list of lasers, which no longer fits the profile; `other_robot` uses the profile's."""
     robot.overrides = {"topics": {"scans": robot.profile.topics["scans"]}}
     robot.full_clean()
     robot.save()

@@ -1,4 +1,4 @@
-"""The fleet page: what is shown, and Stop all."""
+"""The fleet page: cards, stop all, clear."""
 
 import asyncio
 import threading
@@ -44,7 +44,7 @@ async def other_bridge(other_robot):
 
 
 async def shows(page, fits):
-    """The first picture that fits; each is acknowledged."""
+    """Acknowledge updates until one fits; return it."""
     while True:
         robots = (await page.hears("fleet"))["robots"]
         await page.say("ack")
@@ -66,7 +66,7 @@ async def test_card_shows_the_state_or_why_it_is_unknown(open_fleet, robot, othe
 
 
 async def test_card_of_a_silent_bridge_is_unknown(open_fleet, robot, bridge, monkeypatch):
-    """It is frozen: what it said last is no longer the truth."""
+    """A frozen bridge: its last state is outdated."""
     page = await open_fleet("observer")
     await shows(page, lambda robots: robots[robot.slug]["state"])
     monkeypatch.setattr(robots_link, "SILENT_S", 0.2)
@@ -132,7 +132,7 @@ async def test_stop_all_leaves_invisible_robots_alone(open_fleet, bridge, other_
     await page.hears("fleet")
     await page.say("stop_all")
     await bridge.hears(wire.LinkStop)
-    await staff.say("stop", slug=other_robot.slug)  # by that link after whatever went before
+    await staff.say("stop", slug=other_robot.slug)  # this message uses the same link after all earlier ones
     assert (await other_bridge.hears(wire.LinkStop)).by == "Sam Staff"
 
 

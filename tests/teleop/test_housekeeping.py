@@ -1,4 +1,4 @@
-"""What needs a clock, with nobody looking."""
+"""The housekeeping process: expiry and daily work without any open page."""
 
 import os
 import signal
@@ -59,7 +59,7 @@ def test_unanswered_request_lapses(robot, held, second_operator):
 
 
 def test_daily_work_runs_again_when_the_clock_was_set(monkeypatch):
-    """Else a computer that starts with a wrong clock, and runs for hours only, would never do them by the right one."""
+    """Else a computer that starts with a wrong clock and runs for hours would never do it by the right clock."""
     begun = []
     monkeypatch.setattr(run_housekeeping, "daily_steps", lambda: iter(begun.append(time.time()) or ()))
     daily = run_housekeeping.Daily()
@@ -93,7 +93,7 @@ def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
 
 
 def until(done, timeout_s=20.0):
-    """Wait for what another process does to the database."""
+    """Wait for a change of the database by another process."""
     ends_s = time.monotonic() + timeout_s
     while not done():
         assert time.monotonic() < ends_s

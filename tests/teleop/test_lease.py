@@ -1,4 +1,4 @@
-"""The lease in the database: steps, races, records."""
+"""The lease in the database: changes, races, records."""
 
 import threading
 from datetime import datetime, timedelta, timezone
@@ -101,9 +101,9 @@ def test_one_of_two_simultaneous_takes_wins(robot, operator, second_operator):
 
 
 def test_changed_lease_is_not_changed_again(robot, operator, second_operator, monkeypatch):
-    """Where transactions do not exclude each other, the loser finds out by the count of changed rows."""
+    """Where transactions run in parallel, the count of changed rows tells the loser."""
     take(robot, second_operator)
-    monkeypatch.setattr(services, "lease_of", lambda _robot_id: None)  # what was read before
+    monkeypatch.setattr(services, "lease_of", lambda _robot_id: None)  # an outdated read
     assert refused(take, robot, operator).code == "too_late"
     monkeypatch.undo()
     assert lease_of(robot.id).user == second_operator.id
@@ -196,7 +196,7 @@ def test_resume_is_refused_when_the_right_has_ended(robot, operator):
     assert refusal.code == "role_too_low"
 
 
-# --- give, take over, end ---------------------------------------------------------------------------
+# --- hand over, take over, end------------------------------------------------------------------------
 
 
 def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_operator):
@@ -260,7 +260,7 @@ def test_takeover_records_its_reason(robot, operator, supervisor):
 
 
 def test_page_seen_while_its_lease_expires_keeps_it(robot, operator, monkeypatch):
-    """Where transactions do not exclude each other, another process may note that between any two steps."""
+    """Where transactions run in parallel, another process may store `seen_at` between any two steps."""
     held = take(robot, operator)
     over = NOW + timedelta(seconds=11)
     free = services._free
@@ -272,7 +272,7 @@ def test_page_seen_while_its_lease_expires_keeps_it(robot, operator, monkeypatch
     monkeypatch.setattr(services, "_free", free_after_it_was_seen)
     assert refused(services.lease_expire, robot_id=robot.id, now=over).code == "too_late"
     monkeypatch.undo()
-    Lease.objects.update(seen_at=over)  # what that process noted stays
+    Lease.objects.update(seen_at=over)  # the value of the other process stays
     assert lease_of(robot.id).session == held.session
     assert kinds() == ["control.take"]
 

@@ -1,4 +1,4 @@
-"""Pictures: the newest for whoever is ready, never a queue."""
+"""Pictures: each ready viewer gets the newest one; nothing is queued."""
 
 import asyncio
 from collections import Counter

@@ -1,4 +1,4 @@
-"""docs/protocol.md: it names every message, and its example program works."""
+"""The protocol page documents every message, and its example program works."""
 
 import asyncio
 import re

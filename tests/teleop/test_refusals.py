@@ -1,4 +1,4 @@
-"""Refusals on record: each door's, folded, and never in anybody's way."""
+"""Records of refusals: from every interface, repeats in one record, without delaying any answer."""
 
 import json
 import queue
@@ -27,7 +27,7 @@ SOON_S = 0.1
 
 @pytest.fixture
 def written(monkeypatch):
-    """What a log with short gaps writes: (code, times)."""
+    """A suppressor with short gaps; `told()` returns what it wrote: (code, times)."""
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     told = queue.Queue()
     log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.put((denied.refusal.code, times)))
@@ -43,7 +43,7 @@ def denied(person=None, code="stopped", robot=None, session=None):
     )
 
 
-# --- folding ------------------------------------------------------------------------------------------
+# --- repeats ------------------------------------------------------------------------------------------
 
 
 def test_first_is_written_at_once_and_repeats_in_one_record(written, monkeypatch):
@@ -123,7 +123,7 @@ def test_refusal_after_a_pause_is_written_at_once(written):
     person = User(username="p")
     written.add(denied(person))
     written.told()
-    written._thread.join(TIMEOUT_S)  # it ends when nothing is left to fold
+    written._thread.join(TIMEOUT_S)  # it ends when no event is waiting
     written.add(denied(person))
     assert written.told() == ("stopped", 1)
 
@@ -148,7 +148,7 @@ def test_refusal_does_not_wait_for_the_database():
     log = repeat_suppression.RepeatSuppressor(hang)
     log.add(denied())
     assert begun.wait(TIMEOUT_S)
-    for _ in range(repeat_suppression.MOST + 10):  # returns, however long the database takes
+    for _ in range(repeat_suppression.MOST + 10):  # returns while the database hangs
         log.add(denied())
     assert len(log._waiting) == repeat_suppression.MOST
     go_on.set()
@@ -183,7 +183,7 @@ def test_refusal_that_cannot_be_recorded_is_logged(operator, monkeypatch, caplog
     assert "3 refusals (stopped)" in caplog.text
 
 
-# --- doors --------------------------------------------------------------------------------------------
+# --- interfaces ---------------------------------------------------------------------------------------
 
 
 async def on_record(code):

@@ -1,4 +1,4 @@
-"""The pages that look back: whom they are for, and what they say."""
+"""Report pages: access and content."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def session(robot, operator):
 
 @pytest.fixture
 def put(session, robot, operator):
-    """`put(kind, ...)`: a record of that session."""
+    """`put(kind, ...)` writes a record of that session."""
 
     def put_one(kind, **told):
         of_session = {
@@ -71,9 +71,9 @@ def put(session, robot, operator):
 
 @pytest.fixture
 def drive(put):
-    """`drive(map_to_odom=None)`: a drive of 4 m in 8 s along `PATH`, held back once.
+    """`drive(map_to_odom=None)` records a drive of 4 m in 8 s along `PATH` with one gate intervention.
 
-    `as_once`: as it was recorded until November 2026, figures beside the path.
+    `as_once`: in the format until November 2026, with the figures next to the path.
     """
 
     def drive_once(map_to_odom=None, as_once=False):
@@ -96,13 +96,13 @@ def drive(put):
 
 @pytest.fixture
 def said(put):
-    """What the operator had the robot say."""
+    """A record of speech by the operator."""
     start = put("speech.start", text=SAID, parameters={"language": "en-GB", "topic": "/tts"})
     put("speech.end", of=start, outcome="succeeded")
     return start
 
 
-# --- for whom -------------------------------------------------------------------------------------
+# --- access ---------------------------------------------------------------------------------------
 
 PEOPLE = {
     #                    session, report of the robot
@@ -277,7 +277,7 @@ TUESDAY = datetime(2026, 11, 17, 14, 30, tzinfo=timezone.utc)
 
 @pytest.fixture
 def at(monkeypatch):
-    """`at(moment)`: it is that moment for what is recorded next."""
+    """`at(moment)` sets the clock of the next records."""
 
     def move(moment):
         monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
@@ -384,7 +384,7 @@ def test_unknown_period_is_refused(days, robot, supervisor, signed_in):
     assert signed_in(supervisor).get(address, {"days": days}).status_code == 400
 
 
-# --- one's own data -------------------------------------------------------------------------------
+# --- own data -------------------------------------------------------------------------------------
 
 
 def test_own_records_come_page_by_page(operator, signed_in, put):
@@ -438,7 +438,7 @@ def test_export_needs_a_post(operator, signed_in):
 
 @pytest.fixture
 def meddled(session, robot, other_robot, operator, staff, supervisor, second_operator, put):
-    """What others did to the operator, and to others. All of it names somebody or has somebody's words."""
+    """Records by others about the operator and about other people, all with names or typed words in them."""
     secret = "Sam Staff's own words, sam@lab.example"
     mine, theirs = str(operator.pk), str(second_operator.pk)
     told = {"actor": staff, "text": secret, "private": {"words": secret, "holder_name": "Sue Pervisor"}}
@@ -462,11 +462,11 @@ def test_own_data_has_records_by_others_without_their_names(meddled, operator, s
     page = signed_in(operator).get(reverse("your-data"))
     assert [(line.what, line.by) for line in page.context["about"]][:6] == [
         ("control ended", "by the console itself"),
-        ("control ended", "by somebody else"),
-        ("stop pressed", "by somebody else"),
-        ("log exported", "by somebody else"),
-        ("control taken over", "by somebody else"),
-        ("account changed", "by somebody else"),
+        ("control ended", "by another person"),
+        ("stop pressed", "by another person"),
+        ("log exported", "by another person"),
+        ("control taken over", "by another person"),
+        ("account changed", "by another person"),
     ]
     words = page.content.decode()
     assert "Olga Operator@lab.example" in words
@@ -486,7 +486,7 @@ def test_own_data_has_failed_sign_ins_without_their_origin(operator, client, sig
     line, *_ = page.context["about"]
     assert (line.what, line.by, line.subject, line.outcome) == (
         "sign-in failed",
-        "by somebody who did not get in",
+        "by a person who failed to sign in",
         "",
         "refused",
     )

@@ -1,4 +1,4 @@
-"""Rights are checked again and again: whoever loses them loses control within a second."""
+"""Rights are checked regularly: a person who loses them loses control within a second."""
 
 import asyncio
 import time
@@ -167,15 +167,15 @@ def away(*_args, **_kwargs):
 
 
 async def is_not_renewed(bridge):
-    """Soon the last grant was the last."""
-    await asyncio.sleep(STATUS_S + lease_renewal.CONFIRMED_S)  # what was confirmed before counts that long
+    """Check that grants stop soon."""
+    await asyncio.sleep(STATUS_S + lease_renewal.CONFIRMED_S)  # the last confirmation is valid that long
     granted = len(bridge.all(wire.Grant))
     with pytest.raises(asyncio.TimeoutError):
         await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * lease_renewal.RENEW_S)
 
 
 async def test_unconfirmed_control_is_not_renewed(driving, bridge, monkeypatch):
-    """The database is gone: the bridge's own clock ends control three seconds later."""
+    """The database fails: the bridge's own clock ends control three seconds later."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
     monkeypatch.setattr(robot_hub, "control_status", away)
     monkeypatch.setattr(robot_hub, "robot_entry", away)
@@ -204,7 +204,7 @@ async def test_lasting_fault_of_renewal_is_logged_once(driving, bridge, monkeypa
 
 
 async def test_read_of_others_rights_confirms_no_control(driving, open_page, bridge, monkeypatch):
-    """Each newcomer is looked up; that says nothing of whoever drives."""
+    """The hub reads each newcomer's rights; that does not confirm the holder's."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
     [hub] = robot_hub._hubs.values()
     holder = next(iter(hub.members.values()))

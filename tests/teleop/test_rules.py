@@ -1,4 +1,4 @@
-"""The rules of control, each as a sentence. No database, no clock."""
+"""The rules of control. No database, no clock."""
 
 from datetime import datetime, timedelta, timezone
 from uuid import UUID
@@ -170,7 +170,7 @@ def test_holder_and_supervisor_may_clear_the_stop():
     [
         (None, 0, Phase.FREE),
         (HELD, 0, Phase.HELD),
-        (HELD, 5.1, Phase.AWAY),  # its web process does not confirm it any more
+        (HELD, 5.1, Phase.AWAY),  # its page sent nothing for too long
         (LOST, 0, Phase.AWAY),
         (LOST, 10, Phase.AWAY),
         (LOST, 10.1, Phase.LAPSED),

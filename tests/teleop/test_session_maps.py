@@ -1,4 +1,4 @@
-"""The map beneath the path: which one, where it lies, who may see it, and how long it is kept."""
+"""The map below the path: selection, position, access, retention."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MINUTE, DAY = timedelta(minutes=1), timedelta(days=1)
 
 @pytest.fixture
 def control(robot, operator):
-    """`control(began, lasted=10 min)`: the operator had control; lasted None: and has it still."""
+    """`control(began, lasted=10 min)` stores a session of the operator; lasted None: it has not ended."""
 
     def had(began=NOON, lasted=10 * MINUTE):
         return ControlSession.objects.create(
@@ -48,7 +48,7 @@ def control(robot, operator):
 
 @pytest.fixture
 def seen(robot):
-    """`seen(moment, what="a")`: that was the robot's map then."""
+    """`seen(moment, what="a")` stores the robot's map at that moment."""
 
     def see(moment, what="a", on=robot):
         origin = Pose(-1.0, 2.0, 0.5)
@@ -59,7 +59,7 @@ def seen(robot):
 
 @pytest.fixture
 def drive(robot, operator):
-    """`drive(session)`: along `PATH`, in the map's frame."""
+    """`drive(session)` records a drive along `PATH` in the map's frame."""
 
     def driven(session, map_to_odom=(0.0, 0.0, 0.0)):
         of_session = {"actor": operator, "robot_id": robot.pk, "session_id": session.pk}
@@ -75,7 +75,7 @@ def ground_of(session):
     return plot.ground and plot.ground.number
 
 
-# --- which ------------------------------------------------------------------------------------------
+# --- selection---------------------------------------------------------------------------------------
 
 
 def test_unchanged_map_is_one_row_a_changed_one_another(seen):
@@ -97,7 +97,7 @@ def test_session_is_shown_on_the_map_of_its_time(control, seen, drive, other_rob
     seen(NOON + MINUTE, "another robot's", on=other_robot)
     assert ground_of(session) is None
     RobotMap.objects.filter(digest="newer").delete()
-    of_then = seen(NOON - timedelta(seconds=2), "of then")  # the clock of the bridge is late
+    of_then = seen(NOON - timedelta(seconds=2), "of then")  # the bridge's clock is behind
     seen(NOON + DAY, "newer")
     assert ground_of(session) == of_then.pk
 
@@ -132,18 +132,18 @@ def test_path_without_pose_on_the_map_is_drawn_without_map(control, seen, drive)
     assert ground_of(session) is None
 
 
-# --- where ------------------------------------------------------------------------------------------
+# --- position---------------------------------------------------------------------------------------
 
 
 def on_the_picture(plot, x, y):
-    """Where the place x, y of the ground (metres from its upper left corner, y down) comes to lie."""
+    """Return the SVG position of point x, y of the map picture (metres from its upper left corner, y down)."""
     a, b, c, d, e, f = map(float, re.fullmatch(r"matrix\((.*)\)", plot.map_transform).group(1).split())
     return a * x + c * y + e, b * x + d * y + f
 
 
 @pytest.mark.parametrize("turn", [0.0, math.pi / 2.0, -2.5])
 def test_map_lies_with_its_lower_left_corner_at_the_origin(turn):
-    # Of a map of 6 m by 3 m the robot drives from the lower left corner to the right, then up.
+    # On a map of 6 m by 3 m the robot drives from the lower left corner to the right, then up.
     origin = (7.0, -3.0, turn)
     c, s = math.cos(turn), math.sin(turn)
 
@@ -175,7 +175,7 @@ def test_only_the_maps_part_around_the_path_is_shown():
     assert farther < 0.0
 
 
-# --- for whom ---------------------------------------------------------------------------------------
+# --- access -----------------------------------------------------------------------------------------
 
 
 def address_of(session, found):
@@ -208,7 +208,7 @@ def test_own_session_gives_access_to_no_other_map(control, seen, signed_in, oper
         assert client.get(address_of(session, found)).status_code == 404
 
 
-# --- how long ---------------------------------------------------------------------------------------
+# --- retention --------------------------------------------------------------------------------------
 
 
 def kept():

@@ -1,4 +1,4 @@
-"""A stick is held still, nothing is missing, and each command comes later than the one before: somebody notices."""
+"""A link that slows down while the joystick is held still: each command arrives later, and the console notices."""
 
 import asyncio
 from types import SimpleNamespace
@@ -17,17 +17,17 @@ TICK_S = 0.05
 
 
 class HeldStick:
-    """A page whose commands take `slower` seconds more with each second that passes; the sensors are in time."""
+    """A page whose commands take `slower` seconds more each second; the sensors are in time."""
 
     def __init__(self, bench, slower):
         self.bench, self.slower = bench, slower
         self.begin_s = bench.now_s
         self.sent = 0
-        self.newest_s = bench.now_s  # when the newest command that was obeyed had been sent
+        self.newest_s = bench.now_s  # time at which the newest obeyed command was sent
         self.refused = []
 
     def passes(self, seconds):
-        """Yield at each command and each tick, in order of time."""
+        """Yield at each command and each tick, ordered by time."""
         bench, begin_s = self.bench, self.bench.now_s
         ticks_s = [begin_s + n * TICK_S for n in range(1, round(seconds / TICK_S))]
         while ticks_s:
@@ -68,9 +68,9 @@ def test_command_moves_the_robot_no_longer_than_it_lives(driven, slower):
 
 
 def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatch):
-    """The page answers each picture on the connection of its commands, behind them: what delays one delays the other.
+    """The page acknowledges pictures on the connection of its commands, so a delay affects both.
 
-    This also notices what is too slow a change for a command's age, which is reckoned from the best of the last minute.
+    This also detects a change too slow for a command's age, which is measured from the best of the last minute.
     """
     now = SimpleNamespace(s=0.0)
     monkeypatch.setattr(picture_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
@@ -91,7 +91,7 @@ def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatc
 
 
 def test_link_delay_is_measured_while_the_stick_is_still(driven):
-    """Commands alone that come later: no sensor shows it, the acknowledgements of the twists do."""
+    """Only commands are late: no sensor shows it, but the acknowledgements of the twists do."""
 
     def latency_after(echo_s):
         driven.base.echo_s = echo_s

@@ -1,4 +1,4 @@
-"""The emergency stop: anybody who may see the robot, at once, whatever the database does."""
+"""Emergency stop: by every person who may see the robot, at once, independent of the database."""
 
 import asyncio
 import threading
@@ -39,7 +39,7 @@ def records(kind):
 
 
 def recorded(kind, count):
-    """So many records of a kind: a stop is told first and recorded beside."""
+    """Wait for so many records of a kind: a stop is reported first and recorded in the background."""
     return eventually(lambda: found if len(found := rows(kind)) >= count else None)
 
 
@@ -107,7 +107,7 @@ async def test_stop_is_accepted_during_a_flood(open_page, bridge):
 
 
 def presses_on_record(count):
-    """What is on record of so many presses, once all are: (times, outcome) of each record."""
+    """Return (times, outcome) of each record once so many presses are recorded."""
 
     def told():
         found = rows("stop.press")
@@ -125,7 +125,7 @@ async def test_every_press_is_sent_but_few_are_recorded(open_page, bridge, monke
     for number in range(1, 31):
         await page.say("stop")
         await bridge.hears(wire.LinkStop, count=number)
-        await page.say("ping", sent_ms=number)  # by then the bridge's answer is back as a rule
+        await page.say("ping", sent_ms=number)  # by then the bridge's answer has usually arrived
         await page.hears("pong")
     told = await presses_on_record(30)
     assert {outcome for _, outcome in told} == {"stopping"}
@@ -134,14 +134,14 @@ async def test_every_press_is_sent_but_few_are_recorded(open_page, bridge, monke
 
 
 async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeypatch):
-    """It is on record at once, with the control session that it interrupts."""
+    """The stop is recorded at once, with the control session that it interrupts."""
     monkeypatch.setattr(emergency_stop, "GAP_S", 60.0)
     holder, page = await open_page("operator"), await open_page("observer")
     link = links.get(robot.id, link_address(robot))
     for number in (1, 2):
         await page.say("stop")
         assert await presses_on_record(number) == [(1, "stopping")] * number
-        await page.say("stop")  # this one is: the robot's state is still of before, and then it is stopped
+        await page.say("stop")  # no repeat: the robot's state is still the earlier one, then it is stopped
         await bridge.hears(wire.LinkStop, count=2 * number)
         bridge.tells_stop("stopped")
         await eventually(lambda: link.state.stop.state == "stopped")
@@ -180,12 +180,12 @@ async def test_stops_are_never_refused_for_their_number(open_page, bridge):
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 500):
         await page.say("stop")
     await page.say("ping", sent_ms=1)
-    told = await page.hears("refused")  # they were paid for all the same
+    told = await page.hears("refused")  # the stops counted for the flood limit
     assert (told["of"], told["refusal"]["code"]) == ("ping", "flood")
 
 
 class SilentLink:
-    """A link whose bridge answers a stop when it is told to."""
+    """A link whose bridge answers a stop only when the test says so."""
 
     state = None
 

@@ -1,4 +1,4 @@
-"""Whoever may stop, stops, whatever else is wrong with the request."""
+"""The stop by form works even if the rest of the request is malformed."""
 
 import json
 
@@ -43,7 +43,7 @@ FORMS = {
 
 
 def browser_of(person):
-    """A browser whose requests are checked as a foreign site's would be, and its token."""
+    """A browser whose requests get the CSRF check, and its token."""
     browser = Client(enforce_csrf_checks=True)
     browser.force_login(person)
     browser.get("/accounts/sign-in/")

@@ -1,4 +1,4 @@
-"""What a page asks of the robot besides driving: who may, and the one answer that each order gets."""
+"""Task requests of a page: checks of role and allow-list, and one answer to each."""
 
 import pytest
 from msgspec import structs
@@ -37,7 +37,7 @@ ALLOWED = (
 
 @pytest.fixture(autouse=True)
 def allowed(monkeypatch):
-    """What the allow-list has."""
+    """The content of the allow-list."""
     robot_entry = selectors.robot_entry
 
     def with_allowed(robot_id):
@@ -49,7 +49,7 @@ def allowed(monkeypatch):
 
 @pytest.fixture
 async def holder(open_page):
-    """The operator's page, in control under number `FENCE`."""
+    """The operator's page, in control with the fence `FENCE`."""
     page = await open_page("operator")
     await page.say("take")
     assert (await page.hears("control", state="yours"))["fence"] == FENCE
@@ -60,7 +60,7 @@ async def holder(open_page):
 async def test_holders_request_reaches_the_bridge_and_is_answered(kind, holder, bridge):
     await holder.say(kind, fence=FENCE, seq=41, **ORDERS[kind])
     await holder.hears("accepted", of=kind, seq=41, fence=FENCE)
-    bridge.refuses_orders = wire.Refusal("stopped", "The robot is stopped.", "stop")
+    bridge.refuses_tasks = wire.Refusal("stopped", "The robot is stopped.", "stop")
     await holder.say(kind, fence=FENCE, seq=42, **ORDERS[kind])
     refused = await holder.hears("refused", of=kind, seq=42, fence=FENCE)
     assert refused["refusal"]["code"] == "stopped"
@@ -181,7 +181,7 @@ async def test_other_people_do_not_cancel_without_control(kind, who, holder, ope
     assert not bridge.all(wire.LinkCancel)
 
 
-# --- where it goes ----------------------------------------------------------------------------------
+# --- allow-list -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -251,7 +251,7 @@ async def test_requests_reach_the_bridge_in_order(holder, bridge):
 
 @pytest.fixture
 async def risen(open_page, supervisor):
-    """The page of one who took control as an operator and is a supervisor since."""
+    """The page of a person who took control as an operator and became a supervisor after that."""
     await set_role(supervisor, "operator")
     page = await open_page("supervisor")
     await page.say("take")
@@ -278,7 +278,7 @@ async def test_raised_role_counts_from_the_next_take_on(risen, bridge):
     await risen.hears("accepted", of="choose", seq=2)
 
 
-# --- what the robot offers --------------------------------------------------------------------------
+# --- offers -----------------------------------------------------------------------------------------
 
 
 async def test_page_learns_the_robots_offers_and_their_changes(open_page, bridge):
@@ -306,7 +306,7 @@ async def test_viewer_refreshes_the_offers_at_a_limited_rate(open_page, bridge, 
     assert len(bridge.all(wire.Refresh)) == 1
     bridge.say(wire.Offers(languages=["es"]))
     await page.hears("offers")
-    await page.say("refresh", seq=6)  # too soon: what was read then is told
+    await page.say("refresh", seq=6)  # too soon: the last offers are sent
     assert (await page.hears("offers"))["languages"] == ["es"]
 
 

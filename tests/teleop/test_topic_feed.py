@@ -1,4 +1,4 @@
-"""Messages of topics: the newest for whoever is ready, at most so many a second, never a queue."""
+"""Samples of topics: each ready viewer gets the newest one at its own rate; nothing is queued."""
 
 import asyncio
 
@@ -9,7 +9,7 @@ from teleop.live.topic_feed import MAX_SUBSCRIPTIONS, TopicFeed, TopicViewer
 
 @pytest.fixture
 async def feed():
-    """The feed of one robot; `wanted` is what its bridge was told last."""
+    """The feed of one robot; `told` holds the subscriptions that its bridge got last."""
     feed = TopicFeed(lambda wanted: setattr(feed, "told", dict(wanted)))
     yield feed
     for viewer in list(feed.viewers):
@@ -18,7 +18,7 @@ async def feed():
 
 @pytest.fixture
 def viewer(feed):
-    """`viewer()`: a connection; `sent` is what it was sent."""
+    """`viewer()` makes a connection; `sent` lists the samples sent to it."""
 
     def one():
         async def send(event):
@@ -104,7 +104,7 @@ async def test_changing_topics_does_not_bypass_acknowledgement(feed, viewer):
         one.unsubscribe(topic)
     assert len(one.sent) == MAX_SUBSCRIPTIONS
     assert feed.newest == {}
-    one.subscribe("/topic0", 1e9)  # its first message was not drawn yet
+    one.subscribe("/topic0", 1e9)  # its first sample is not acknowledged yet
     feed.publish("/topic0", "again")
     await turns()
     assert len(one.sent) == MAX_SUBSCRIPTIONS

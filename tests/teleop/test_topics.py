@@ -1,4 +1,4 @@
-"""The robot's topics, live: questions with one answer each, and looks."""
+"""The topics WebSocket: queries, service calls, subscriptions."""
 
 import time
 
@@ -22,14 +22,16 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 LONGEST_S = 1.0
 ALLOWED = (
-    Allowed("call", "/clear_costmaps", "std_srvs/Empty", "", "operator"),  # as no admin's form would have it
+    Allowed(
+        "call", "/clear_costmaps", "std_srvs/Empty", "", "operator"
+    ),  # the admin's form does not allow this
     Allowed("set", "/volume", "", "", "operator"),
 )
 
 
 @pytest.fixture(autouse=True)
 def allowed(monkeypatch):
-    """What the allow-list has."""
+    """The content of the allow-list."""
     robot_entry = selectors.robot_entry
 
     def with_allowed(robot_id):
@@ -55,7 +57,7 @@ async def open_topics(robot, browsers, websocket_headers, bridge):
         await page.close()
 
 
-# --- who ----------------------------------------------------------------------------------------------
+# --- access -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("slug", ["tiago-1", "no-such-robot"])
@@ -93,7 +95,7 @@ async def test_person_who_signs_out_is_disconnected(open_topics, browsers, end_s
     assert time.monotonic() - begun_s < LONGEST_S
 
 
-# --- questions ------------------------------------------------------------------------------------------
+# --- queries --------------------------------------------------------------------------------------------
 
 
 async def test_query_reaches_the_bridge_and_its_answer_the_page(open_topics, bridge):
@@ -253,7 +255,7 @@ async def test_outcome_of_a_call_is_recorded_after_the_page_closed(open_topics, 
     page = await open_topics("staff")
     await page.say(**CALL, seq=1)
     asked = await bridge.hears(wire.LinkQuery)
-    await open_topics("observer")  # the room stays
+    await open_topics("observer")  # keeps the hub open
     await page.close()
     answer = wire.encode(wire.Called("/clear_costmaps", {}, 1))
     bridge.say(wire.LinkAnswer(asked.seq, msgspec.Raw(answer)))
@@ -281,7 +283,7 @@ async def test_call_that_cannot_be_recorded_is_not_sent(open_topics, bridge, dis
     assert not bridge.all(wire.LinkQuery)
 
 
-# --- looks --------------------------------------------------------------------------------------------------
+# --- subscriptions-----------------------------------------------------------------------------------------------
 
 
 async def test_subscriber_gets_the_newest_sample_after_each_ack(open_topics, bridge):
@@ -359,7 +361,7 @@ async def test_too_many_subscriptions_are_refused(open_topics, bridge):
     refused = await page.hears("refused", of="look")
     assert refused["refusal"]["code"] == "too_many_looks"
     assert refused["refusal"]["figures"] == {"topic": "/one_more", "limit": MAX_SUBSCRIPTIONS}
-    await page.say("look", topic="/topic1", rate_hz=1)  # another rate is no other look
+    await page.say("look", topic="/topic1", rate_hz=1)  # another rate is no new subscription
     await page.say("unlook", topic="/topic0")
     await page.say("look", topic="/one_more")
     await bridge.hears(wire.LinkSubscribe, lambda look: "/one_more" in look.topics)
@@ -375,6 +377,6 @@ async def test_all_subscriptions_fit_into_one_message(open_topics, bridge):
     page = await open_topics("observer")
     await page.say("look", topic="/one_more")
     assert (await page.hears("refused"))["refusal"]["code"] == "too_many_looks"
-    await page.say("look", topic=f"{long}0")  # somebody looks there already
+    await page.say("look", topic=f"{long}0")  # another connection subscribes to it already
     bridge.shows(f"{long}0", 1)
     await page.hears("shown")
