@@ -14,7 +14,7 @@ from robots.bridge.gate.geometry.arm_discs import AT_HOME
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import DepthImage, Lens, Transform, picture_of_image
 from robots.bridge.gate.sensing.scan import Malformed
-from robots.bridge.gate.values import STILL, GateProfile, Hold, LaserScan, Pose, Velocity
+from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Pose, SpeedLimit, Velocity
 from robots.simulator.sensors.depth import FOCAL_PX, WIDTH
 
 Ranges = NDArray[np.float32]
@@ -39,7 +39,7 @@ class Said(NamedTuple):
     velocity: Velocity
     code: str = ""
     text: str = ""
-    limits: tuple[Hold, ...] = ()
+    limits: tuple[SpeedLimit, ...] = ()
 
 
 class Controller(Protocol):

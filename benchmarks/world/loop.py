@@ -22,7 +22,7 @@ from robots.bridge.config import HeadSource
 from robots.bridge.drive.drive_input import velocity_of
 from robots.bridge.gate import values
 from robots.bridge.gate.sensing.depth import Transform
-from robots.bridge.gate.values import STILL, Hold, Limits, Velocity
+from robots.bridge.gate.values import STILL, Limits, SpeedLimit, Velocity
 from robots.bridge.ros.sensors.frames import TURNING_RADPS
 from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RADPS, Head
 from robots.simulator.faults import Faults
@@ -131,7 +131,7 @@ class Moment(NamedTuple):
     text: str
     gap_m: float  # as it was at most `GAP_EVERY` decisions ago
     trying: bool
-    limits: tuple[Hold, ...] = ()  # that hold whatever is in the way
+    limits: tuple[SpeedLimit, ...] = ()  # that hold whatever is in the way
 
 
 class Touch(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.values import Hold, Kind, Obstacles, Pose, Velocity, Verdict
+from robots.bridge.gate.values import Kind, Obstacles, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.tasks.tasks import Tasks
 from robots.wire import Grant, StopState
 
@@ -122,7 +122,7 @@ def _odometry(pose: Pose, velocity: Velocity) -> wire.Odometry:
     return wire.Odometry(*(round(value, 4) for value in (*pose, *velocity)))
 
 
-def _verdict(verdict: Verdict, limits: Sequence[Hold]) -> wire.Verdict:
+def _verdict(verdict: Verdict, limits: Sequence[SpeedLimit]) -> wire.Verdict:
     def rounded(velocity: Velocity) -> tuple[float, float, float]:
         return (round(velocity.vx, 3), round(velocity.vy, 3), round(velocity.w, 3))
 

@@ -33,11 +33,11 @@ from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
-    Hold,
     Limits,
     Obstacles,
     Pose,
     SensorHealth,
+    SpeedLimit,
     Velocity,
     Verdict,
 )
@@ -102,7 +102,7 @@ class OpenGate:
     def unseen(self, _now_s: float) -> list[tuple[float, float]]:
         return []
 
-    def limits(self, _now_s: float) -> tuple[Hold, ...]:
+    def limits(self, _now_s: float) -> tuple[SpeedLimit, ...]:
         return ()
 
     def fault(self, _now_s: float) -> Fault | None:

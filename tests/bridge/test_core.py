@@ -8,7 +8,7 @@ import pytest
 
 from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
 from robots.bridge.gate.holds import Fault
-from robots.bridge.gate.values import STILL, Hold, LaserScan, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, LaserScan, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.lease.state_store import Persisted
 from robots.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
@@ -683,8 +683,8 @@ def test_the_gate_reckons_with_the_way_to_the_page_and_the_page_is_shown_the_rob
 def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench):
     bench.granted().driving()
     limits = (
-        Hold("arm_away", "held to 0.2 m/s", 0.2),
-        Hold("sonar_stale", "held to 0.1 m/s", 0.1, "reverse"),
+        SpeedLimit("arm_away", "held to 0.2 m/s", 0.2),
+        SpeedLimit("sonar_stale", "held to 0.1 m/s", 0.1, "reverse"),
     )
     bench.gate.says = lambda asked: Verdict(STILL, asked, "sonar_stale", limits[1].text, way="reverse")
     bench.gate.limits = lambda now_s: limits

@@ -18,7 +18,7 @@ from robots.bridge.gate.timing.latency import (
     MOST_BACKLOG_S,
     Latency,
 )
-from robots.bridge.gate.values import Hold, Limits, Velocity
+from robots.bridge.gate.values import Limits, SpeedLimit, Velocity
 
 LIMITS = Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944)
 ASSUMED_S = 0.2
@@ -243,7 +243,7 @@ def test_the_gate_reckons_with_what_it_measures_and_says_when_a_robot_is_late(ti
     else:
         assert verdict.code == "robot_late"
         assert re.fullmatch("held to 0.9 m/s: the robot answers after 0.4[56] s", verdict.text)
-        assert verdict.limits == (Hold("robot_late", verdict.text, pytest.approx(verdict.velocity.vx)),)
+        assert verdict.limits == (SpeedLimit("robot_late", verdict.text, pytest.approx(verdict.velocity.vx)),)
     tiago.ahead_at(0.9)
     tiago.now_s += 0.05
     tiago.all()

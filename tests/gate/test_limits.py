@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.sensing.sectors import gaps_between
-from robots.bridge.gate.values import STILL, Hold, Limits, Parameters, Velocity
+from robots.bridge.gate.values import STILL, Limits, Parameters, SpeedLimit, Velocity
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 
@@ -47,7 +47,7 @@ def test_a_robot_with_a_depth_camera_is_held_to_its_blind_speed_and_says_why():
     assert verdict.velocity == Velocity(pytest.approx(0.3), 0.0, pytest.approx(0.2)), "the arc is kept"
     assert verdict.code == "depth_missing"
     assert verdict.text == "held to 0.3 m/s: the depth camera is not used yet, table tops are not seen"
-    assert verdict.limits == (Hold("depth_missing", verdict.text, 0.3),)
+    assert verdict.limits == (SpeedLimit("depth_missing", verdict.text, 0.3),)
     assert verdict.way is None, "whichever it goes"
     assert feeder.decide().limits == verdict.limits, "said while idle, too"
     assert feeder.decide(w=2.0).velocity.w == 2.0, "turning on the spot is no blind travel"
@@ -63,7 +63,7 @@ def test_a_direction_that_nobody_watches_is_held_to_blind_speed():
     assert verdict.velocity.vx == pytest.approx(-0.15)
     assert verdict.code == "blind_direction"
     assert verdict.text == "held to 0.1 m/s in reverse: no sensor looks there"
-    assert verdict.limits == (Hold("blind_direction", verdict.text, 0.15, "reverse"),)
+    assert verdict.limits == (SpeedLimit("blind_direction", verdict.text, 0.15, "reverse"),)
     assert verdict.way == "reverse"
     assert feeder.decide(0.8).code == "free"
 
@@ -96,7 +96,7 @@ def test_where_only_sonars_watch_nobody_looks_between_and_above_them():
     text = "held to 0.1 m/s in reverse: no sensor looks between and above the sonars"
     assert (verdict.code, verdict.text, verdict.way) == ("blind_direction", text, "reverse")
     assert verdict.velocity == pytest.approx(Velocity(-0.1, 0.0, 0.15))
-    assert verdict.limits == (Hold("blind_direction", text, 0.1, "reverse"),)
+    assert verdict.limits == (SpeedLimit("blind_direction", text, 0.1, "reverse"),)
     assert feeder.decide(0.5).code == "free"
     assert feeder.decide(-0.09).code == "free"
 

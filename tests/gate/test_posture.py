@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture, beyond, discs_along, is_home
 from robots.bridge.gate.geometry.footprint import Discs
-from robots.bridge.gate.values import Hold
+from robots.bridge.gate.values import SpeedLimit
 from tests.gate.conftest import Feeder, box_profile, tiago_profile
 
 RADIUS_M = 0.09
@@ -64,7 +64,7 @@ def test_an_arm_that_may_be_anywhere_holds_the_robot_to_a_fifth_of_a_metre_per_s
     assert (verdict.code, verdict.velocity.vx) == ("arm_away", pytest.approx(0.2))
     why = "nothing tells where the arm is" if told is None else "the arm is away from home"
     assert verdict.text == f"held to 0.2 m/s: {why}"
-    assert Hold("arm_away", verdict.text, 0.2) in verdict.limits
+    assert SpeedLimit("arm_away", verdict.text, 0.2) in verdict.limits
 
 
 def test_a_posture_is_known_for_half_a_second(arm):

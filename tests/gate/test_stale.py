@@ -7,7 +7,7 @@ import math
 import pytest
 
 from robots.bridge.gate.holds import late_share
-from robots.bridge.gate.values import STILL, Hold, Pose, Velocity
+from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 
 
@@ -84,7 +84,7 @@ def test_silent_sonars_hold_reverse_to_a_tenth_and_leave_forward_alone(tiago):
     assert verdict.velocity.vx == pytest.approx(-0.1)
     assert verdict.code == "sonar_stale"
     assert "in reverse" in verdict.text and "base_sonar_01_link" in verdict.text
-    assert verdict.limits == (Hold("sonar_stale", verdict.text, 0.1, "reverse"),)
+    assert verdict.limits == (SpeedLimit("sonar_stale", verdict.text, 0.1, "reverse"),)
     assert verdict.way == "reverse"
     assert tiago.decide(0.9).velocity.vx == 0.9
 

@@ -67,12 +67,12 @@ from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
-    Hold,
     LaserScan,
     Obstacles,
     Pose,
     Sector,
     SensorHealth,
+    SpeedLimit,
     Velocity,
     Verdict,
 )
@@ -143,7 +143,7 @@ class Gate:
         return True
 
     def forget(self, anew: bool = False) -> None:
-        """What was seen before counts no more, only what the sensors show now.
+        """Drop all memory; keep only what the sensors show now.
 
         `anew`: the robot or its odometry began anew. Nothing tells then where anything was, the arm too, and how late
         the robot answers; the stick must return to the middle.
@@ -209,7 +209,7 @@ class Gate:
                 self._depth.observe_scan(sweep, sensor, list(self._lasers).index(laser.name))
 
     def observe_posture(self, arm: arm_discs.Posture, arrival_s: float) -> None:
-        """Take where the arm is. What reaches out of the base becomes part of the footprint."""
+        """Take the arm's posture. Parts that reach out of the base become part of the footprint."""
         self._holds.observe_posture(arm, arrival_s)
         radius_m = self._base.reach(0.0)
         discs, ends = arm_discs.beyond(arm.discs or (), radius_m), arm_discs.beyond(arm.ends, radius_m)
@@ -242,7 +242,7 @@ class Gate:
         self._cache.newest(now_s)
         self._moves()
 
-    def limits(self, now_s: float) -> tuple[Hold, ...]:
+    def limits(self, now_s: float) -> tuple[SpeedLimit, ...]:
         """The limits that hold whatever is asked, for who shows or records them: no command waits for it."""
         return self._holds.standing(self._holds.everywhere(self.latency.in_force_s(now_s), now_s), now_s)
 
@@ -290,7 +290,7 @@ class Gate:
     # --- what may be done ---------------------------------------------------------------------
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
-        """What of `asked` may be sent now; `sent` is the twist that was published last."""
+        """Decide how much of `asked` may be published now; `sent` is the last published twist."""
         sent = sent if is_finite(sent) else STILL
         self.latency.sent(sent, self._decided_s)
         self._commands.add(sent, now_s)
@@ -372,7 +372,7 @@ class Gate:
         if is_still(candidate):
             return Restraint(candidate)
         drift = self._drift(obstacles.points)
-        # What moves has gone on since it was scanned.
+        # Moving obstacles went on since the scan.
         points = obstacles.points if drift is None else obstacles.points + self._scan_age_s() * drift
         rolled = safe_share(
             candidate,
@@ -435,5 +435,5 @@ class Gate:
 
 
 def _word(kind: str, name: str, how_many: int) -> str:
-    """What a sensor is called: by its kind, and by name where there are several."""
+    """A sensor's name for people: its kind, and its own name where there are several."""
     return kind if how_many == 1 else f"{kind} {name}"

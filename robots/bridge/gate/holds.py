@@ -1,6 +1,6 @@
 """Limits on speed by how the sensors are and where they look, whatever is in the way (docs/gate.md, 9).
 
-A `Fault` is data without which the robot does not move at all; a `Hold` lets it move, no faster than so.
+A `Fault` is data without which the robot does not move at all; a `SpeedLimit` lets it move, no faster than so.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from robots.bridge.gate.timing.freshness import (
     Freshness,
 )
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import GateProfile, Hold, Sector, Velocity, Way
+from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity, Way
 
 REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
 AHEAD = Velocity(1.0, 0.0, 0.0)
@@ -54,7 +54,7 @@ class Held(NamedTuple):
 
 
 class Holds:
-    """What the sensors of one robot, its arm and its answers leave of its speed."""
+    """Speed limits from a robot's sensors, arm and latency."""
 
     def __init__(
         self,
@@ -115,20 +115,25 @@ class Holds:
                 return Fault("scan_unpaired", text, laser.name)
         return None
 
-    def everywhere(self, latency_s: float, now_s: float) -> list[Hold]:
+    def everywhere(self, latency_s: float, now_s: float) -> list[SpeedLimit]:
         """The limits that hold in every direction, for a robot that answers after `latency_s`."""
         return [*self._arm_hold(now_s), *self._delay_holds(latency_s)]
 
-    def standing(self, everywhere: list[Hold], now_s: float) -> tuple[Hold, ...]:
+    def standing(self, everywhere: list[SpeedLimit], now_s: float) -> tuple[SpeedLimit, ...]:
         """Every limit that holds whatever is asked: those `everywhere`, and those of the base's directions."""
         ways = ALONG if self._profile.limits.lateral_mps == 0.0 else EVERY_WAY
         by_way = [hold for direction in ways for hold in self._direction_hold(direction, now_s)]
         return (*everywhere, *self._depth_hold(AHEAD, now_s), *by_way)
 
     def held(
-        self, asked: Velocity, possible: Velocity, everywhere: list[Hold], footprint: Footprint, now_s: float
+        self,
+        asked: Velocity,
+        possible: Velocity,
+        everywhere: list[SpeedLimit],
+        footprint: Footprint,
+        now_s: float,
     ) -> Held:
-        """What is left of the `possible` part of `asked`, for a robot of this footprint."""
+        """Limit the `possible` part of `asked`, for a robot with this footprint."""
         left = Held(possible, "free", "")
         if possible != asked:
             left = Held(possible, "robot_limit", "held to what the robot can do")
@@ -157,7 +162,7 @@ class Holds:
                 left = Held(slowed, "scan_late", text)
         return left
 
-    def _arm_hold(self, now_s: float) -> list[Hold]:
+    def _arm_hold(self, now_s: float) -> list[SpeedLimit]:
         """The limit while the arm may be anywhere."""
         told = now_s - self._posture_s <= arm_discs.KNOWN_S
         known = told and (self._posture.at_home or self._posture.discs is not None)
@@ -165,9 +170,9 @@ class Holds:
             return []
         why = "the arm is away from home" if told else "nothing tells where the arm is"
         text = f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
-        return [Hold("arm_away", text, arm_discs.AWAY_MPS)]
+        return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 
-    def _delay_holds(self, latency_s: float) -> list[Hold]:
+    def _delay_holds(self, latency_s: float) -> list[SpeedLimit]:
         """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
@@ -178,10 +183,12 @@ class Holds:
         ):
             if delay_s > assumed_s:
                 mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
-                holds.append(Hold(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps))
+                holds.append(
+                    SpeedLimit(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps)
+                )
         return holds
 
-    def _depth_hold(self, wanted: Velocity, now_s: float) -> list[Hold]:
+    def _depth_hold(self, wanted: Velocity, now_s: float) -> list[SpeedLimit]:
         """The limit for a way that the depth camera does not show, so that table tops in it may be news."""
         if not self._profile.has_depth:
             return []
@@ -195,7 +202,7 @@ class Holds:
             return [self._blind("depth_stale", f"the depth camera’s picture is {words.age(age_s)} old{why}")]
         return self._head_hold(self._depth, wanted)
 
-    def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[Hold]:
+    def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[SpeedLimit]:
         """The limit for a way that leaves the depth camera's picture. No head turns far enough to look behind."""
         direction = math.atan2(wanted.vy, wanted.vx)
         if abs(direction) > REVERSE_RAD:
@@ -210,11 +217,11 @@ class Holds:
             braking.speed_within(sight_m, self._profile.parameters.latency_s, linear), self._profile.blind_mps
         )
         text = f"held to {words.figure(mps)} m/s: the way bends out of the depth camera’s view"
-        return [Hold("head_away", text, mps, "bend")]
+        return [SpeedLimit("head_away", text, mps, "bend")]
 
-    def _blind(self, code: str, why: str) -> Hold:
+    def _blind(self, code: str, why: str) -> SpeedLimit:
         mps = self._profile.blind_mps
-        return Hold(code, f"held to {words.figure(mps)} m/s: {why}", mps)
+        return SpeedLimit(code, f"held to {words.figure(mps)} m/s: {why}", mps)
 
     def _swings_unwatched(self, footprint: Footprint) -> bool:
         """Whether turning takes corners to where neither laser nor sonar looks. A disc has none."""
@@ -238,7 +245,7 @@ class Holds:
         lasers = [laser.sector for laser in self._lasers if laser.freshness.within(LASER_STALE_S, now_s)]
         return gaps_between([*heard, *(sector for sector in lasers if sector is not None)])
 
-    def _direction_hold(self, direction: float, now_s: float) -> list[Hold]:
+    def _direction_hold(self, direction: float, now_s: float) -> list[SpeedLimit]:
         """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
         if any(laser.covers(direction) for laser in self._lasers):
             return []
@@ -247,20 +254,20 @@ class Holds:
         if not sonars:
             mps = self._profile.blind_mps
             text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks there"
-            return [Hold("blind_direction", text, mps, way)]
+            return [SpeedLimit("blind_direction", text, mps, way)]
         mps = min(self._profile.parameters.between_sonars_mps, self._profile.blind_mps)
         silent = [sonar for sonar in sonars if not sonar.freshness.within(SONAR_STALE_S, now_s)]
         if not silent and mps >= self._fastest(way):
             return []
         if not silent:
             text = f"held to {words.figure(mps)} m/s {in_words}: no sensor looks between and above the sonars"
-            return [Hold("blind_direction", text, mps, way)]
+            return [SpeedLimit("blind_direction", text, mps, way)]
         mps = min(SONAR_STALE_MPS, mps)
         names = ", ".join(sonar.name for sonar in silent)
         text = f"held to {words.figure(mps)} m/s {in_words}: sonar silent ({names})"
-        return [Hold("sonar_stale", text, mps, way)]
+        return [SpeedLimit("sonar_stale", text, mps, way)]
 
 
 def late_share(age_s: float) -> float:
-    """What is left of a twist when the newest scan is this old: all until 0.22 s, nothing from 0.28 s on."""
+    """Share of a twist by the age of the newest scan: all until 0.22 s, nothing from 0.28 s on."""
     return min(max((LASER_HALT_S - age_s) / (LASER_HALT_S - LASER_LATE_S), 0.0), 1.0)

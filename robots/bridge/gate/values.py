@@ -63,7 +63,7 @@ class Parameters(Struct, frozen=True):
 
 
 class Limits(Struct, frozen=True):
-    """What the base can do."""
+    """Limits of the base: speeds and accelerations."""
 
     forward_mps: float
     reverse_mps: float  # positive
@@ -74,7 +74,7 @@ class Limits(Struct, frozen=True):
 
 
 class DepthView(Struct, frozen=True):
-    """What the gate knows of a depth camera on the robot's head, and of the robot below it."""
+    """The gate's data about a depth camera on the robot's head, and the robot below it."""
 
     height_m: float  # of the robot, with everything that lifts at its lowest
     own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
@@ -82,7 +82,7 @@ class DepthView(Struct, frozen=True):
 
 
 class GateProfile(Struct, frozen=True):
-    """What the gate knows of a robot beforehand.
+    """The gate's configuration of a robot.
 
     The footprint, in the base frame, is the first of these that is given: `discs` (x, y, radius), whose union it is;
     `outline`, convex and counter-clockwise; a disc of `radius_m` about the origin.
@@ -103,7 +103,7 @@ class GateProfile(Struct, frozen=True):
     depth: DepthView | None = None  # None with `has_depth`: there is one, and it is not used
 
 
-# What knows of obstacles; a memory (of a laser, of the depth camera) what was seen before and is not seen now.
+# Sources of obstacles; a memory (of a laser, of the depth camera) holds earlier points that no sensor sees now.
 Kind = Literal["scan", "sonar", "depth", "memory", "depth memory"]
 
 
@@ -126,7 +126,7 @@ Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind r
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
-class Hold(NamedTuple):
+class SpeedLimit(NamedTuple):
     """A limit on speed: a verdict's code, words, m/s. `way`: the one that it holds for; None: for all."""
 
     code: str
@@ -136,11 +136,11 @@ class Hold(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What may be sent, and why not more.
+    """The allowed twist, and the reason if it is less than asked.
 
-    `code`: "idle" (nothing asked), "free", or the rule that holds back; `way` as in `Hold`, if one holds back. `limits`
-    are those that hold whatever is asked; `Gate.decide` leaves them out, `Gate.limits` tells them. `neutral` says that
-    this was a stop of the kind after which the stick must return to neutral (stale or missing data).
+    `code`: "idle" (nothing asked), "free", or the rule that holds back; `way` as in `SpeedLimit`, if one holds back.
+    `limits` hold whatever is asked; `Gate.decide` leaves them out, `Gate.limits` returns them. `neutral`: this stop is
+    of the kind after which the stick must return to neutral (stale or missing data).
     """
 
     velocity: Velocity
@@ -152,7 +152,7 @@ class Verdict(NamedTuple):
     bearing_rad: float | None = None  # of the obstacle, base frame
     side: Side | None = None
     point: tuple[float, float] | None = None
-    limits: tuple[Hold, ...] = ()
+    limits: tuple[SpeedLimit, ...] = ()
     neutral: bool = False
     way: Way | None = None
 

@@ -1,4 +1,4 @@
-"""What the gate says to the operator: sensor, side, distance, what is left."""
+"""Sentences for the operator: sensor, side, distance, remaining speed."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _from_to(asked: float, allowed: float) -> str:
 
 
 def obstacle(word: str, gap_m: float, bearing: float, rule: str) -> str:
-    """What holds back: "laser, 0.6 m ahead left", and by which rule if that is not plain."""
+    """The cause in words: "laser, 0.6 m ahead left", with the rule if it is not obvious."""
     return f"{MANNERS.get(rule, '')}{word}, {figure(max(gap_m, 0.0))} m {side(bearing)}"
 
 

@@ -31,7 +31,7 @@ class Motion(NamedTuple):
 
 
 class Intruder(NamedTuple):
-    """What stands where the arm would be: its source's row in `Obstacles.names`, and how far it is from the base."""
+    """The obstacle in the arm's way: row of its source in `Obstacles.names`, distance to the base."""
 
     source: int
     gap_m: float
@@ -81,7 +81,7 @@ def thinned(middles: Floats, radius_m: float) -> tuple[Disc, ...]:
 def intruder(
     discs: Sequence[Disc], obstacles: Obstacles, gaps: NDArray[np.float64], arm: Sequence[Disc] = ()
 ) -> Intruder | None:
-    """What is nearest to the base (`gaps`, one for each obstacle) of all that the arm would sweep.
+    """The obstacle in the swept space that is nearest to the base (`gaps`, one for each obstacle).
 
     What is well within the arm as it is now (`arm`) is above it, below it, or the arm itself.
     """

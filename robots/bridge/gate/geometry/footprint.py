@@ -20,7 +20,7 @@ Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um a
 
 
 class Footprint(Protocol):
-    """What the gate asks of a hull. Points are (N, 2) in the base frame.
+    """Interface of a hull. Points are (N, 2) in the base frame.
 
     `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
     `pose_spacing_m`: how far it may move between two poses that are looked at; what stands between is missed by little.

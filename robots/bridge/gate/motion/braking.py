@@ -15,7 +15,7 @@ from robots.bridge.gate.values import GateProfile, Velocity
 
 
 def deceleration(profile: GateProfile) -> tuple[float, float]:
-    """What the gate counts on when braking: a in m/s^2 and alpha in rad/s^2."""
+    """Usable deceleration: a in m/s^2 and alpha in rad/s^2."""
     share = profile.parameters.deceleration_share
     return share * profile.limits.linear_mps2, share * profile.limits.angular_radps2
 

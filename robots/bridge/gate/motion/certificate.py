@@ -96,7 +96,7 @@ def _are_clear(corridors: Corridors, box: Box | None, *, reverse: bool = False) 
 
 
 def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
-    """What the hull could touch before it has braked."""
+    """The space that the hull may touch before it stands."""
     radius = footprint.reach(profile.parameters.lateral_margin_m)
     if v == 0.0:
         around_m = radius + profile.parameters.front_margin_m
@@ -111,7 +111,7 @@ def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
 
 
 def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
-    """What the hull could pass so closely that it must slow down."""
+    """The space beside the hull in which points slow it down."""
     parameters = profile.parameters
     if v <= parameters.creep_mps:
         return Box(0.0, 0.0, 0.0)

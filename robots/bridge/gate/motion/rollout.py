@@ -71,7 +71,7 @@ CLEAR = Rolled(1.0)
 
 
 class Commands:
-    """What was published lately, as far as the gate is told."""
+    """Recently published twists, as far as the gate knows them."""
 
     def __init__(self) -> None:
         self._sent: deque[tuple[float, Velocity]] = deque()

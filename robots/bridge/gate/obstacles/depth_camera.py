@@ -47,12 +47,12 @@ from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
 
-# Who looks ahead has table height in the picture at one of these distances at least.
+# A head that looks ahead shows table height at one of these distances at least.
 TABLE_M = 0.7
 AHEAD_M = (1.2, 1.6, 2.0, 2.5)
 # Half the robot's width at 1.2 m: so far from the picture's edge, the whole of the path is in it.
 EDGE_RAD = 0.24
-# Who came by himself was not there in one of so many earlier pictures: in a second he has left the place that he had.
+# A moving person is missing in one of this many earlier pictures: within a second they left their earlier place.
 LOOKS_BACK = 3
 LOOK_EVERY_S = 0.33
 CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it is near
@@ -85,7 +85,7 @@ def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
 
 
 class DepthCamera:
-    """What the newest picture shows; `remembered` is what earlier ones showed."""
+    """The newest picture's obstacles; `remembered` holds those of earlier pictures."""
 
     kind: Kind = "depth"
     name = "depth"
@@ -270,7 +270,7 @@ class DepthCamera:
         return placed(np.concatenate((self._seen, self._hidden)), seen_from(ORIGIN, newest))
 
     def unseen(self, trail: Trail, now_s: float) -> Points:
-        """What is remembered and not in the newest picture, base frame of the newest odometry."""
+        """Remembered points outside the newest picture, base frame of the newest odometry."""
         self._forget_another_frame(trail)
         newest = trail.newest
         if newest is None:
@@ -298,7 +298,7 @@ class DepthCamera:
 
 
 class DepthMemory:
-    """What a depth camera showed earlier and shows no longer, as a source of its own."""
+    """Depth memory as a separate source: points of earlier pictures."""
 
     kind: Kind = "depth memory"
     name = "depth, remembered"
@@ -518,7 +518,7 @@ class _Spans:
         return gone
 
     def columns(self, points: Points, from_base: Points) -> Columns:
-        """What is remembered at `points` (odometry frame), told for where they are in the base frame."""
+        """The memory's points (odometry frame), carried to the base frame."""
         entries = self._memory.entries(points)
         return Columns(from_base, self._low[entries], self._high[entries], self._levels[entries])
 

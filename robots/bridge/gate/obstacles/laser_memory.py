@@ -1,4 +1,4 @@
-"""What a laser saw before and cannot see now, as one more source of obstacles."""
+"""Laser memory as a separate source: points that the current scan cannot judge."""
 
 from __future__ import annotations
 

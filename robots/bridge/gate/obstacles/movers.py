@@ -1,4 +1,4 @@
-"""What moves by itself (docs/gate.md, 10): points that stand where the scan of 0.4 s ago saw free space.
+"""Moving obstacles (docs/gate.md, 10): points that stand where the scan of 0.4 s ago saw free space.
 
 Free space that is occupied now proves that something came; the robot's own motion, edges and occlusion prove
 nothing and are left alone. How fast it came is the way from an object that is no longer where it was to the one that
@@ -50,7 +50,7 @@ class _Look:
 
     @cached_property
     def points(self) -> Points:
-        """What it hit near by, in the order of its beams."""
+        """Near hits of the scan, in the order of its beams."""
         points = self._hit()
         x, y = points.T
         near = np.flatnonzero(np.hypot(x - self.sensor.x, y - self.sensor.y) < NEAR_M)
@@ -70,7 +70,7 @@ class _Thing(NamedTuple):
 
 
 class Movers:
-    """What moves, by the scans of one laser."""
+    """Moving obstacles by the scans of one laser."""
 
     def __init__(self) -> None:
         self._looks: deque[_Look] = deque()
@@ -133,7 +133,7 @@ def _movers(then: _Look, now: _Look) -> Iterator[_Mover]:
     gone, covered = list(_things(then.points, vanished)), list(_things(then.points, hidden))
     passed_s = now.stamp_s - then.stamp_s
     for thing in _things(now.points, appeared):
-        # Who comes straight on hides where he was: only if nothing vanished it is looked for there.
+        # A person who comes straight on hides their earlier place: look there only if nothing vanished.
         velocity = _velocity(thing, gone, passed_s) or _velocity(thing, covered, passed_s)
         if velocity is not None:
             yield _Mover(now.points[thing.rows], velocity)

@@ -1,4 +1,4 @@
-"""What lies nearer than a depth camera can measure is unseen, and not free.
+"""The range that a depth camera cannot measure is unseen, not free.
 
 A camera such as the Xtion measures nothing within half a metre. Of a table at which the robot was parked it shows the
 far part only, and the edge that would be met first is in no picture. So whatever reaches into that range is taken to

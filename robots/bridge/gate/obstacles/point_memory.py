@@ -1,4 +1,4 @@
-"""What was seen and cannot be seen now (docs/gate.md, 7): points in the odometry frame, forgotten in time.
+"""Memory of points that no sensor sees now (docs/gate.md, 7): odometry frame, forgotten in time.
 
 Two clocks of forgetting: seconds since a point was last seen, and the way since, because the odometry drifts with it:
 metres, and turns as so many metres more. Until then a point comes nearer by what the odometry may be off. Points that
@@ -102,7 +102,7 @@ class Memory:
         return self._revision
 
     def points(self, now_s: float) -> Points:
-        """What is remembered, odometry frame. Rows keep their order until `revision` changes."""
+        """The remembered points, odometry frame. Rows keep their order until `revision` changes."""
         self._expire(now_s)
         if self._points is None:
             self._points = from_columns(self._x[self._cells], self._y[self._cells])

@@ -1,4 +1,4 @@
-"""What a scan says about places where something was seen before (docs/gate.md, 7)."""
+"""Check remembered places against a scan: hit, seen through, or no answer (docs/gate.md, 7)."""
 
 from __future__ import annotations
 

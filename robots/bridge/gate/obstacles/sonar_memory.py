@@ -1,4 +1,4 @@
-"""What sonars heard, kept as arcs until a sensor that covers the place shows it free (docs/gate.md, 7).
+"""Sonar memory: echoes as arcs, kept until a sensor that covers the place shows it free (docs/gate.md, 7).
 
 An echo says: something is on this arc, nobody knows where on it. A thin leg leaves the cone while it is still in the
 way, and then the sonar is silent. So silence about a place is told apart from news of it:
@@ -90,7 +90,7 @@ class SonarMemory:
     # --- what is known ------------------------------------------------------------------------
 
     def heard(self, sonar: int, trail: Trail) -> Points:
-        """What this sonar hears, base frame of the newest odometry."""
+        """The present echo, base frame of the newest odometry."""
         return self._points(self._lately() & (self._table[SONAR] == sonar), trail)
 
     def revision(self, now_s: float) -> int:
@@ -194,7 +194,7 @@ class SonarMemory:
         return np.hypot(dx, dy), off
 
     def _heard_from(self, sonar: int, eye: Pose) -> Flags:
-        """What this sonar heard from where it is now."""
+        """Echoes of this sonar from its present place."""
         table = self._table
         turned = np.abs(np.remainder(table[FROM_YAW] - eye.yaw + math.pi, math.tau) - math.pi)
         moved = np.hypot(table[FROM_X] - eye.x, table[FROM_Y] - eye.y)
@@ -228,7 +228,7 @@ class SonarMemory:
         self._keep(~gone)
 
     def _of_the_same_things(self, left: Flags) -> Flags:
-        """What else the things at these places left behind, near by and earlier."""
+        """Earlier, nearby echoes of the obstacles at these places."""
         table = self._table
         mates = self._belongs_to(left) & (table[HEARD_S] <= table[HEARD_S, left].max())
         near = np.hypot(table[X][:, None] - table[X, left], table[Y][:, None] - table[Y, left]) < SAME_THING_M
@@ -236,7 +236,7 @@ class SonarMemory:
         return of_them
 
     def _belongs_to(self, places: Flags) -> Flags:
-        """What the things at these places left behind, wherever it is."""
+        """All echoes of the obstacles at these places."""
         belongs = np.zeros(self._table.shape[1], dtype=np.bool_)
         for thing in set(self._table[THING, places].tolist()):
             belongs |= self._table[THING] == thing
@@ -259,7 +259,7 @@ class SonarMemory:
         x, y = arc.T
         dx, dy = table[X, rows][:, None] - x, table[Y, rows][:, None] - y
         close = dx * dx + dy * dy < GRAIN_M**2
-        # What lies a little behind gives way to what is nearer.
+        # Prefer the nearer of two close echoes.
         behind = distance[rows] > reading.free_m
         fresh = ~close[~behind].any(axis=0)
         kept = np.ones(table.shape[1], dtype=np.bool_)

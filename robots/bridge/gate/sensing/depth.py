@@ -242,7 +242,7 @@ def check_shown(picture: Picture, to_base: Transform) -> None:
 
 
 def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Columns:
-    """What stands above the floor and below the robot's own height, in cells of 5 cm with three hits at least."""
+    """Points between floor and robot height, in cells of 5 cm with at least three hits."""
     ahead = picture.ahead
     turned = to_base.astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -330,7 +330,7 @@ def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 class _Look(NamedTuple):
-    """What a picture tells of columns: at which `heights` it saw through them, and whether one of them denies it."""
+    """Check columns against a picture: the `heights` seen through, and whether one height denies that."""
 
     heights: Floats  # (HEIGHTS, columns)
     through: NDArray[np.bool_]

@@ -138,7 +138,7 @@ class Sweep:
         return least
 
     def points(self) -> Points:
-        """What was hit, in the sensor's frame."""
+        """The hits, in the sensor's frame."""
         return self._at(self.ends)
 
     def steadied(self) -> Points:
@@ -203,7 +203,7 @@ def outside_hull(points: Points, footprint: Footprint) -> Points:
 
 
 def cone_points(range_m: float, max_range_m: float, pose: Pose, fov: float) -> Points:
-    """What a sonar may have met: an arc across its cone, base frame.
+    """Possible places of an echo: an arc across the sonar's cone, base frame.
 
     Nothing at or beyond `max_range_m`; -inf is right at the sensor. Malformed if the range is no range.
     """

@@ -13,7 +13,7 @@ LEAST_RAD = math.radians(3.0)  # narrower is no gap
 
 
 def sector_of(mount: Pose, first: float, span: float) -> Sector:
-    """What a field of view covers of the way round the base: `span` radians from `first` on, in the sensor's frame."""
+    """The sector about the base that a field of view covers: `span` radians from `first` on, sensor's frame."""
     if span >= math.tau:
         return 0.0, math.tau
     edges = [mount.yaw + first, mount.yaw + first + span]

@@ -42,7 +42,7 @@ class Freshness:
         return self._arrival_s is not None and now_s - self._arrival_s <= limit_s
 
     def silence(self, limit_s: float, now_s: float, why: str = "") -> str:
-        """What to say if nothing new came within `limit_s`: `why`, if that is known; "" if something did."""
+        """Reason text if nothing new came within `limit_s`: `why` if it is known; "" if data came."""
         if self.within(limit_s, now_s):
             return ""
         age_s = self.age_s(now_s)

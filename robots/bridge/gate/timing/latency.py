@@ -130,7 +130,7 @@ class Latency:
 
     @property
     def measured_s(self) -> float | None:
-        """What the robot was measured to take, the slowest of late and 50 ms; None while too little was measured."""
+        """Measured latency: the slowest recent one plus 50 ms; None with too few measurements."""
         return self._from_measurements(self._measured[-1][0]) if len(self._measured) >= ENOUGH else None
 
     def in_force_s(self, now_s: float) -> float:
@@ -168,7 +168,7 @@ class Latency:
         return max(late_s, LEAST_S if len(self._measured) >= ENOUGH else self._assumed_s)
 
     def _sum_up(self) -> None:
-        """What every question needs of the measurements."""
+        """Values that all queries need of the measurements."""
         newest = len(self._measured) - 1
         self._median_s = sorted(late_s for _, late_s in self._measured)[len(self._measured) // 2]
         self._slowest_s = max(
@@ -213,7 +213,7 @@ class Backlog:
 
 
 class _Seen(NamedTuple):
-    """What a sample of odometry told of one axis."""
+    """Evidence of one odometry sample for one axis."""
 
     answer_s: float | None = None  # so long after the command the base began to obey, or longer
     is_exact: bool = False  # nothing sent before can have been what it obeyed
@@ -256,7 +256,7 @@ class _Axis:
         self._ask(value, now_s)
 
     def moved(self, value: float, now_s: float) -> _Seen:
-        """What this sample tells."""
+        """The evidence of this sample."""
         self._speed = value
         off = abs(value - self._held[1])
         if now_s - self._held[0] > LONGEST_S:
