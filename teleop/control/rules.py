@@ -203,6 +203,16 @@ def check_holder(lease: LeaseState | None, *, tab: Tab, now: datetime) -> Refusa
     return _over(lease, now)
 
 
+def check_fence(fence: int, held: int | None) -> Refusal | None:
+    """Refuse a command with the number `fence` unless `held`, the number of the connection's control, equals it."""
+    if held is None:
+        return NO_LEASE
+    if fence != held:
+        figures = {"fence": fence, "yours": held}
+        return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
+    return None
+
+
 def _over(lease: LeaseState, now: datetime) -> Refusal | None:
     if (why := lapse_reason(lease, now)) is None:
         return None

@@ -19,7 +19,7 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.control import services
 from teleop.control.policy import ROLE_LOWERED, Permit
 from teleop.control.rules import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, open_requests, phase

@@ -21,12 +21,11 @@ from robots.registry.models import Role
 from robots.registry.selectors import link_address, robots_visible_to, roles_of
 from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.services import database_refusal
-from teleop.live.socket import CloseCode, MessageSocket
-from teleop.live.tasks import BUSY
+from teleop.live.socket import BUSY, CloseCode, MessageSocket
 from teleop.recording.refusals import RefusedRequest
 from teleop.stop.emergency_stop import StopButton, clear
 

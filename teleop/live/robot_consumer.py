@@ -22,17 +22,17 @@ from robots.wire import (
     browser_message,
     kind_of,
 )
-from teleop.background.tasks import RequestQueue, run_in_background
+from teleop.background.jobs import RequestQueue, run_in_background
 from teleop.control import services
-from teleop.control.rules import Tab, fingerprint
+from teleop.control.rules import Tab, check_fence, fingerprint
 from teleop.control.services import ControlRefused
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
 from teleop.live.picture_feed import PictureViewer
 from teleop.live.robot_socket import RobotSocket
-from teleop.live.socket import CloseCode
-from teleop.live.tasks import BUSY, TaskSender, check_fence
+from teleop.live.socket import BUSY, CloseCode
+from teleop.live.tasks import TaskSender
 from teleop.stop import emergency_stop
 
 log = logging.getLogger(__name__)

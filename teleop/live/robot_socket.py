@@ -10,7 +10,7 @@ from fleet.accounts.models import User
 from robots.registry.selectors import robots_visible_to
 from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
 from teleop.background.database import in_database
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.control.selectors import SignIn, rights_of, robot_entry
 from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub

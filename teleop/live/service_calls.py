@@ -18,12 +18,12 @@ from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import CallService, Refusal, SetParameter
 from teleop.background.database import in_database
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
+from teleop.control.allow_list import check_role, required_role
 from teleop.control.selectors import lease_of
 from teleop.control.services import ControlRefused, recorded_change
 from teleop.control.status import Rights
 from teleop.live.robot_hub import RobotHub
-from teleop.live.tasks import check_role, required_role
 
 log = logging.getLogger(__name__)
 

@@ -36,6 +36,7 @@ FLOOD_CLOSES_AFTER = 400  # messages refused for flooding
 REPLIES_PER_S = 10.0  # refusals that are sent; more are only counted
 REPLIES_BURST = 20.0
 
+BUSY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 
 _HEAR_NOW = "fleet.hear_now"  # ASGI extension of the server (`fleet.server.websocket`)
 

@@ -6,7 +6,6 @@ Tasks are everything that people ask of a robot besides driving: motions, speech
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
 from typing import Protocol
 
 from django.db import DatabaseError
@@ -14,22 +13,22 @@ from django.db import DatabaseError
 from fleet import audit
 from fleet.accounts.models import User
 from robots import wire
-from robots.bridge.config import Allowed
 from robots.bridge.drive import twists
 from robots.link.client import LinkRefused
 from robots.registry.models import Role
 from robots.wire import Accepted, LinkCancel, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
-from teleop.background.tasks import run_in_background
-from teleop.control.rules import NO_LEASE
+from teleop.background.jobs import run_in_background
+from teleop.control.allow_list import check_role, required_role
+from teleop.control.rules import check_fence
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
 from teleop.live.robot_hub import RobotHub
+from teleop.live.socket import BUSY
 
 log = logging.getLogger(__name__)
 
 MAX_PENDING = 8  # requests per connection
-BUSY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 
 _NOT_YOURS = Refusal(
     "no_lease", "Only the person in control, supervisors and staff may cancel a running task.", "lease"
@@ -138,41 +137,8 @@ class TaskSender:
             await self._owner.answer(Refused(kind, refusal, request.seq, request.fence))
 
 
-def check_fence(fence: int, held: int | None) -> Refusal | None:
-    """Refuse a command with the number `fence` unless `held`, the number of the connection's control, equals it."""
-    if held is None:
-        return NO_LEASE
-    if fence != held:
-        figures = {"fence": fence, "yours": held}
-        return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
-    return None
-
-
 def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
     return use in offers.uses and offers.uses[use].topic == topic
-
-
-def required_role(
-    allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = ""
-) -> Role | None:
-    """Return the lowest role that may do `what` with `name`; None: no role may. `type_` "" means any type."""
-    roles = [
-        Role(entry.role)
-        for entry in allowed
-        if (entry.what, entry.name, entry.use) == (what, name, use) and type_ in ("", entry.type)
-    ]
-    return min(roles, default=None)
-
-
-def check_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
-    """Refuse the use of `name` unless these rights include the role `needed`."""
-    if needed is None:
-        text = f"{name} is not on the allow-list for this. Ask the staff."
-        return Refusal("not_allowed", text, "robot", {"name": name})
-    if rights.role is None or rights.role < needed:
-        text = f"{name} needs the role {needed.value}. Ask the staff."
-        return Refusal("role_too_low", text, "account", {"name": name, "role": needed.value})
-    return None
 
 
 def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refused) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 from robots import wire
 from robots.bridge.server.flood_limits import Budget
 from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.live import robot_hub
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
-from teleop.live.tasks import BUSY
+from teleop.live.socket import BUSY
 from teleop.live.topic_feed import TopicViewer, Withheld
 from teleop.recording.camera_audit import CameraAudit
 

@@ -25,7 +25,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.wire import Refusal
 from teleop.background.database import in_database
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.recording.repeat_suppression import RecordBudgets
 
 log = logging.getLogger(__name__)

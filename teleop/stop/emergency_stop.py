@@ -24,7 +24,7 @@ from robots.stop.delivery import stop_message
 from robots.stop.presses import Pending, Result, keep_pending, press_all, record_outcome, record_press
 from robots.wire import LinkClear, Refusal, Stopped
 from teleop.background.database import in_database, in_database_background
-from teleop.background.tasks import run_in_background
+from teleop.background.jobs import run_in_background
 from teleop.control.rules import Tab
 from teleop.control.selectors import lease_of
 from teleop.control.services import clear_authorize

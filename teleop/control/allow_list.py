@@ -1,0 +1,33 @@
+"""The allow-list: the role that a person needs for a topic, service or parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from robots.bridge.config import Allowed
+from robots.registry.models import Role
+from robots.wire import Refusal
+from teleop.control.status import Rights
+
+
+def required_role(
+    allowed: Iterable[Allowed], what: str, name: str, type_: str = "", use: str = ""
+) -> Role | None:
+    """Return the lowest role that may do `what` with `name`; None: no role may. `type_` "" means any type."""
+    roles = [
+        Role(entry.role)
+        for entry in allowed
+        if (entry.what, entry.name, entry.use) == (what, name, use) and type_ in ("", entry.type)
+    ]
+    return min(roles, default=None)
+
+
+def check_role(rights: Rights, needed: Role | None, name: str) -> Refusal | None:
+    """Refuse the use of `name` unless these rights include the role `needed`."""
+    if needed is None:
+        text = f"{name} is not on the allow-list for this. Ask the staff."
+        return Refusal("not_allowed", text, "robot", {"name": name})
+    if rights.role is None or rights.role < needed:
+        text = f"{name} needs the role {needed.value}. Ask the staff."
+        return Refusal("role_too_low", text, "account", {"name": name, "role": needed.value})
+    return None
