@@ -22,7 +22,7 @@ from fleet.audit.listing import COUNTED, PAGE
 from robots.registry.models import Robot
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason
-from teleop.reports.durations import clock
+from teleop.reports.durations import duration_text
 
 GOES_ON = "goes_on"  # value of the filter for sessions that have not ended
 _COLUMNS = [
@@ -165,7 +165,7 @@ def _line(session: ControlSession, note: str) -> Line:
         at=session.started_at,
         robot=session.robot.name,
         who=session.user.display_name,
-        what=_("had control for %s") % clock(lasted.total_seconds())
+        what=_("had control for %s") % duration_text(lasted.total_seconds())
         if session.ended_at
         else _("has control"),
         subject="",

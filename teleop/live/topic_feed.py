@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 MAX_SUBSCRIPTIONS = 8  # per connection
 
 
-class Withheld(Exception):
+class SampleWithheld(Exception):
     """Raised by `send`: this sample must not be sent now. A newer one may be."""
 
 
@@ -127,7 +127,7 @@ class TopicViewer:
         self._unacknowledged.append(topic)
         try:
             await self._send(message)
-        except Withheld:
+        except SampleWithheld:
             self._unacknowledged.remove(topic)
 
 

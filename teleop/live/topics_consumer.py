@@ -13,7 +13,7 @@ from teleop.live import robot_hub
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.live.socket import BUSY
-from teleop.live.topic_feed import TopicViewer, Withheld
+from teleop.live.topic_feed import SampleWithheld, TopicViewer
 from teleop.recording.camera_audit import CameraAudit
 
 MAX_PENDING = 8  # queries per connection
@@ -65,7 +65,7 @@ class TopicsConsumer(RobotSocket):
     async def _show(self, event: dict[str, Any]) -> None:
         if self.camera_audit and not self.camera_audit.may_show(event["text"]):
             await self.refuse("look", TOO_MANY_CAMERAS)
-            raise Withheld
+            raise SampleWithheld
         await self.asgi_send(event)
 
     # --- messages ----------------------------------------------------------------------------------

@@ -65,7 +65,7 @@ def own_sessions(user: User, before: datetime | None) -> Sessions:
 
 def own_records(user: User, *, before: int | None, after: int | None) -> Page:
     """Return the person's own records, newest first, each with its outcome."""
-    return Selection(_of(user)).page(before=before, after=after, size=RECORDS)
+    return Selection(_own_records(user)).page(before=before, after=after, size=RECORDS)
 
 
 class Author(Enum):
@@ -118,8 +118,8 @@ def _visible_details(record: Record, user: User) -> dict[str, Any]:
 def export_of(user: User) -> exports.ExportResponse:
     """Return all of the person's data as a file. Raises `AuditUnavailable`: an export must be recorded first."""
     return exports.response(
-        Selection(_of(user)),
-        _of(user),
+        Selection(_own_records(user)),
+        _own_records(user),
         actor=user,
         name="your-data",
         format_=exports.Format.JSON_LINES,
@@ -178,5 +178,5 @@ def _numbers_about(user: User, before: int | None, limit: int, tries_since: int 
     return list(islice(merged, limit))
 
 
-def _of(user: User) -> Wanted:
+def _own_records(user: User) -> Wanted:
     return Wanted(person=str(user.pk))

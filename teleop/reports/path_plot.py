@@ -62,7 +62,7 @@ class Plot(Struct, frozen=True):
     grid_x: list[float]  # x of each vertical grid line
     step_m: float  # between two grid lines
     on_map: bool  # whether coordinates are the map's (else the odometry's)
-    ground: MapImage | None
+    map_image: MapImage | None
     map_transform: str  # SVG transform of the map picture, given in metres from its upper left corner
     replay: list[list[list[float]]]  # samples of each drive: s, x, y, degrees clockwise from the right
 
@@ -79,40 +79,45 @@ class _Scale(Struct, frozen=True):
 
 
 def plot_drives(
-    legs: Sequence[DrivePath], marks: Sequence[tuple[Numbers, Numbers | None]], ground: MapImage | None = None
+    drives: Sequence[DrivePath],
+    marks: Sequence[tuple[Numbers, Numbers | None]],
+    map_image: MapImage | None = None,
 ) -> Plot | None:
     """Draw drives and `marks`: poses where the gate intervened, each with its frame. None without any path."""
-    legs = [leg for leg in legs if leg.samples]
-    if not legs:
+    drives = [drive for drive in drives if drive.samples]
+    if not drives:
         return None
-    on_map = all(leg.frame for leg in legs)
+    on_map = all(drive.frame for drive in drives)
     paths = [
-        [_transformed(sample[1:4], leg.frame if on_map else None) for sample in leg.samples] for leg in legs
+        [_transformed(sample[1:4], drive.frame if on_map else None) for sample in drive.samples]
+        for drive in drives
     ]
     held = [
         _transformed(pose, frame if on_map else None)
         for pose, frame in marks
         if frame is not None or not on_map
     ]
-    ground = ground if on_map else None
+    map_image = map_image if on_map else None
     shown = [pose for path in paths for pose in path] + held
-    scale = _fit_scale(shown + _surroundings(shown, ground))
+    scale = _fit_scale(shown + _surroundings(shown, map_image))
     step_m = next((step for step in STEPS_M if WIDTH / scale.per_m / step <= MOST_LINES), STEPS_M[-1])
     return Plot(
-        lines=[line for leg, path in zip(legs, paths, strict=True) for line in _lines(leg, path, scale)],
+        lines=[
+            line for drive, path in zip(drives, paths, strict=True) for line in _lines(drive, path, scale)
+        ],
         marks=[scale(x, y) for x, y, _yaw in held],
         grid_y=_grid(scale.top * scale.per_m, step_m * scale.per_m, HEIGHT),
         grid_x=_grid(-scale.left * scale.per_m, step_m * scale.per_m, WIDTH),
         step_m=step_m,
         on_map=on_map,
-        ground=ground,
-        map_transform=_map_transform(ground, scale) if ground else "",
+        map_image=map_image,
+        map_transform=_map_transform(map_image, scale) if map_image else "",
         replay=[
             [
-                [round(leg.begins_s + sample[0], 2), *scale(x, y), round(-math.degrees(yaw), 1)]
-                for sample, (x, y, yaw) in zip(leg.samples, path, strict=True)
+                [round(drive.begins_s + sample[0], 2), *scale(x, y), round(-math.degrees(yaw), 1)]
+                for sample, (x, y, yaw) in zip(drive.samples, path, strict=True)
             ]
-            for leg, path in zip(legs, paths, strict=True)
+            for drive, path in zip(drives, paths, strict=True)
         ],
     )
 
@@ -132,14 +137,14 @@ def _transformed(pose: Numbers, frame: Numbers | None) -> tuple[float, float, fl
     return left + c * x - s * y, up + s * x + c * y, yaw + turn
 
 
-def _surroundings(poses: Sequence[Numbers], ground: MapImage | None) -> list[Numbers]:
+def _surroundings(poses: Sequence[Numbers], map_image: MapImage | None) -> list[Numbers]:
     """Return the map's corners, limited to `AROUND_M` around these poses."""
-    if ground is None:
+    if map_image is None:
         return []
     (west, east), (south, north) = _reach(poses, 0), _reach(poses, 1)
     return [
         [min(max(x, west - AROUND_M), east + AROUND_M), min(max(y, south - AROUND_M), north + AROUND_M)]
-        for x, y, _yaw in ground.corners
+        for x, y, _yaw in map_image.corners
     ]
 
 
@@ -148,11 +153,11 @@ def _reach(poses: Sequence[Numbers], axis: int) -> tuple[float, float]:
     return min(along), max(along)
 
 
-def _map_transform(ground: MapImage, scale: _Scale) -> str:
+def _map_transform(map_image: MapImage, scale: _Scale) -> str:
     """Return the SVG transform of the map picture."""
-    turn = ground.origin[2]
+    turn = map_image.origin[2]
     c, s = scale.per_m * math.cos(turn), scale.per_m * math.sin(turn)
-    x, y, _yaw = _transformed((0.0, ground.high_m, 0.0), ground.origin)
+    x, y, _yaw = _transformed((0.0, map_image.high_m, 0.0), map_image.origin)
     left, down = (x - scale.left) * scale.per_m, (scale.top - y) * scale.per_m
     return f"matrix({c:.6g} {-s:.6g} {s:.6g} {c:.6g} {left:.6g} {down:.6g})"
 
@@ -167,11 +172,11 @@ def _fit_scale(poses: Sequence[Numbers]) -> _Scale:
     return _Scale(left, top, per_m)
 
 
-def _lines(leg: DrivePath, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
+def _lines(drive: DrivePath, path: Sequence[Numbers], scale: _Scale) -> Iterator[Line]:
     """Join neighbouring steps of one colour to one line, so that it bends smoothly."""
     steps = [
         (pace_of(math.dist(here[:2], there[:2]) / max(later[0] - sooner[0], 1e-3)), here, there)
-        for (sooner, here), (later, there) in pairwise(zip(leg.samples, path, strict=True))
+        for (sooner, here), (later, there) in pairwise(zip(drive.samples, path, strict=True))
     ]
     for pace, of_pace in groupby(steps, key=lambda step: step[0]):
         together = list(of_pace)

@@ -18,7 +18,7 @@ from fleet.audit import wording
 from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Content, Record
 from robots.registry.models import Robot
-from teleop.reports.durations import clock
+from teleop.reports.durations import duration_text
 
 PERIODS_DAYS = (7, 30, 90, 365)
 FAULTS = 10  # the newest
@@ -56,10 +56,10 @@ class Day(Struct, frozen=True):
     @property
     def driven(self) -> str:
         """Time driven, as h:mm:ss."""
-        return clock(self.hours * 3600.0)
+        return duration_text(self.hours * 3600.0)
 
 
-class Use(Struct, frozen=True):
+class Usage(Struct, frozen=True):
     """Hours driven: on each day of the period, in each hour of the day, on each weekday (Monday first). UTC."""
 
     days: list[Day]
@@ -76,14 +76,14 @@ class RobotReport(Struct, frozen=True):
     distance_m: float
     interventions: int
     stops: int
-    use: Use
+    use: Usage
     reasons: list[Reason]
     faults: list[Fault]
 
     @property
     def driven(self) -> str:
         """Time driven, as h:mm:ss."""
-        return clock(self.driven_h * 3600.0)
+        return duration_text(self.driven_h * 3600.0)
 
     @property
     def interventions_per_hour(self) -> float | None:
@@ -143,7 +143,7 @@ def _number(name: str, column: str) -> Cast:
     return Cast(KeyTextTransform(name, column), FloatField())
 
 
-def _use(driven: list[Any], since: date, days: int) -> Use:
+def _use(driven: list[Any], since: date, days: int) -> Usage:
     period = [since + timedelta(days=number) for number in range(days)]
     on_day, metres = dict.fromkeys(period, 0.0), dict.fromkeys(period, 0.0)
     hours, weekdays = [0.0] * 24, [0.0] * 7
@@ -153,7 +153,7 @@ def _use(driven: list[Any], since: date, days: int) -> Use:
         metres[day] += row["metres"] or 0.0
         hours[row["hour"]] += lasted_h
         weekdays[day.weekday()] += lasted_h
-    return Use([Day(day, on_day[day], metres[day]) for day in period], hours, weekdays)
+    return Usage([Day(day, on_day[day], metres[day]) for day in period], hours, weekdays)
 
 
 def _interventions(robot: Robot, since: date, until: date) -> list[Any]:
@@ -184,6 +184,6 @@ def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
     ]
 
 
-def begins(day: date) -> int:
+def day_start_s(day: date) -> int:
     """Return the start of a day (UTC) in seconds since 1970."""
     return int(datetime.combine(day, time(), zones.utc).timestamp())

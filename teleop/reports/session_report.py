@@ -17,7 +17,7 @@ from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
 from robots.registry.selectors import supervises
 from teleop.models import ControlSession
-from teleop.reports.durations import clock
+from teleop.reports.durations import duration_text
 from teleop.reports.path_plot import DrivePath, MapImage, Plot, plot_drives
 from teleop.reports.session_maps import maps_of
 
@@ -28,7 +28,7 @@ _MOST_ROBOT_EVENTS = 50
 _ROBOT_EVENTS = ("fault", "stop.press", "stop.latch")
 
 
-class Entry(Struct, frozen=True):
+class TimelineEntry(Struct, frozen=True):
     """One line of the timeline."""
 
     number: int  # of its record
@@ -56,7 +56,7 @@ class SessionReport(Struct, frozen=True):
     """The content of the page."""
 
     lasted_s: float
-    entries: list[Entry]
+    entries: list[TimelineEntry]
     truncated: bool  # there are older entries
     figures: Figures
     plot: Plot | None
@@ -108,11 +108,11 @@ def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
 # --- timeline -------------------------------------------------------------------------------------
 
 
-def _entry(row: Row, session: ControlSession) -> Entry:
+def _entry(row: Row, session: ControlSession) -> TimelineEntry:
     record = row.record
     records = [record, row.end] if row.end else [record]
     who = "" if record.actor_id == str(session.user_id) else wording.who(record)
-    return Entry(
+    return TimelineEntry(
         number=record.pk,
         at=record.at,
         at_s=_since(session, record.at),
@@ -135,8 +135,8 @@ def _figures(rows: Sequence[Row], drives: Sequence[Row], lasted_s: float) -> Fig
     kinds = [row.record.kind for row in rows]
     ends = [row.end for row in drives if row.end]
     return Figures(
-        lasted=clock(lasted_s),
-        driven=clock(sum(_driven_s(row) for row in drives)),
+        lasted=duration_text(lasted_s),
+        driven=duration_text(sum(_driven_s(row) for row in drives)),
         distance_m=sum(end.details.get("distance_m", 0.0) for end in ends),
         stops=sum(row.record.parameters.get("times", 1) for row in rows if row.record.kind == "stop.press"),
         interventions=kinds.count("gate.begin"),
@@ -158,7 +158,7 @@ def _driven_s(drive: Row) -> float:
 
 
 def _plot(rows: Sequence[Row], drives: Sequence[Row], session: ControlSession) -> Plot | None:
-    legs = {
+    paths = {
         drive.record.pk: DrivePath(
             begins_s=_since(session, drive.record.at),
             samples=_detail(drive.end, "path") or [],
@@ -167,16 +167,16 @@ def _plot(rows: Sequence[Row], drives: Sequence[Row], session: ControlSession) -
         for drive in drives
     }
     marks = [
-        (pose, legs[row.record.of_id].frame)
+        (pose, paths[row.record.of_id].frame)
         for row in rows
         if row.record.kind == "gate.begin"
-        and row.record.of_id in legs
+        and row.record.of_id in paths
         and (pose := _detail(row.record, "pose"))
     ]
-    return plot_drives(list(legs.values()), marks, _ground(session))
+    return plot_drives(list(paths.values()), marks, _map_image(session))
 
 
-def _ground(session: ControlSession) -> MapImage | None:
+def _map_image(session: ControlSession) -> MapImage | None:
     """Return the robot's map at that time."""
     found = maps_of(session).defer("picture").last()
     if found is None:

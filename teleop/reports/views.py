@@ -40,7 +40,7 @@ _AUTHORS = {
 MAP_CACHED_S = 60 * 60  # in the browser; the picture of a number never changes
 
 
-class Line(Struct, frozen=True):
+class RecordLine(Struct, frozen=True):
     """A record as a line of the page; `subject` is the spoken text, or the facts of a record by others."""
 
     at: datetime
@@ -109,7 +109,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
         "days_driven": [day for day in reversed(report.use.days) if day.hours],
         "busiest": _busiest(report.use),
         "use": {
-            "days": [[robot_report.begins(day.day), round(day.hours, 3)] for day in report.use.days],
+            "days": [[robot_report.day_start_s(day.day), round(day.hours, 3)] for day in report.use.days],
             "hours": [round(hours, 3) for hours in report.use.hours],
             "weekdays": [round(hours, 3) for hours in report.use.weekdays],
         },
@@ -144,9 +144,9 @@ def your_data_export(request: HttpRequest) -> HttpResponseBase:
     return own_data.export_of(person_of(request))
 
 
-def _line(row: Row) -> Line:
+def _line(row: Row) -> RecordLine:
     record = row.record
-    return Line(
+    return RecordLine(
         at=record.at,
         robot=record.robot_name,
         what=wording.label(record.kind),
@@ -157,9 +157,9 @@ def _line(row: Row) -> Line:
     )
 
 
-def _line_about(row: Row, person: User) -> Line:
+def _line_about(row: Row, person: User) -> RecordLine:
     record = row.record
-    return Line(
+    return RecordLine(
         at=record.at,
         robot=record.robot_name,
         what=wording.label(record.kind),
@@ -192,7 +192,7 @@ def _paces() -> list[str]:
     return [_("up to %s") % limits[0], *between, _("above %s m/s") % limits[-1]]
 
 
-def _busiest(use: robot_report.Use) -> dict[str, Any] | None:
+def _busiest(use: robot_report.Usage) -> dict[str, Any] | None:
     """Return the hour and the weekday with the most driving; None without driving."""
     if not any(use.hours):
         return None

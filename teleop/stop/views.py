@@ -74,7 +74,7 @@ def _leave_body_unread(request: HttpRequest) -> None:
 _csrf = _CsrfCheck(lambda _request: HttpResponse())
 
 
-def _stops(view: View) -> View:
+def _stop_view(view: View) -> View:
     """Wrap a view that stops robots with its only checks: method, session, CSRF."""
 
     def checked(request: HttpRequest, **parameters: Any) -> HttpResponse:
@@ -88,7 +88,7 @@ def _stops(view: View) -> View:
 
 
 @login_not_required
-@_stops
+@_stop_view
 def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
     """Stop one robot, for a program. The answer is JSON, whatever the request accepts."""
     try:
@@ -102,19 +102,19 @@ def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
 
 
 @login_not_required
-@_stops
+@_stop_view
 def rest_stop_all(request: HttpRequest) -> HttpResponse:
     """Stop every robot in service that this person may see, for a program."""
     return _by_rest(request, _all_seen(request))
 
 
-@_stops
+@_stop_view
 def page_stop(request: HttpRequest, slug: str) -> HttpResponse:
     """Stop one robot, for a page's form."""
     return _by_page(request, [robot_seen_by(person_of(request), slug)])
 
 
-@_stops
+@_stop_view
 def page_stop_all(request: HttpRequest) -> HttpResponse:
     """Stop every robot in service that this person may see, for a page's form."""
     return _by_page(request, _all_seen(request))
@@ -134,13 +134,13 @@ def _by_page(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     """Answer with JSON, or a page that writes nothing: on a full disk the answer must still say what was done."""
     outcomes = emergency_stop.press_once(robots, user=person_of(request), through="page")
     by_slug, status = emergency_stop.http_answer(outcomes)
-    text = _in_words(outcomes)
+    text = _text(outcomes)
     if wants_json(request):
         return JsonResponse({"text": text, "robots": by_slug}, status=status)
     return render(request, "stopped.html", {"text": text, "robots": robots}, status=status)
 
 
-def _in_words(outcomes: emergency_stop.Outcomes) -> str:
+def _text(outcomes: emergency_stop.Outcomes) -> str:
     texts = []
     if unreached := _names(outcomes, Refusal):
         texts.append(_("Not reached: %s. Use the red button on the robot.") % unreached)

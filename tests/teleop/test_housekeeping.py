@@ -62,7 +62,7 @@ def test_daily_work_runs_again_when_the_clock_was_set(monkeypatch):
     """Else a computer that starts with a wrong clock and runs for hours would never do it by the right clock."""
     begun = []
     monkeypatch.setattr(run_housekeeping, "daily_steps", lambda: iter(begun.append(time.time()) or ()))
-    daily = run_housekeeping.Daily()
+    daily = run_housekeeping.DailyWork()
     right = time.time
     for ahead_s in (0.0, 0.0, 10.0, 1e8, 1e8, 0.0, 0.0):
         monkeypatch.setattr(time, "time", lambda ahead_s=ahead_s: right() + ahead_s)

@@ -72,7 +72,7 @@ def drive(robot, operator):
 
 def ground_of(session):
     plot = session_report.report_of(session).plot
-    return plot.ground and plot.ground.number
+    return plot.map_image and plot.map_image.number
 
 
 # --- selection---------------------------------------------------------------------------------------

@@ -56,7 +56,7 @@ class Command(BaseCommand):
                 pass
             return
         over = told_to_end(sys.stdin.fileno(), END_S)
-        daily, robots = Daily(), RobotWatch()
+        daily, robots = DailyWork(), RobotWatch()
         while not over.wait(EVERY_S):
             try:
                 end_lapsed()
@@ -67,7 +67,7 @@ class Command(BaseCommand):
             close_old_connections()
 
 
-class Daily:
+class DailyWork:
     """The daily work: begun at the start, every day, and when the clock was set; a little in each round."""
 
     def __init__(self) -> None:
