@@ -1,7 +1,7 @@
-"""The bridge's decisions: who may drive, which twist is sent, when the robot must stand still.
+"""Decide which twist one robot receives: joins lease, dead-man, stop, audit and gate.
 
-`Core` is the one place where lease, dead-man, stop, audit and gate meet. It knows no socket, no ROS and no clock: time
-is an argument (monotonic seconds), the base is a small protocol. Everything runs on one thread.
+`Core` knows no socket, no ROS and no clock: time is an argument (monotonic seconds), and `Base` is the protocol to the
+robot. Everything runs on one thread.
 """
 
 from __future__ import annotations
@@ -36,15 +36,20 @@ from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
 
-QUIET_AFTER_S = 1.0  # zeros are repeated this long after control ended, then the topic is left to others
+QUIET_AFTER_S = (
+    1.0  # zeros are repeated for this time after control ended; then the topic is free for other nodes
+)
 ODOMETRY_ONLINE_S = 1.0
-PRESSES_KNOWN = 1000  # the newest; a press that is delivered twice comes twice within seconds
+PRESSES_KNOWN = 1000  # newest presses; a press that is delivered twice arrives twice within seconds
 AT_ONCE_S = 0.05
-PRESS_KEPT_S = 60.0  # a press that a watchdog heard longer ago may be of another run of this computer
-REACHED_S = 1.0  # after joining the master: whoever listens to cancels is connected by then
+PRESS_KEPT_S = (
+    60.0  # a press that the watchdog heard longer ago may belong to an earlier boot of this computer
+)
+REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
-# Refusals that come while the stick is out: what asks for motion since then does not count once they are over.
+# A refusal with one of these codes, while the stick is out, requires neutral: the robot must not start to move by
+# itself when the cause ends.
 _HALTING = {
     "motion_running": "nothing drives during a motion",
     "not_recorded": "what the robot did could not be recorded",
@@ -52,7 +57,7 @@ _HALTING = {
 
 
 class Base(TaskPerformer, Protocol):
-    """The commands that the core may send to the robot."""
+    """The core's actions on the robot."""
 
     def publish(self, velocity: Velocity) -> None:
         """Send a twist on the drive topic."""
@@ -61,15 +66,15 @@ class Base(TaskPerformer, Protocol):
         """Cancel every goal of every action in `Topics.cancel_on_stop`, whoever sent it."""
 
     def acknowledged_s(self, now_s: float) -> float | None:
-        """How long the robot's machine takes to acknowledge a twist; None if nothing new shows it."""
+        """Return the seconds in which the robot's computer acknowledged a twist; None without a new measurement."""
 
     @property
     def listeners(self) -> int:
-        """How many nodes listen to the drive topic."""
+        """Number of nodes that subscribe to the drive topic."""
 
 
 class RosStatus(Struct, frozen=True):
-    """How the connection to the robot's master is, as its watcher sees it."""
+    """State of the connection to the robot's ROS master, as the master monitor sees it."""
 
     phase: Literal["waiting", "refused", "connecting"]
     text: str
@@ -78,19 +83,20 @@ class RosStatus(Struct, frozen=True):
 
 
 class Reported(Struct):
-    """The newest reports of the robot."""
+    """The robot's latest report of its own state."""
 
-    odometry: tuple[float, Pose, Velocity] | None = None  # when it arrived, and what it said
+    odometry: tuple[float, Pose, Velocity] | None = None  # arrival time, pose and velocity
     battery_percent: float | None = None
     charging: bool | None = None
-    skew_s: float | None = None  # of its clock against ours, steadied
+    skew_s: float | None = None  # robot's clock minus ours, smoothed
 
 
 class Core:
-    """One robot's rules. `announce` hands a report to every link; stops are numbered from `stops_before` on.
+    """The rules of one robot.
 
-    `on_scan` is called once a scan is in: a picture drawn then is the freshest. `on_news` is called when a sensor told
-    something while somebody may drive: `prepare` then spares the next command the work.
+    `announce` sends a report to every link. Stops are numbered from `stops_before` on. `on_scan` is called after each
+    scan, so that a picture drawn then is fresh. `on_news` is called after each sensor message while somebody has
+    control: `prepare` then does the gate's work before the next command needs it.
     """
 
     def __init__(
@@ -110,7 +116,7 @@ class Core:
         self.config = config
         self.lease = LeaseGuard(left.fence)
         self.stop_state = StopState("clear", number=stops_before)
-        if left.latched:  # whether the robot stands, nobody has seen yet
+        if left.latched:  # nobody has yet measured whether the robot stands still
             self.stop_state = StopState("stopping", left.by or None, left.reason, number=stops_before)
         self.refused: Counter[str] = Counter()
         self._base = base
@@ -121,39 +127,38 @@ class Core:
         self._on_scan = on_scan
         self._on_news = on_news
         self._stick = DriveInput(self.config.stick)
-        self._twists = (
-            DriveInput()
-        )  # velocities that the holder's tools ask for, where the stick asks for none
+        self._twists = DriveInput()  # velocities from the holder's programs, used while the stick rests
         self._page_gone_s: float | None = None
-        self._unrecorded: Refusal | None = None  # why nothing goes on: it could not be recorded
-        self._asking: DriveInput | None = None  # the one that asks for motion
-        self._passed = STILL  # what of it reached the gate
+        self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
+        self._asking: DriveInput | None = None  # the input that asks for motion
+        self._passed = STILL  # the requested twist that was passed to the gate
         self._sent = STILL
         self._publish_until_s = float("-inf")
-        self._stop_latched_s: float | None = None  # None: before this process began
-        self._stop_pressed_s: float | None = None  # and when somebody pressed it; None: not known
-        self._stop_press: UUID | None = None  # the first one of this stop
-        self._presses: deque[UUID] = deque(maxlen=PRESSES_KNOWN)  # that need not stop again
-        self._cancelling = left.latched  # everybody's goals, again and again
+        self._stop_latched_s: float | None = None  # None: before this process started
+        self._stop_pressed_s: float | None = None  # time of the press; None: unknown
+        self._stop_press: UUID | None = None  # the first press of this stop
+        # presses already handled; they do not stop the robot again
+        self._presses: deque[UUID] = deque(maxlen=PRESSES_KNOWN)
+        self._cancelling = left.latched  # repeat the cancel of all goals
         self._cancelled_s = float("-inf")
-        self._joined_s = float("inf")  # the robot's master
+        self._joined_s = float("inf")  # when the robot's master was joined
         self._late = LoopLateness("bridge")
         self._console_late = LoopLateness("console")
-        self.alone = False  # without a watchdog
+        self.alone = False  # the watchdog is missing
         self._silent: tuple[DriveInput, float] | None = (
-            None  # whose last command died, and when that was noticed
+            None  # an input whose last command expired, and when this was noticed
         )
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
-        self._run = 0  # of the robot
+        self._run = 0  # number of the robot's run
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
         self.tasks = Tasks(config, base, gate, records, self, publisher, announce)
 
     # --- control ---------------------------------------------------------------------------------
 
     def grant(self, grant: Grant, link: int, now_s: float) -> None:
-        """Put a checked grant in force. A new holder, or a page that came back, starts with a neutral stick."""
+        """Put a checked grant in force. Neutral is needed first for a new holder and for a page that came back."""
         current = self.lease.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
@@ -172,9 +177,10 @@ class Core:
             self._end_control(reason, now_s)
 
     def hold(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
-        """The holder's page is gone: zero now. A page that comes back counts its commands anew, and orders anew.
+        """Pause control because the holder's page is gone: zero now.
 
-        By another link than the grant's it is late news: the page is back, by that one.
+        A page that comes back starts again with its numbering of commands and tasks. A pause from another link than the
+        grant's is late: the page has already come back through the other link.
         """
         if self.lease.current is None or (self.lease.current.fence, self.lease.link) != (fence, link):
             return
@@ -184,13 +190,13 @@ class Core:
         self.tasks.page_left(now_s)
 
     def link_lost(self, link: int, now_s: float) -> None:
-        """A web process is gone. If control came through it, zero now; the grant runs out by itself."""
+        """Handle the loss of a web process: zero now, if control came through it. The grant expires by itself."""
         if self.lease.current:
             reason = "the console lost its link to the robot"
             self.hold(self.lease.current.fence, reason, link, now_s, "link_lost")
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
-        """A stick position: publish at once what the gate allows of it. Returns why nothing of it was, if so."""
+        """Take a stick position and publish the twist that the gate allows at once. Return the refusal, if any."""
         refusal = self.lease.refuse_drive(drive.fence, link, now_s) or self._stick.take(drive, now_s)
         if refusal is None:
             refusal = self._decide(now_s)
@@ -199,9 +205,9 @@ class Core:
         return refusal
 
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
-        """A velocity from the holder's tools: as if the stick had asked for it."""
+        """Take a velocity from a program of the holder. It passes the same rules as a stick position."""
         if order.sent_ms is None:
-            text = "A velocity needs sent_ms, the sender’s monotonic clock: old ones are not carried out."
+            text = "A velocity needs sent_ms, the sender’s monotonic clock: old velocities are refused."
             return Refusal("invalid", text, "wire")
         limits = self.config.gate.limits
         stick = stick_of(velocity, limits, grant.max_share, self.config.reverse_steering)
@@ -211,9 +217,9 @@ class Core:
     def stop(
         self, by: str, reason: str, now_s: float, press: UUID | None = None, *, waited: bool = False
     ) -> None:
-        """Emergency stop: zero at once, latched, everybody's goals cancelled. Each press is one of its own.
+        """Stop the robot (emergency stop): zero at once, latch, cancel all goals. Each press counts as one stop.
 
-        A press that arrives again, by another way or late, changes nothing: it may have been cleared meanwhile.
+        A press that arrives twice, by another way or late, is ignored: the stop may have been cleared meanwhile.
         """
         if press in self._presses:
             return
@@ -242,19 +248,22 @@ class Core:
     def stopped_elsewhere(
         self, by: str, reason: str, press: UUID | None, now_s: float, pressed_s: float | None = None
     ) -> None:
-        """The watchdog holds a stop: one that it heard, or (`press` None) one that an earlier bridge had latched.
+        """Take a stop from the watchdog: a new press, or (`press` None) a stop that an earlier bridge had latched.
 
-        It heard it at `pressed_s`: this process may have been held up since, or begun only now.
+        The watchdog heard it at `pressed_s`. This process may have been blocked since, or may have started later.
         """
         stop = self.stop_state
         if press is None and stop.state != "clear" and (stop.by or "", stop.reason) == (by, reason):
-            return  # the state file told of it as well
+            return  # the state file already contained this stop
         self.stop(by, reason, now_s, press)
         if press == self._stop_press and self._stop_pressed_s is not None:
             self._pressed_at(pressed_s if pressed_s and 0.0 <= now_s - pressed_s < PRESS_KEPT_S else None)
 
     def _pressed_at(self, pressed_s: float | None) -> None:
-        """The present stop was pressed then, and not when this process heard of it. None: nobody knows when."""
+        """Correct the time of the press of the present stop from the time when this process heard of it.
+
+        None: unknown.
+        """
         heard_s, self._stop_pressed_s = self._stop_pressed_s, pressed_s
         took_ms = self.stop_state.standstill_ms
         if took_ms is not None and heard_s is not None:
@@ -262,17 +271,18 @@ class Core:
             self.stop_state = structs.replace(self.stop_state, standstill_ms=took_ms)
 
     def know(self, presses: Sequence[UUID]) -> None:
-        """These presses need not stop the robot any more."""
+        """Ignore these presses when they arrive."""
         self._presses.extend(presses)
 
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
-        """Release the latch of stop `number`; nothing moves by it. Returns why not, if another was pressed since.
+        """Clear stop `number`; this moves nothing. Return a refusal if somebody pressed stop again since.
 
-        `presses` are older than this clear and may still be on their way: they do not stop any more.
+        `presses` are older than this clear and may still be on their way: ignore them.
         """
         stop = self.stop_state
         if number != stop.number:
-            text = f"The stop was pressed again since{f', by {stop.by}' if stop.by else ''}: look, then clear that one."
+            by = f" by {stop.by}" if stop.by else ""
+            text = f"Stop was pressed again{by}. Check the robot, then clear the new stop."
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
         self.know(presses)
@@ -283,7 +293,10 @@ class Core:
         return None
 
     def tick(self, now_s: float, late_s: float = 0.0) -> None:
-        """Every period: expiry, dead-man, the gate's newest word, zeros. `late_s` after it was due."""
+        """Run the periodic work: expiry, dead-man, the gate's decision, zeros.
+
+        The tick comes `late_s` after it was due.
+        """
         self._late.observe(late_s, now_s)
         self._console_late.observe(0.0, now_s)
         self._expire(now_s)
@@ -303,7 +316,7 @@ class Core:
         self._repeat_cancel(now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
-        """A web process's loop woke late: do not blame the operator for silence in that time."""
+        """Note that a web process's loop was late: do not blame the operator for silence in this time."""
         self._console_late.observe(late_s, now_s)
         if self._silent and now_s - self._silent[1] < late_s:
             stick, noticed_s = self._silent
@@ -313,30 +326,30 @@ class Core:
                     owing.owes = wire.NeutralNeeded(code, reason)
 
     def recorded(self, now_s: float) -> None:
-        """A record is in: what waited for it need not wait for the next tick."""
+        """Begin work that waited for its record at once, instead of at the next tick."""
         self._expire(now_s)
         self._decide(now_s)
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
 
     @property
     def hurries(self) -> bool:
-        """Whether what sensors tell is needed at once, and not only at the next tick. May be asked on any thread."""
+        """Whether sensor messages must be handled at once, not only at the next tick. Thread-safe."""
         return self.lease.current is not None or self.stop_state.state == "stopping"
 
     def publishing(self, now_s: float) -> bool:
-        """Whether twists go out: for control, a stop, or the moment after."""
+        """Whether twists are published: during control, a stop, and shortly after both."""
         return now_s < self._publish_until_s
 
     def close(self, now_s: float) -> None:
-        """The bridge ends: nobody has control any more, and nothing begins."""
+        """End control and tasks: the bridge process ends."""
         self.tasks.close(now_s)
         self._drives.end("bridge_ended", "the bridge ended", now_s)
         self.lease.end()
 
-    # --- what the robot says ---------------------------------------------------------------------
+    # --- reports from the robot -------------------------------------------------------------------
 
     def ros_status(self, status: RosStatus, now_s: float) -> None:
-        """The master came or went, or a survey of the robot's topics is in."""
+        """Take a new state of the ROS connection: master joined or lost, or topics surveyed again."""
         if status.phase != self._ros.phase:
             log.info("ROS: %s: %s", status.phase, status.text)
         joined, was_joined = status.phase == "connecting", self._ros.phase == "connecting"
@@ -350,9 +363,9 @@ class Core:
     def odometry(
         self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity, wall_s: float, run: int = 0
     ) -> None:
-        """One odometry message; `wall_s` is this machine's time of day at arrival, for the clocks' skew.
+        """Take one odometry message; `wall_s` is this computer's time of day at arrival, for the clock skew.
 
-        `run`: another number for another publisher, and for another run of the robot's master.
+        `run` differs for another publisher and for another run of the robot's master.
         """
         if not all(math.isfinite(value) for value in (*pose, *velocity)):
             self.refused["odometry_not_finite"] += 1
@@ -361,7 +374,7 @@ class Core:
             self._run = run
             self._gate.forget(anew=True)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
-            return  # frozen, or overtaken: as if nothing had come
+            return  # repeated or out of order: ignore it
         self._reported.odometry = (arrival_s, pose, velocity)
         skew_s, steadied_s = stamp_s - wall_s, self._reported.skew_s
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
@@ -369,60 +382,60 @@ class Core:
         self._tell_news()
 
     def laser(self, scan: LaserScan) -> None:
-        """One scan."""
+        """Take one laser scan."""
         self._gate.observe_scan(scan)
         self._tell_news()
         self._on_scan()
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
-        """One sonar reading."""
+        """Take one sonar reading."""
         max_range_m = self._sonar_reach_m.get(source, math.inf)
         self._gate.observe_range(source, stamp_s, arrival_s, range_m, max_range_m)
         self._tell_news()
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
-        """One picture of the depth camera."""
+        """Take one frame of the depth camera."""
         self._gate.observe_depth(frame, stamp_s, arrival_s)
         self._tell_news()
 
     def posture(self, arm: Posture, arrival_s: float) -> None:
-        """Where the arm is."""
+        """Take the arm's posture."""
         self._gate.observe_posture(arm, arrival_s)
 
     def bad_depth(self, why: str) -> None:
-        """A picture of the depth camera that cannot be used, and why."""
+        """Note why a frame of the depth camera cannot be used."""
         self._gate.observe_bad_depth(why)
 
     def battery(self, percent: float) -> None:
-        """Charge in percent."""
+        """Take the battery's charge in percent."""
         if math.isfinite(percent):
             self._reported.battery_percent = min(max(percent, 0.0), 100.0)
 
     def charging(self, charging: bool) -> None:
-        """Whether the robot is on its charger."""
+        """Note whether the robot is on its charger."""
         self._reported.charging = charging
 
     def prepare(self, now_s: float) -> None:
-        """Let the gate reckon now what a command would wait for."""
+        """Let the gate compute now, so that the next command does not wait for it."""
         self._gate.prepare(now_s)
 
     def _tell_news(self) -> None:
         if self.lease.current:
             self._on_news()
 
-    # --- what is told of it ------------------------------------------------------------------------
+    # --- state for links and the state file -------------------------------------------------------
 
     def persisted(self) -> Persisted:
-        """The state that must survive a kill."""
+        """Return the state that must survive a kill of this process."""
         stop = self.stop_state
         return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest)
 
     def hello(self) -> wire.BridgeHello:
-        """First word to a web process. It needs nothing that the robot tells."""
+        """Return the first message to a web process. It does not depend on the robot."""
         return wire.BridgeHello(wire.PROTOCOL, self.config.robot_id, self.config.slug, self.lease.highest)
 
     def headline(self, now_s: float) -> tuple[object, ...]:
-        """The part of the state that is told at once when it changes."""
+        """Return the part of the state whose changes are reported at once."""
         grant, tasks = self.lease.current, self.tasks
         motion, speech = tasks.motions.view(now_s), tasks.speech.view(now_s)
         return (
@@ -443,7 +456,7 @@ class Core:
         return (self._asking or self._stick).owes
 
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
-        """The robot as it is now."""
+        """Return the robot's present state."""
         phase, text = self._phase(now_s)
         told = self._reported
         inputs = state_view.StateInputs(
@@ -465,10 +478,10 @@ class Core:
         )
         return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
 
-    # --- what orders must know (orders.Rules) ------------------------------------------------------
+    # --- rules for tasks (tasks.Rules) ------------------------------------------------------------
 
     def why_closed(self, now_s: float) -> Refusal | None:
-        """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
+        """Return why the robot takes no request from anybody: stopped, offline, or records cannot be written."""
         if self.stop_state.state != "clear":
             return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
         phase, text = self._phase(now_s)
@@ -477,33 +490,33 @@ class Core:
         return self._unrecorded
 
     def why_not_begin(self, requester: Requester, now_s: float) -> Refusal | None:
-        """Why what was asked for may not begin now: control is elsewhere, nobody is there, or the robot is closed."""
+        """Return why a requested task may not begin now: control lost, page gone, or the robot takes no request."""
         refusal = self.lease.refuse_drive(requester.holder.fence, requester.link, now_s)
         if refusal is None and self._page_gone_s is not None:
             refusal = Refusal("link_lost", "The console lost its link to the robot.", "lease")
         return refusal or self.why_closed(now_s)
 
     def why_not_still(self, now_s: float) -> Refusal | None:
-        """The base moves, or is told to, or nobody knows."""
+        """Return a refusal if the base moves, is commanded to move, or its motion is unknown."""
         still = self._gate.standstill(now_s)
         if self._passed != STILL or still is False:
-            return Refusal("base_moving", "The robot drives: let it stand still first.", "robot")
+            return Refusal("base_moving", "The robot drives: wait until it stands still.", "robot")
         if still is None:
-            text = "Whether the robot stands still is not known: its odometry is late."
+            text = "It is unknown whether the robot stands still: its odometry is late."
             return Refusal("base_moving", text, "robot")
         return None
 
     def halt(self, code: str, reason: str, now_s: float) -> None:
-        """Zero now, and a neutral stick before anything moves again."""
+        """Send zero now and require neutral before the robot moves again."""
         self._need_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
 
-    # --- inside ----------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     def _decide(self, now_s: float) -> Refusal | None:
-        """Publish what is right now. Returns why a stick that asks for motion gets none, if a rule forbids it."""
+        """Publish the present twist. Return why an input that asks for motion is refused, if it is."""
         grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
@@ -529,15 +542,18 @@ class Core:
         return None if refusal is WAITING else refusal
 
     def _why_silent(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
-        """Why no command of `stick` is young enough: this computer, where its lateness explains it, else the sender."""
+        """Return code and reason for the expired commands of `stick`: this computer was late, or the sender was silent.
+
+        This computer is named only if its lateness explains the gap.
+        """
         for late, part in ((self._late, "the bridge"), (self._console_late, "the console")):
-            late_s = late.since(now_s - AT_ONCE_S)  # else what came meanwhile has been read
+            late_s = late.since(now_s - AT_ONCE_S)  # messages that arrived earlier have been read
             if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
                 return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
         return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
 
     def _watch_records(self, now_s: float) -> None:
-        """Stop everything that cannot be recorded. A task that waited for its record does not begin late."""
+        """Stop motion and tasks while records cannot be written; no task may begin late."""
         why = self._records.overdue(now_s)
         if why is None:
             self._unrecorded = None
@@ -546,9 +562,9 @@ class Core:
             self.tasks.unrecorded(self._unrecorded, now_s)
 
     def _awaited(self, now_s: float) -> wire.NeutralNeeded | None:
-        """The part of the robot that must be back before a stick in the middle counts, or before one that is out does.
+        """Return the part of the robot that must be back before stick positions count, also neutral ones.
 
-        Else a stick that is pushed while a sensor is silent would drive off by itself once it is back.
+        Otherwise a stick that is pushed while a sensor is silent would drive off by itself when the sensor is back.
         """
         if self._phase(now_s)[0] != "online":
             return wire.NeutralNeeded("robot_offline", "the robot was away")
@@ -556,10 +572,10 @@ class Core:
         return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
 
     def _wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
-        """The requested velocity and its source: the page's stick, or a twist while the stick rests.
+        """Return the input that asks for motion and its velocity: the page's stick or, while that rests, a twist.
 
-        One that is in the middle, if that counts, has done what it owes, and so has another that was not out when it
-        was last seen.
+        An input in the middle, if `middle_counts`, satisfies the neutral that is needed. So does the other input if it
+        was in the middle when last seen.
         """
         limits, steering = self.config.gate.limits, self.config.reverse_steering
         wanted = {
@@ -576,12 +592,12 @@ class Core:
         return next(((stick, velocity) for stick, velocity in wanted.items() if stick.is_out), (None, STILL))
 
     def _count_anew(self) -> None:
-        """Commands come from another page, or from one that was loaded again."""
+        """Forget the inputs' numbering: commands come from another page, or from a page that was loaded again."""
         self._stick = DriveInput(self.config.stick)
         self._twists = DriveInput()
 
     def _why_not(self, grant: Grant, stick: DriveInput, now_s: float) -> Refusal | None:
-        """The first rule that forbids motion, lease and age apart."""
+        """Return the first rule that forbids motion. Lease and age are checked elsewhere."""
         if closed := self.why_closed(now_s):
             return closed
         if refusal := self.tasks.why_stand(now_s) or self._drives.why_not:
@@ -597,7 +613,7 @@ class Core:
         return self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
-        """Publish while there is a reason to; then leave the topic to others."""
+        """Publish while there is a reason to; then leave the topic to other nodes."""
         if self.lease.current or self.stop_state.state != "clear":
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
@@ -605,7 +621,7 @@ class Core:
         self._sent = velocity
 
     def _need_neutral(self, code: str, reason: str) -> None:
-        """Something other than the operator stops the robot: a neutral stick before it moves again."""
+        """Require neutral before the robot moves again: it was stopped by a cause other than the operator."""
         self._drives.halted(reason)
         self._owe_neutral(code, reason)
 
@@ -614,7 +630,7 @@ class Core:
             stick.owe(code, reason)
 
     def _expire(self, now_s: float) -> None:
-        """A grant that has run out is over, whichever comes first of the tick and what was waited for."""
+        """End an expired grant. The tick calls this, and so does each event that lets waiting work begin."""
         if self.lease.expired(now_s):
             self._end_control("Control was not renewed in time.", now_s)
 
@@ -627,9 +643,10 @@ class Core:
         self._announce(Ended(ended.fence))
 
     def _repeat_cancel(self, now_s: float) -> None:
-        """A cancel may reach nobody: the master is away, or a listener not connected yet. And others ask for more.
+        """Repeat the cancel of all goals while the stop is latched.
 
-        So it is repeated while the stop is latched; if it was cleared before the robot could be reached, until then.
+        One cancel may be lost: the master is away, a subscriber is not connected yet, other nodes send new goals. If
+        the stop is cleared before the robot is reached, repeat until it is reached.
         """
         if not self._cancelling:
             return
@@ -638,15 +655,15 @@ class Core:
         self._cancelling = self.stop_state.state != "clear" or now_s - self._joined_s < REACHED_S
 
     def _cancel_all(self, now_s: float) -> None:
-        """Cancel everybody's goals. A failed cancel must not block the stop."""
+        """Cancel the goals of all nodes. A failed cancel must not block the stop."""
         self._cancelled_s = now_s
         try:
             self._base.cancel_all()
         except Exception:
-            log.exception("goals were not cancelled")
+            log.exception("cancelling all goals failed")
 
     def _see_standstill(self, still: bool | None, seen_s: float) -> None:
-        """Odometry that came at `seen_s` shows standstill: it ends a stop that was pressed before."""
+        """End the stopping phase if odometry that arrived at `seen_s`, after the press, shows standstill."""
         latched_s, pressed_s = self._stop_latched_s, self._stop_pressed_s
         if still is False:
             self.stop_state = structs.replace(self.stop_state, was_standing=False)
@@ -657,15 +674,15 @@ class Core:
             self.stop_state = structs.replace(self.stop_state, state="stopped", standstill_ms=took_ms)
 
     def _phase(self, now_s: float) -> tuple[wire.Phase, str]:
-        """Where the robot is on the way to being drivable, and what is missing."""
+        """Return how far the robot is on the way to being drivable, and what is missing."""
         topics = self.config.topics
         if self._ros.phase != "connecting":
             return self._ros.phase, self._ros.text
         if self._base.listeners == 0:
-            return "connecting", self._problem(f"Nothing on the robot listens to {topics.drive.name}.")
+            return "connecting", self._problem(f"No node on the robot subscribes to {topics.drive.name}.")
         odometry = self._reported.odometry
         if odometry is None or now_s - odometry[0] > ODOMETRY_ONLINE_S:
-            return "connecting", self._problem(f"No odometry comes from {topics.odometry.name}.")
+            return "connecting", self._problem(f"No odometry arrives on {topics.odometry.name}.")
         return "online", self._ros.problems[0] if self._ros.problems else ""
 
     def _problem(self, otherwise: str) -> str:

@@ -1,4 +1,4 @@
-"""State and picture of a robot for pages. Reads only."""
+"""Build the reports about the robot: its state, and a picture of its surroundings. Reads only."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from robots.bridge.tasks.tasks import Tasks
 from robots.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
-DRAWN_GRAIN_CM = 6  # surfaces are many points; a picture for fifty viewers must stay small
+DRAWN_GRAIN_CM = 6  # surfaces have many points; a picture for fifty viewers must stay small
 
 
 class StateInputs(NamedTuple):
-    """How things stand by the bridge's rules, and what the robot told of itself."""
+    """The core's part of the state."""
 
     phase: wire.Phase
     text: str
@@ -32,24 +32,24 @@ class StateInputs(NamedTuple):
     foreign: list[str]  # other nodes that publish to the drive topic
     verdict: Verdict
     refused: Counter[str]
-    odometry: tuple[float, Pose, Velocity] | None  # when it came, and what it said
+    odometry: tuple[float, Pose, Velocity] | None  # arrival time, pose, velocity
     battery_percent: float | None
     charging: bool | None
-    skew_s: float | None  # of the robot's clock against ours
+    skew_s: float | None  # robot's clock minus ours
     overload: wire.Overload | None
-    alone: bool  # without a watchdog
+    alone: bool  # the watchdog is missing
 
 
 def state(
     inputs: StateInputs, gate: Gate, tasks: Tasks, now_s: float, watchers: list[str], watchers_more: int
 ) -> wire.State:
-    """The robot as it is now."""
+    """Return the robot's present state."""
     grant, skew_s = inputs.grant, inputs.skew_s
     return wire.State(
         phase=inputs.phase,
         text=inputs.text,
         stop=inputs.stop,
-        # Limits are the driver's; some sensors are listened to only for one.
+        # Speed limits concern the driver only; some sensors are subscribed only while somebody drives.
         verdict=_verdict(inputs.verdict, gate.limits(now_s) if grant else ()),
         odometry=_odometry(*inputs.odometry[1:]) if inputs.odometry else None,
         unseen_s=round(now_s - inputs.odometry[0], 1) if inputs.odometry else None,
@@ -81,7 +81,7 @@ def state(
 
 
 def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
-    """Known obstacles, for the picture."""
+    """Return obstacles and sonar ranges for pictures."""
     obstacles = gate.obstacles(now_s)
     x, y = obstacles.points.T
     near = np.flatnonzero(x * x + y * y < VIEW_RADIUS_M**2)
@@ -97,7 +97,10 @@ def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
 def _centimetres(
     obstacles: Obstacles, near: NDArray[np.intp], kinds: Collection[Kind], grain: int = 1
 ) -> list[int]:
-    """Obstacles of these kinds among the rows `near`: a flat list, one point for each `grain` centimetres."""
+    """Return the points `near` of these kinds of sensors, in centimetres: flat (x, y, x, y ...), one per grid cell.
+
+    `near` holds row numbers; a cell has `grain` centimetres.
+    """
     drawn = np.array([kind in kinds for kind in obstacles.kinds], dtype=np.bool_)
     rows = near[drawn[obstacles.source[near]]]
     if not len(rows):
@@ -105,7 +108,7 @@ def _centimetres(
     places = np.rint(obstacles.points.T.take(rows, axis=1) * (100 / grain)).astype(np.int32)
     if grain > 1:
         cells = places[0] * 10_000 + places[1]
-        order = cells.argsort(kind="stable")  # half of what np.unique takes for the same
+        order = cells.argsort(kind="stable")  # half the time of np.unique
         ordered = cells[order]
         first = np.append(True, ordered[1:] != ordered[:-1])
         places = places.take(order[first], axis=1) * grain

@@ -1,4 +1,4 @@
-"""Commands from the stick: how old they are, how long they live, what twist they ask for. Pure."""
+"""Age and life of stick commands, and the twist for a stick position. Pure."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ _WINDOW_S = 30.0
 
 
 class AgeEstimator:
-    """Age of messages by the sender's monotonic clock, without knowing its offset to ours.
+    """Estimate the age of messages by the sender's monotonic clock, without its offset to our clock.
 
-    The smallest (arrival - sent) seen is taken as the offset plus the shortest way; what a
-    message took beyond that is its age. The minimum is kept over the last 30 to 60 s, so that clocks
-    may drift and a network may change for good.
+    The smallest (arrival - sent) seen counts as the offset plus the shortest delay; a message's delay beyond that is
+    its age. The minimum covers the last 30 to 60 s, because clocks drift and a network's delay may change.
     """
 
     def __init__(self) -> None:
-        self._best = [float("inf"), float("inf")]  # of the window before, and of this one
+        self._best = [float("inf"), float("inf")]  # of the previous window, of this window
         self._window_ends_s = float("-inf")
 
     def age_s(self, sent_s: float, now_s: float) -> float:
-        """Seconds that this message is older than the fastest one seen."""
+        """Return how many seconds older this message is than the fastest one seen."""
         if now_s >= self._window_ends_s:
             self._best = [self._best[1], float("inf")]
             self._window_ends_s = now_s + _WINDOW_S
@@ -36,10 +35,10 @@ class AgeEstimator:
 
 
 class DriveInput:
-    """The newest command of one source (a page, its holder's tools), its stick position passed through `steps`.
+    """The newest command of one source (a page, or its holder's programs), after the input filters `steps`.
 
-    A command lives `COMMAND_LIFE_S` from when it can have been sent at the earliest. After a stop that the operator did
-    not make a stick `owes` neutral: nothing moves by it before it was in the middle itself.
+    A command lives `COMMAND_LIFE_S` from the earliest time at which it can have been sent. After a stop by any cause
+    other than the operator, the source `owes` neutral: it moves nothing before its stick was in the middle.
     """
 
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:
@@ -50,20 +49,20 @@ class DriveInput:
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
         self.owes: NeutralNeeded | None = None
-        self.is_out = False  # as it was last seen, also if that command has died since
+        self.is_out = False  # as last seen, also after that command expired
 
     @property
     def taken_s(self) -> float:
-        """When the last command was taken."""
+        """Time of the last accepted command."""
         return self._taken_s
 
     @property
     def seq(self) -> int | None:
-        """Number of the last command that was taken."""
+        """Number of the last accepted command."""
         return self._drive.seq if self._drive else None
 
     def take(self, drive: Drive, now_s: float) -> Refusal | None:
-        """Make `drive` the newest command, or say why not."""
+        """Make `drive` the newest command, or return why it is refused."""
         if self._drive and drive.seq <= self._drive.seq:
             return Refusal(
                 "out_of_order",
@@ -75,7 +74,7 @@ class DriveInput:
         if age_s > COMMAND_LIFE_S:
             return Refusal(
                 "too_old",
-                f"The command was {age_s:.2f} s on its way; after {COMMAND_LIFE_S} s none is carried out.",
+                f"The command was {age_s:.2f} s on its way; commands older than {COMMAND_LIFE_S} s are refused.",
                 "dead-man",
                 {"age_s": round(age_s, 3), "limit_s": COMMAND_LIFE_S},
             )
@@ -84,16 +83,19 @@ class DriveInput:
         return None
 
     def current(self, now_s: float) -> Drive | None:
-        """The command that holds now, None when the last has died."""
+        """Return the valid command; None if the last one has expired."""
         return self._drive if now_s < self._dies_s else None
 
     def owe(self, code: str, reason: str) -> None:
-        """Nothing moves before this stick was in the middle. The first reason is the one that is told."""
+        """Require a stick in the middle before anything moves. The first reason is the one reported."""
         if self.owes is None:
             self.owes = NeutralNeeded(code, reason.rstrip("."))
 
     def _shaped(self, drive: Drive, now_s: float) -> Drive:
-        """The command with what the steps make of its position: once for each, whatever the ticks."""
+        """Return the command with its position filtered.
+
+        Each command passes the filters once, however often the core ticks.
+        """
         position = StickPosition(drive.x, drive.y, drive.w)
         position, self._memory = apply_filters(self._steps, self._memory, position, now_s - self._taken_s)
         self._taken_s = now_s
@@ -101,10 +103,10 @@ class DriveInput:
 
 
 def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering: str) -> Velocity:
-    """The twist a stick position asks for.
+    """Return the twist that a stick position asks for.
 
-    The share scales the forward, lateral and turning limits; reverse is as fast as that allows,
-    up to the robot's own reverse limit. With "car" steering the turn is mirrored in reverse.
+    The share scales the forward, lateral and turning limits, and reverse up to the robot's reverse limit. With "car"
+    steering the turn is mirrored in reverse.
     """
     share = min(drive.share, max_share)
     forward = limits.forward_mps * share
@@ -117,7 +119,7 @@ def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering
 
 
 def stick_of(velocity: Velocity, limits: Limits, max_share: float, reverse_steering: str) -> StickPosition:
-    """The stick position that asks for `velocity` at share 1, or for as much of it as is allowed."""
+    """Return the stick position that asks for `velocity` at share 1, or for the allowed part of it."""
     forward = limits.forward_mps * max_share
     x = _axis(velocity.vx, forward if velocity.vx >= 0 else min(forward, limits.reverse_mps))
     y = _axis(velocity.vy, limits.lateral_mps * max_share)

@@ -1,10 +1,9 @@
-"""The drive log: a drive is recorded before the robot moves, and again at standstill.
+"""The drive log: the start of a drive is recorded before the robot moves; the drive ends at standstill.
 
-The control loop calls `may_move` and never waits. A gate intervention has one record at its begin and one at its end.
-
-A flickering rule is one intervention: it ends when the rule has held nothing back for `MERGE_S`. Other rules of that
-time are named in the end's record and get their own records later. So there are at most two records a second. Only a
-stop after which the stick must return to neutral is always recorded at once.
+The control loop calls `may_move` and never waits. A gate intervention gets one record at its begin and one at its end.
+An intervention ends when its rule has limited nothing for `MERGE_S`; shorter pauses belong to it. The end's record
+names other rules that limited meanwhile; such a rule gets its own records after the first intervention has ended. So
+there are at most two records a second. One exception: a stop that requires a neutral stick is always recorded at once.
 """
 
 from __future__ import annotations
@@ -22,23 +21,23 @@ from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.wire import Refusal
 
 _STANDSTILL_S = 0.5
-MERGE_S = 1.0  # a pause of the same intervention, if it is shorter
-SIMPLIFIED_AT_ONCE = 120  # samples: a minute of them, so that a long drive takes no memory
-# Not interventions: nothing is held back that the robot could do.
+MERGE_S = 1.0  # s: a shorter pause belongs to the same intervention
+SIMPLIFIED_AT_ONCE = 120  # samples, one minute: bounds the memory of a long drive
+# Not interventions: the gate limits nothing that the robot could do.
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
 
-WAITING = Refusal("recording", "The drive is being put on record.", "audit")
+WAITING = Refusal("recording", "The start of the drive is being recorded.", "audit")
 
 
 @dataclass
 class _Drive:
-    """A drive under way; `number` is known once its start is committed."""
+    """A drive in progress; `number` is known when its start is committed."""
 
     holder: Holder
     started_s: float
     number: Future[int]
     track: Track
-    path: Path = field(default_factory=Path)  # the worker's
+    path: Path = field(default_factory=Path)  # used by the worker thread only
     interventions: int = 0
     still_since_s: float | None = None
     halted_by: str | None = None
@@ -50,21 +49,21 @@ class _Intervention:
     began_s: float
     number: Future[int]
     nearest: Verdict
-    held_s: float  # when it held back last, and where
+    held_s: float  # when and where it last limited the robot
     held_at: Pose | None
-    also: set[str] = field(default_factory=set)  # codes of other rules that held back meanwhile
+    also: set[str] = field(default_factory=set)  # codes of other rules that limited the robot meanwhile
 
     def holds(self, verdict: Verdict, pose: Pose | None, now_s: float) -> None:
-        """It goes on."""
+        """Note that the intervention goes on."""
         self.held_s, self.held_at = now_s, pose
         if _distance_m(verdict) < _distance_m(self.nearest):
             self.nearest = verdict
 
 
 class DriveLog:
-    """At most one drive at a time, and within it at most one gate intervention.
+    """Keep at most one drive in progress, with at most one gate intervention.
 
-    `map_to_odom` tells where the odometry frame is in the map's, if that is known.
+    `map_to_odom` returns the pose of the odometry frame in the map frame, if known.
     """
 
     def __init__(self, records: Records, map_to_odom: Callable[[], Pose | None] = lambda: None) -> None:
@@ -76,7 +75,7 @@ class DriveLog:
         self._intervention: _Intervention | None = None
 
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
-        """None once the drive's start is committed; until then why not. Begins it on the first call."""
+        """Return None when the drive's start is committed, until then a refusal. The first call begins the drive."""
         if self._drive and self._drive.holder.fence != holder.fence:
             self.end("control_changed", "control changed", now_s)
         if self._drive is None:
@@ -85,28 +84,31 @@ class DriveLog:
 
     @property
     def why_not(self) -> Refusal | None:
-        """Why no drive begins: what was to be recorded last was not. One under way goes on until that is overdue."""
+        """Return why no new drive may begin: the last records are not written.
+
+        A drive in progress goes on until they are overdue.
+        """
         trouble = self._records.trouble
         return unrecorded(trouble.why) if trouble is not None and not self._committed else None
 
     @property
     def under_way(self) -> bool:
-        """Whether there is a drive, be its start on record or not yet."""
+        """Whether a drive is in progress, recorded or not."""
         return self._drive is not None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
-        """Odometry: where the robot is, and what the drive's figures and path are made of."""
+        """Take odometry: it gives the drive's figures and path."""
         self._pose = pose
         if self._drive is not None:
             self._drive.track.moved(pose, velocity, now_s)
 
     def halted(self, reason: str) -> None:
-        """Something other than the operator stopped the robot."""
+        """Note that a cause other than the operator stopped the robot."""
         if self._drive is not None and self._drive.halted_by is None:
             self._drive.halted_by = reason
 
     def decided(self, verdict: Verdict, now_s: float) -> None:
-        """A verdict of the gate on a command of this drive."""
+        """Take the gate's verdict on a command of this drive."""
         drive, current = self._drive, self._intervention
         if drive is None or not self._committed:
             return
@@ -124,7 +126,7 @@ class DriveLog:
             current.also.add(verdict.code)
 
     def tick(self, now_s: float, still: bool) -> None:
-        """Once per period. `still`: zero is sent and odometry shows standstill."""
+        """Run the periodic work. `still`: zero is sent and odometry shows standstill."""
         drive = self._drive
         if drive is None or not drive.number.done():
             return
@@ -144,7 +146,7 @@ class DriveLog:
                 self.end("standstill", "standstill", now_s)
 
     def end(self, outcome: DriveEnd, ended_by: str, now_s: float) -> None:
-        """End the drive under way, if any."""
+        """End the drive in progress, if any."""
         drive = self._drive
         if drive is None:
             return
@@ -172,7 +174,7 @@ class DriveLog:
 
     @property
     def _committed(self) -> bool:
-        """Whether the start of the drive under way is on record."""
+        """Whether the start of the drive in progress is recorded."""
         number = self._drive.number if self._drive else None
         return number is not None and number.done() and number.exception() is None
 

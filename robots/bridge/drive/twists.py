@@ -1,4 +1,4 @@
-"""Velocities in the words of a geometry_msgs/Twist: from fields, nested or with dotted keys. Pure."""
+"""Planar velocities from the fields of a geometry_msgs/Twist, nested or with dotted keys. Pure."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TYPES = tuple(_DEFINITIONS)
 
 
 def velocity_from(fields: Mapping[str, Any], type_name: str) -> Velocity | Refusal:
-    """The planar velocity (m/s, rad/s), or the first field that is none of a base's."""
+    """Return the planar velocity (m/s, rad/s), or a refusal of the first field that a base cannot follow."""
     try:
         given = fitted(_DEFINITIONS[type_name], fields)
     except BadField as error:

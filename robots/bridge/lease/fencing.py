@@ -1,7 +1,7 @@
-"""Handle grants, renewals and revokes in order; a new fence is on disk before it is valid.
+"""Take grants, revokes and pauses in order; store each new fence on disk before it is in force.
 
-A disk may hang. Messages for a fence that is still being written wait for it in order: no revoke overtakes its own
-grant. Everything else goes on: the present holder can be stopped or revoked in the meantime.
+A disk may hang. Messages about a fence that is still being written wait for it in order, so that a revoke never
+overtakes its grant. All other messages go on: an older holder can be stopped or revoked meanwhile.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from robots.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
 
 log = logging.getLogger(__name__)
 
-WAITING_MOST = 100  # beyond, the oldest go unanswered; a revoke never goes before its grant
+WAITING_MOST = 100  # beyond this number the oldest get no answer; a revoke never overtakes its grant
 
 Message = Grant | Revoke | Pause
 _Waiting = deque[tuple[Link, Message]]
 
 
 class StateWriter(Protocol):
-    """The state file (`robots.bridge.lease.state_store.StateStore`)."""
+    """Writer of the state file (`robots.bridge.lease.state_store.StateStore`)."""
 
     def save(self, state: Persisted) -> None:
-        """Write durably, or raise OSError."""
+        """Write durably. Raises OSError."""
 
 
 class FenceStore:
-    """Control of one robot, as its links give and take it. Runs on the event loop; one thread writes the state file.
+    """Apply the messages about control of one robot. Runs on the event loop; one thread writes the state file.
 
-    `on_latch` is called when a stop was pressed or cleared, before anybody is told that it was.
+    `on_latch` is called when stop is pressed or cleared, before anybody is notified.
     """
 
     def __init__(
@@ -49,10 +49,10 @@ class FenceStore:
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="state-file")
         self._on_disk = fence_on_disk
         self._writing = False
-        self._waiting = _Waiting(maxlen=WAITING_MOST)  # for a number that is not on disk yet
+        self._waiting = _Waiting(maxlen=WAITING_MOST)  # messages about a fence that is not on disk yet
 
     def hear(self, link: Link, message: Message) -> None:
-        """Do what `message` says, now or once its number is on disk."""
+        """Apply `message` now, or when its fence is on disk."""
         if isinstance(message, Grant):
             refusal = self._core.lease.check(message)
             if refusal is not None:
@@ -67,11 +67,11 @@ class FenceStore:
             self._write_number()
 
     def forget(self, link: Link) -> None:
-        """A link is gone, and with it what it asked for and did not get yet."""
+        """Drop the waiting messages of a closed link."""
         self._waiting = _Waiting((entry for entry in self._waiting if entry[0] is not link), WAITING_MOST)
 
     def save_latch(self) -> Future[None]:
-        """Write the stop latch in the background: the robot has been told already. Returns when it is done."""
+        """Write the stop latch in the background; the robot already stops. The future ends when it is written."""
         self._on_latch()
         saved = self._disk.submit(self._store.save, self._core.persisted())
         saved.add_done_callback(_log_failure)
@@ -99,7 +99,7 @@ class FenceStore:
         written.add_done_callback(lambda future: self._wrote(state.fence, future))
 
     def _wrote(self, fence: int, written: asyncio.Future[None]) -> None:
-        """Go on with what waited; a number that came while this one was written is written next."""
+        """Apply the waiting messages. A fence that arrived during this write is written next."""
         self._writing = False
         if written.cancelled():  # the bridge ends
             return
@@ -110,7 +110,7 @@ class FenceStore:
             for link, message in waited:
                 self.hear(link, message)
             return
-        log.error("a fencing number was not written: %s", error)
+        log.error("writing a fence failed: %s", error)
         for link, message in waited:
             if isinstance(message, Grant):
                 link.report(Refused("grant", _not_saved(error), fence=message.fence))
@@ -118,11 +118,11 @@ class FenceStore:
 
 def _not_saved(error: BaseException) -> Refusal:
     why = error.strerror if isinstance(error, OSError) else error
-    text = f"The bridge cannot write its state file ({why}): control is not given."
+    text = f"The bridge cannot write its state file ({why}), so it grants no control."
     return Refusal("state_not_saved", text, "lease")
 
 
 def _log_failure(saved: Future[None]) -> None:
     error = saved.exception()
     if error is not None:
-        log.error("the state file was not written: %s", error)
+        log.error("writing the state file failed: %s", error)

@@ -1,4 +1,4 @@
-"""The lease as the bridge enforces it: one grant, its fence, its end. Pure."""
+"""Check commands against the lease: one grant, its fence and its end. Pure."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from robots.wire import Grant, Refusal
 
 @dataclass
 class LeaseGuard:
-    """The grant in force and the highest fencing number ever seen."""
+    """The grant in force and the highest fence ever seen."""
 
     highest: int
     current: Grant | None = None
-    last: Grant | None = None  # in force now, or before
-    link: int | None = None  # the link it came by: only commands from there count
+    last: Grant | None = None  # the grant in force, or the latest one
+    link: int | None = None  # the link of the grant: only commands from it count
     ends_s: float = float("-inf")
 
     def check(self, grant: Grant) -> Refusal | None:
-        """Why `grant` cannot be taken, None if it can."""
+        """Return why `grant` is refused; None if it may be taken."""
         if grant.fence < self.highest:
             return Refusal(
                 "old_fence",
-                f"Control number {grant.fence} is over; {self.highest} was given since.",
+                f"Control number {grant.fence} has ended; the newest is {self.highest}.",
                 "lease",
                 {"fence": grant.fence, "highest": self.highest, "holder": self._holder},
             )
@@ -49,11 +49,11 @@ class LeaseGuard:
         return ended
 
     def expired(self, now_s: float) -> bool:
-        """Whether the grant in force has run out by the bridge's own clock."""
+        """Whether the grant in force has expired by the bridge's own clock."""
         return self.current is not None and now_s >= self.ends_s
 
     def refuse_drive(self, fence: int, link: int, now_s: float) -> Refusal | None:
-        """Why a command under `fence` does not count, None if it does."""
+        """Return why a command under `fence` is refused; None if it counts."""
         if self.current is None or self.expired(now_s):
             return Refusal(
                 "no_lease", "Nobody has control of this robot: take control first.", "lease", {"fence": fence}
@@ -67,7 +67,7 @@ class LeaseGuard:
             )
         if link != self.link:
             return Refusal(
-                "other_link", "Control is held through another connection.", "lease", {"fence": fence}
+                "other_link", "You hold control through another connection.", "lease", {"fence": fence}
             )
         return None
 

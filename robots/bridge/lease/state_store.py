@@ -1,4 +1,4 @@
-"""State that survives a kill of the bridge: the stop latch and the highest fence."""
+"""The state file of a bridge: stop latch and highest fence survive a kill."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class AlreadyRunning(Exception):
 
 
 class StateStore:
-    """One robot's state file. A lost or spoilt file counts as a pressed stop."""
+    """One robot's state file. A lost or damaged file counts as a pressed stop."""
 
     def __init__(self, directory: Path, robot_id: str) -> None:
         self._path = directory / f"{robot_id}.json"
@@ -37,7 +37,7 @@ class StateStore:
         self._lock: IO[str] | None = None
 
     def lock(self) -> None:
-        """Be the only bridge of this robot on this machine until the process ends.
+        """Become the only bridge of this robot on this computer until the process ends.
 
         Raises AlreadyRunning.
         """
@@ -51,15 +51,15 @@ class StateStore:
         self._lock = lock
 
     def unlock(self) -> None:
-        """Let another process be the bridge."""
+        """Allow another process to become the bridge."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
 
     def load(self, last_fence: int) -> Persisted:
-        """The state as it was left.
+        """Read the saved state.
 
-        `last_fence` is the highest number that the database gave: above 0, a file must exist.
+        `last_fence` is the highest fence in the database: above 0, a file must exist.
         """
         try:
             found = msgspec.json.decode(self._path.read_bytes(), type=Persisted)
@@ -73,7 +73,10 @@ class StateStore:
         return msgspec.structs.replace(found, fence=max(found.fence, last_fence))
 
     def save(self, state: Persisted) -> None:
-        """Write durably, or raise OSError. If a pressed stop cannot be written the file goes, which says the same."""
+        """Write durably.
+
+        Raises OSError; if a pressed stop cannot be written, the file is deleted, which also counts as a stop.
+        """
         fresh = self._path.with_suffix(".new")
         try:
             with fresh.open("wb") as file:
@@ -89,9 +92,9 @@ class StateStore:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the names of its files on the disk: until then a power cut brings back the file of before.
+    """Write the folder's entries to disk: before that, a power cut restores the old file.
 
-    Some file systems (CIFS, shared folders of virtual machines) cannot, which is no reason to refuse control.
+    Some file systems (CIFS, shared folders of virtual machines) cannot do this; do not refuse control for it.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

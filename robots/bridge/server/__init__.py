@@ -1,1 +1,1 @@
-"""The bridge's end of the links: the server, and limits against floods."""
+"""The bridge's end of the links: the server, and flood limits."""

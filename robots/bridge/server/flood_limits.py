@@ -1,4 +1,4 @@
-"""How much one connection may say, or cost. Pure: time is an argument."""
+"""Limit the messages, or the cost, of one connection. Pure: time is an argument."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Budget:
-    """A bucket of `size` tokens that fills by `rate_per_s`; each message takes one, or what it costs."""
+    """A token bucket of `size`, filled by `rate_per_s`; each message takes one token, or its cost."""
 
     rate_per_s: float
     size: float
@@ -18,7 +18,7 @@ class Budget:
         self._left = self.size
 
     def spend(self, now_s: float, cost: float = 1.0) -> bool:
-        """Take so many tokens. False, and none is taken, if there are not so many."""
+        """Take `cost` tokens. Return False and take none if there are too few."""
         self._fill(now_s)
         if self._left < cost:
             return False
@@ -26,12 +26,12 @@ class Budget:
         return True
 
     def wait_s(self, now_s: float) -> float:
-        """How long until there is a token."""
+        """Return the seconds until a token is available."""
         self._fill(now_s)
         return max(1.0 - self._left, 0.0) / self.rate_per_s
 
     def is_full(self, now_s: float) -> bool:
-        """Whether nothing was spent for so long that it need not be kept."""
+        """Whether the bucket is full, so that it need not be kept."""
         self._fill(now_s)
         return self._left >= self.size
 

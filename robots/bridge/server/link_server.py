@@ -1,8 +1,8 @@
 """The bridge's end of the link: a WebSocket server for web processes.
 
-On one computer it is a Unix socket that only its owner can open; between computers TCP with TLS and a shared secret,
-never without. Text frames are messages, binary frames are views. A slow web process gets the newest view, never a
-queue.
+On one computer it listens on a Unix socket that only its owner can open; between computers on TCP, always with TLS and
+a shared secret. Text frames are messages, binary frames are views. A slow web process gets the newest view, never a
+queue of old views.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from robots.wire import LaneToken, encode_report
 
 log = logging.getLogger(__name__)
 
-_REPORTS_KEPT = 200  # a web process that reads nothing for this many reports is cut off
-_PING_S = 1.0  # over TCP, where a cut cable closes nothing
+_REPORTS_KEPT = 200  # reports queued for a web process that reads nothing; beyond this its link is cut
+_PING_S = 1.0  # TCP only: a cut cable closes no connection
 
 OnMessage = Callable[["Link", bytes], Awaitable[None]]
 OnQuick = Callable[["Link", bytes], object]
@@ -40,7 +40,7 @@ OnLink = Callable[["Link"], None]
 
 
 class Link:
-    """One web process."""
+    """The link to one web process."""
 
     _count = 0
 
@@ -48,10 +48,10 @@ class Link:
         Link._count += 1
         self.number = Link._count
         self.name = ""
-        self.greeted = False  # it said hello, and is told what is new
+        self.greeted = False  # it has sent its hello; from then on it gets reports
         self.watchers: list[str] = []
         self.watchers_more = 0
-        self.token = ""  # of its lane
+        self.token = ""  # authenticates its drive lane
         self.lane: Lane | None = None
         self._socket = socket
         self._reports: deque[bytes] = deque()
@@ -63,33 +63,33 @@ class Link:
     def report(self, message: Struct) -> None:
         """Queue a report."""
         if len(self._reports) >= _REPORTS_KEPT:
-            log.warning("link %s reads nothing: cut off", self.name)
+            log.warning("link %s is cut: it reads nothing", self.name)
             self.cut()
             return
         self._reports.append(encode_report(message))
         self._news.set()
 
     def show(self, view: bytes) -> None:
-        """Make `view` the next picture; an older one not yet sent is dropped."""
+        """Send `view` next; it replaces an older view that is not sent yet."""
         self._view = view
         self._news.set()
 
     def see(self, topic: str, seen: bytes) -> None:
-        """Make `seen`, a whole report, the next that is said of `topic`; an older one not yet sent is dropped."""
+        """Send the encoded report `seen` about `topic`; it replaces an older one that is not sent yet."""
         self._seen[topic] = seen
         self._news.set()
 
     def end(self) -> None:
-        """Close, after what was reported before."""
+        """Close after the queued reports are sent."""
         self._ending = True
         self._news.set()
 
     def cut(self) -> None:
-        """End it at once."""
+        """Cut the link at once."""
         self._socket.transport.abort()
 
     async def write(self) -> None:
-        """Send reports, then the newest view, then what is seen of topics, for as long as the link lives."""
+        """Send reports, then the newest view, then samples of topics, while the link lives."""
         while True:
             await self._news.wait()
             self._news.clear()
@@ -103,13 +103,13 @@ class Link:
                 await self._socket.send(view)
             if self._seen:
                 await self._socket.send(self._seen.pop(next(iter(self._seen))), text=True)
-                self._news.set()  # whatever else came meanwhile goes first
+                self._news.set()  # reports that arrived meanwhile go first
 
 
 class LinkServer:
-    """Accepts links and hands on what comes in. The callbacks run on the event loop.
+    """Accept links and pass messages on. The callbacks run on the event loop.
 
-    `on_quick` hears what comes by a link's lane; without it no link has a lane.
+    `on_quick` gets the messages of drive lanes; without it links have no lane.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class LinkServer:
         self._server: Server | None = None
 
     async def start(self) -> None:
-        """Listen."""
+        """Start to listen."""
         address = self._address
         if address.unix_path:
             self._server = await self._listen_unix(address.unix_path)
@@ -151,18 +151,18 @@ class LinkServer:
             )
 
     def read_lanes(self) -> None:
-        """Hear what came in by every link's lane so far."""
+        """Read the waiting messages of all drive lanes."""
         for link in list(self.links):
             if link.lane:
                 link.lane.read_all()
 
     def shut(self) -> None:
-        """From now on nothing that comes in is heard, and no link opens; `close` follows."""
+        """Ignore new messages and links from now on; call `close` next."""
         self._deaf = True
         self._accept_no_more()
 
     async def close(self) -> None:
-        """Close every link and the socket files."""
+        """Close all links and socket files."""
         self._accept_no_more()
         if self._server:
             await self._server.wait_closed()
@@ -176,7 +176,7 @@ class LinkServer:
             self._lanes.close()
 
     async def _listen_unix(self, path: str) -> Server:
-        _remove(path)  # the state file's lock says that nobody else is this bridge
+        _remove(path)  # the lock of the state file guarantees that no other bridge of this robot runs
         umask = os.umask(0o177)
         try:
             return await unix_serve(self._serve, path, compression=None, ping_interval=None)
@@ -195,7 +195,8 @@ class LinkServer:
             while True:
                 raw = await socket.recv(decode=False)
                 if link.lane:
-                    link.lane.read_all()  # it was sent before: a command is not overtaken by the word that ends control
+                    # lane messages were sent earlier: the end of control must not overtake a command
+                    link.lane.read_all()
                 if not self._deaf:
                     await self._on_message(link, raw)
         except ConnectionClosed:
@@ -219,7 +220,7 @@ class LinkServer:
 
                 link.lane = Lane(end, hear, link.cut)
                 return
-        log.warning("a lane with a strange token was refused")
+        log.warning("a drive lane with an unknown token was refused")
         end.close()
 
     def _check_secret(self, _socket: ServerConnection, request: Request) -> Response | None:
@@ -232,13 +233,13 @@ class LinkServer:
 
 
 def _remove(path: str) -> None:
-    """Make sure that the socket's folder is there, ours alone, and the socket is not."""
+    """Create the socket's folder for its owner only, and remove an old socket."""
     Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     Path(path).unlink(missing_ok=True)
 
 
 def _tls(address: LinkAddress) -> ssl.SSLContext:
-    """TLS 1.2 or newer with our certificate; without certificate and secret a TCP link does not open."""
+    """Return a context for TLS 1.2 or newer with our certificate. A TCP link needs certificate and secret."""
     if not (address.certificate and address.private_key and address.secret):
         raise ValueError("a TCP link needs a certificate, a private key and a shared secret")
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)

@@ -1,7 +1,7 @@
-"""Check whether the arm has room for a motion, from the obstacles that the gate knows.
+"""Decide whether the arm has room for a motion: no obstacle in the space that it sweeps.
 
-Laser and sonars measure below the arm and do not see it move. The depth camera does. Its points count, too, except
-those next to the arm's known links.
+Laser and sonars do not see the arm when it moves: it does not reach down to their height. The depth camera sees it.
+Depth points count as obstacles where the joint positions show that the arm is not near them.
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ from robots.bridge.gate.geometry.arm_sweep import intruder
 from robots.bridge.gate.values import Kind, Obstacles
 from robots.wire import Refusal
 
-WATCH: tuple[Kind, ...] = ("scan", "depth")  # what must be awake before the arm moves
-WATCH_ARM: tuple[Kind, ...] = ("scan",)  # and while it does: the arm may carry the camera's view away
+WATCH: tuple[Kind, ...] = ("scan", "depth")  # kinds of sensors that must work before the arm moves
+WATCH_ARM: tuple[Kind, ...] = ("scan",)  # and while it moves: the arm may block the camera's view
 SEES_NO_ARM: tuple[Kind, ...] = ("scan", "memory", "sonar")
-# Remembered depth points ("depth memory") may be the arm at an earlier moment.
+# Remembered points ("depth memory") may show the arm at an earlier moment.
 SEES_ARM: tuple[Kind, ...] = ("depth",)
-# A picture is some tenths of a second old when it comes, and half a second older when it stops to count.
+# s: a frame arrives some tenths of a second late and counts for half a second more.
 LATELY_S = 1.0
-# Around the arm's discs: what it moves between two looks at its joints, the width of the gripper, a camera's noise.
+# Margin around the arm's discs: its motion between two joint states, the width of the gripper, camera noise.
 BESIDE_ARM_M = 0.10
 
 
 class ArmModel(Protocol):
-    """Source of the arm's posture."""
+    """Source of the arm's position."""
 
     def arm(self) -> tuple[Disc, ...] | None:
-        """The discs that it covers now, by its joints; None if they, or the robot's description, do not tell."""
+        """Return the discs that the arm covers now; None if joint states or the robot's description are missing."""
 
 
 class ArmClearance:
-    """The room about one robot's arm. While a motion runs it is to be asked every period."""
+    """The free space around one robot's arm. While a motion runs, ask every period."""
 
     def __init__(self, gate: Gate, arm: ArmModel) -> None:
         self._gate = gate
         self._arm = arm
-        # where the arm was, while it moves
+        # where the arm was recently, while it moves
         self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = deque()
 
     def why_none(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
-        """Why the arm may not sweep this space, or not go on with it: something is there, or nobody can tell."""
+        """Return why the arm may not sweep `space`, or not continue: an obstacle is there, or a sensor is missing."""
         if not running:
             self._lately.clear()
         if not space:
@@ -60,22 +60,22 @@ class ArmClearance:
         return self._unwatched(WATCH_ARM, now_s) or self._in_the_way(space, self._but_for_arm(obstacles))
 
     def _unwatched(self, kinds: Collection[Kind], now_s: float) -> Refusal | None:
-        """The first sensor of these kinds that does not tell what stands around the arm."""
+        """Return a refusal for the first sensor of these kinds that does not work."""
         for name, kind, ok, _, text in self._gate.sensor_health(now_s):
             if kind in kinds and not ok:
-                why = f"What stands around the arm is not known: {name}: {text}."
+                why = f"Obstacles around the arm are unknown: {name}: {text}."
                 return Refusal("not_watched", why, "gate", {"sensor": name})
         return None
 
     def _in_the_way(self, space: Sequence[Disc], obstacles: Obstacles) -> Refusal | None:
-        """Obstacles within the space that the arm sweeps."""
+        """Return a refusal if an obstacle is in the space that the arm sweeps."""
         gaps = self._gate.footprint.gaps(obstacles.points)
         found = intruder(space, obstacles, gaps, self._gate.arm_discs)
         if found is None:
             return None
         sensor, side = obstacles.names[found.source], words.side(found.bearing_rad)
         distance = words.figure(max(found.gap_m, 0.0))
-        text = f"The arm would sweep where there is something: {sensor}, {distance} m {side}."
+        text = f"An obstacle is in the arm’s way: {sensor}, {distance} m {side}."
         gap_m = round(found.gap_m, 2)
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 
@@ -85,7 +85,7 @@ class ArmClearance:
             self._lately.popleft()
 
     def _but_for_arm(self, obstacles: Obstacles) -> Obstacles:
-        """The obstacles that cannot be the arm, wherever it was of late."""
+        """Return the obstacles that cannot be the arm, wherever it was recently."""
         rows = _of(obstacles, SEES_NO_ARM)
         arm = {disc for _, discs in self._lately for disc in discs or ()}
         if all(discs is not None for _, discs in self._lately):
@@ -95,13 +95,13 @@ class ArmClearance:
 
 
 def _of(obstacles: Obstacles, kinds: Collection[Kind]) -> NDArray[np.bool_]:
-    """Which obstacles sensors of these kinds know of."""
+    """Select obstacles from sensors of these kinds."""
     numbers = [number for number, kind in enumerate(obstacles.kinds) if kind in kinds]
     return np.isin(obstacles.source, numbers)
 
 
 def _beside(points: NDArray[np.float64], arm: Collection[Disc]) -> NDArray[np.bool_]:
-    """Which points lie within the arm's discs, or so near to them that they may be the arm."""
+    """Select points within the arm's discs and their margin: they may be the arm."""
     x, y, radius = np.array([*arm]).reshape(-1, 3).T
     away = np.hypot(points[:, :1] - x, points[:, 1:] - y)
     near: NDArray[np.bool_] = (away < radius + BESIDE_ARM_M).any(axis=1)

@@ -1,4 +1,4 @@
-"""The robot's capabilities besides driving. Pages get them on connecting, on change and on request."""
+"""Capabilities of the robot besides driving. They are sent to pages on connecting, on a change and on request."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robots.bridge.tasks.input_routing import InputRouting
 
 
 class Capabilities:
-    """The newest offers of one robot. `announce` hands them to every link."""
+    """The newest capabilities of one robot. `announce` sends them to every link."""
 
     def __init__(
         self, config: BridgeConfig, routing: InputRouting, announce: Callable[[wire.Offers], None]
@@ -26,29 +26,29 @@ class Capabilities:
         self._told = self.now()
 
     def asked(self) -> None:
-        """Somebody wants to hear it, also if nothing has changed, once it was read again."""
+        """Send the capabilities after the next read, even if they are unchanged: somebody asked."""
         self._asked = True
 
     def read(self, action: str, motions: Sequence[wire.MotionOffer], text: str) -> None:
-        """The motions that an action of the robot's offers; why there is none."""
+        """Take the motions that an action offers, or `text` why there are none."""
         self._motions[action] = (motions, text)
         self.tell(self._asked)
         self._asked = False
 
     def title_of(self, motion: str, action: str) -> str:
-        """Title of a motion for people; its name if there is no title."""
+        """Return the title of an action's motion; its name, if no title is known."""
         motions, _ = self._motions.get(action, ((), ""))
         return next((offer.title for offer in motions if offer.name == motion), motion)
 
     def tell(self, anyway: bool = False) -> None:
-        """Tell what is on offer, if it has changed or `anyway`."""
+        """Send the capabilities if they have changed, or if `anyway`."""
         offers = self.now()
         if anyway or offers != self._told:
             self._told = offers
             self._announce(offers)
 
     def now(self) -> wire.Offers:
-        """The present capabilities."""
+        """Return the present capabilities."""
         uses = self._routing.uses
         motions: Sequence[wire.MotionOffer] = ()
         text = "This robot has no recorded motions."

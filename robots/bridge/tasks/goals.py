@@ -1,6 +1,6 @@
-"""One goal at a time: record it, send it, follow it, cancel it until the robot obeys.
+"""One goal of the robot at a time: recorded, sent, observed, cancelled until the robot obeys, ended.
 
-No goal starts by itself, and a cancelled goal never starts again.
+No goal begins by itself. A cancelled goal is over: the person must ask again.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from uuid import uuid4
 from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.wire import Refusal
 
-CANCEL_AGAIN_S = 0.5  # a cancel that the robot does not obey may not have reached it
-UNHEARD_S = 2.0  # a goal that the robot has not spoken of for this long is given up
-# How ids begin, of this bridge and of those before it; the number of the record follows.
+CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
+UNHEARD_S = 2.0  # give a goal up when the robot has not reported it for this time
+# Prefix of goal ids of this bridge and of earlier bridges; the number of the record follows.
 OURS = "fleet_bridge-"
 
 What = TypeVar("What")
@@ -25,13 +25,13 @@ What = TypeVar("What")
 
 @dataclass(eq=False)
 class Goal(RecordedTask, Generic[What]):
-    """Something that was asked for; it has an id once it is sent."""
+    """A requested goal; it has an id when it is sent."""
 
     what: What
-    topic: str  # an action's name, if an action performs it
+    topic: str  # the action's name, for an action
     id: str | None = None
-    heard_s: float = math.inf  # when it was on record, was sent, or the robot spoke of it
-    cancelled: Refusal | None = None  # why; its code is the outcome
+    heard_s: float = math.inf  # when it was recorded, sent, or last reported by the robot
+    cancelled: Refusal | None = None  # reason of the cancel; its code is the outcome
     cancel_sent_s: float | None = None  # no later than this
 
     def sent(self, now_s: float) -> str:
@@ -41,25 +41,25 @@ class Goal(RecordedTask, Generic[What]):
 
 
 class Goals(ABC, Generic[What]):
-    """The goal under way, if any: this console's own, or somebody else's, of which only ids are known.
+    """The goal in progress: this console's, or another node's, of which only ids are known.
 
-    `withdraw` has the robot cancel the goal of an id, on a topic.
+    `withdraw(topic, id)` cancels a goal on the robot.
     """
 
     def __init__(self, records: Records, withdraw: Callable[[str, str], None]) -> None:
         self._records = records
         self._withdraw = withdraw
         self._current: Goal[What] | None = None
-        self._ended: str | None = None  # the last one, of which an older word may still come
-        self._others: dict[str, float] = {}  # topics on which others have the robot do something: told last
+        self._ended: str | None = None  # the last goal; late reports about it may still arrive
+        self._others: dict[str, float] = {}  # topics with goals of other nodes: last report
 
     @property
     def topic(self) -> str | None:
-        """Where this console's goal is performed."""
+        """Topic of this console's goal."""
         return self._current.topic if self._current else None
 
     def cancel(self, outcome: str, why: str) -> bool:
-        """Cancel this console's goal by its id. Whether there was one."""
+        """Cancel this console's goal by its id. Return whether there was one."""
         goal = self._current
         if goal is None:
             return False
@@ -71,17 +71,17 @@ class Goals(ABC, Generic[What]):
 
     @property
     def begun(self) -> bool:
-        """Whether this console's goal was sent to the robot, and has not ended."""
+        """Whether this console's goal was sent and has not ended."""
         return self._current is not None and self._current.id is not None
 
     @property
     def waiting(self) -> Requester | None:
-        """Requesters of goals that are neither sent nor cancelled."""
+        """The requester of a goal that is neither sent nor cancelled."""
         goal = self._current
         return goal.requester if goal is not None and goal.id is None and goal.cancelled is None else None
 
     def deny(self, refusal: Refusal, now_s: float) -> None:
-        """Deny all goals that are not sent, for this reason or for their earlier cancel reason."""
+        """Refuse a goal that is not sent yet. An earlier reason for a cancel stays."""
         goal = self._current
         if goal is None or goal.id is not None:
             return
@@ -90,23 +90,23 @@ class Goals(ABC, Generic[What]):
             self._current = None
             goal.requester.answer(refusal)
             self._record(goal, refusal.code, refusal.text, now_s)
-        else:  # that it is done was the answer already
+        else:  # the answer was already sent
             self._end(refusal.code, refusal.text, now_s)
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """The robot says that a goal has ended."""
+        """Take the robot's report that a goal has ended."""
         if self._current is not None and self._current.id == goal_id:
             self._end(outcome, text, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Repeat a cancel until the robot obeys; give up a goal of which it does not speak any more."""
+        """Repeat a cancel until the robot obeys; give up a goal that the robot no longer reports."""
         goal = self._current
         if goal is None:
             return
         if now_s - goal.heard_s > UNHEARD_S:
-            self.cancel("unheard", f"The robot did not speak of it for {UNHEARD_S:.0f} s.")
+            self.cancel("unheard", f"The robot did not report it for {UNHEARD_S:.0f} s.")
             self._end("cancelled", "", now_s)
-            self._ended = None  # if the robot speaks of it again, it does it
+            self._ended = None  # if the robot reports it again, it still performs it
         elif goal.cancelled is not None and goal.id is not None:
             if goal.cancel_sent_s is None:
                 goal.cancel_sent_s = now_s
@@ -115,11 +115,14 @@ class Goals(ABC, Generic[What]):
                 self._withdraw(goal.id, goal.topic)
 
     def _busy(self, now_s: float) -> set[str]:
-        """The topics on which the robot does what others asked for."""
+        """Return topics on which the robot performs goals of other nodes."""
         return {topic for topic, told_s in self._others.items() if now_s - told_s <= UNHEARD_S}
 
     def _recorded(self, now_s: float) -> Goal[What] | None:
-        """Goals that are recorded and ready to send. Goals without a record, or cancelled ones, end here."""
+        """Return a recorded goal that waits to be sent.
+
+        End it if its record failed or if it was cancelled meanwhile.
+        """
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return None
@@ -132,7 +135,7 @@ class Goals(ABC, Generic[What]):
         return goal
 
     def _heard(self, topic: str, ids: Collection[str], now_s: float) -> Goal[What] | None:
-        """The robot says which goals are under way on a topic. This console's, if it is one of them."""
+        """Take the robot's report of active goals on a topic. Return this console's goal if it is among them."""
         goal = self._current
         if set(ids) - {goal.id if goal else None, self._ended}:
             self._others[topic] = now_s
@@ -144,7 +147,7 @@ class Goals(ABC, Generic[What]):
         return goal
 
     def _end(self, outcome: str, text: str, now_s: float) -> None:
-        """If a goal ended as cancelled and this console cancelled it, use this console's reason."""
+        """End the goal. A goal that ended as cancelled gets the reason for which it was cancelled here, if any."""
         goal, self._current = self._current, None
         if goal is not None:
             self._ended = goal.id
@@ -155,8 +158,8 @@ class Goals(ABC, Generic[What]):
 
     @abstractmethod
     def _tell(self, goal: Goal[What], outcome: str, text: str) -> None:
-        """Tell pages how it ended."""
+        """Report to pages how the goal ended."""
 
     @abstractmethod
     def _record(self, goal: Goal[What], outcome: str, text: str, now_s: float) -> None:
-        """Put on record how it ended, or that it never began."""
+        """Record how the goal ended, or that it never began."""

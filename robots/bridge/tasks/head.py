@@ -1,4 +1,4 @@
-"""Where the robot's head is to look: ahead when its holder asks for it, and, by setting, into the turn of a drive."""
+"""Where the head looks: ahead when the holder asks, and, if configured, into the turn of a drive."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from robots.bridge.gate.values import Velocity
 
 AHEAD_TAKES_S = 1.5
 FOLLOW_EVERY_S = 0.2
-FOREKNOWLEDGE_S = 1.5  # the head looks where the robot will be by then: within this it stops from any speed
-FOLLOW_RAD = 0.3  # beyond, the way straight ahead would leave the camera's picture
-FOLLOW_RADPS = 0.4  # faster than 0.5 rad/s, the gate takes no pictures of a turning head
+# the head looks where the robot will be after this time: the robot can stop from any speed within it
+FOREKNOWLEDGE_S = 1.5
+FOLLOW_RAD = 0.3  # beyond it, the way straight ahead leaves the camera's picture
+FOLLOW_RADPS = 0.4  # above 0.5 rad/s of the head, the gate ignores depth frames
 LEAST_RAD = 0.03
-SAID_AGAIN_S = 2.0  # a motion, or another node, may have turned the head since
+SAID_AGAIN_S = 2.0  # send again: a motion or another node may have turned the head
 DRIVING_MPS = 0.05
 
 
 class Aim(NamedTuple):
-    """Joint positions (radians; positive: left, up), and the seconds in which to go there."""
+    """Joint positions (radians; positive: left, up) and the seconds for the way there."""
 
     pan: float
     tilt: float
@@ -27,7 +28,7 @@ class Aim(NamedTuple):
 
 
 class Head:
-    """One robot's head. `pan` is where it was sent last."""
+    """One robot's head. `pan` is the last commanded position."""
 
     def __init__(self, source: HeadSource) -> None:
         self._source = source
@@ -35,12 +36,12 @@ class Head:
         self._sent_s = -math.inf
 
     def ahead(self, now_s: float) -> Aim:
-        """Straight ahead, and down as far as the floor before the robot comes into view."""
+        """Return the aim straight ahead, and down to where the floor in front of the robot is in view."""
         self._pan, self._sent_s = 0.0, now_s + AHEAD_TAKES_S
         return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
 
     def follow(self, velocity: Velocity, now_s: float) -> Aim | None:
-        """Where to look next on a drive with this velocity; None to leave the head where it is."""
+        """Return the next aim for a drive with this velocity; None to leave the head where it is."""
         driving = velocity.vx > DRIVING_MPS
         if not (self._source.follows_turn and driving) or now_s - self._sent_s < FOLLOW_EVERY_S:
             return None
@@ -53,7 +54,7 @@ class Head:
         return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)
 
     def _again(self, now_s: float) -> Aim | None:
-        """Where the head is thought to be already, now and then, and slowly: it may be anywhere."""
+        """Repeat the last aim now and then, slowly: the head may be anywhere."""
         if now_s - self._sent_s < SAID_AGAIN_S:
             return None
         self._sent_s = now_s
