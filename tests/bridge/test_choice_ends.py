@@ -38,7 +38,7 @@ def test_a_chosen_topic_that_vanishes_is_told_and_on_record(bench, use, topic, h
     choose(bench, use, topic)
     vanish(bench, heard)
     assert chosen(bench) == {}
-    text = f"{topic} is gone: input goes to {default} again."
+    text = f"{topic} has no subscriber any more: input goes to {default} again."
     assert ended(bench) == {use: wire.ChoiceEnd(1, topic, default, text)}
     expected = {"outcome": "gone", "use": use, "from": topic, "to": default}
     assert last_record(bench) == ("topic.choose", expected)

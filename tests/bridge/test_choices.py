@@ -161,12 +161,12 @@ def test_what_may_not_be_chosen_is_refused_and_not_recorded(bench, use, topic, c
 def test_a_topic_that_nobody_listens_to_is_refused(bench):
     bench.core.tasks.routing.surveyed(LISTENED | {"/phone_vel": "x/Y"}, bench.now_s)
     [refusal] = ask(bench, "drive", "/phone_vel")
-    assert refusal.text == "/phone_vel is x/Y on the robot; needed is geometry_msgs/Twist."
+    assert refusal.text == "/phone_vel has type x/Y on the robot, but geometry_msgs/Twist is needed."
     bench.core.tasks.routing.surveyed({}, bench.now_s)
     [refusal] = ask(bench, "motions", "/second_play")
     assert (refusal.code, refusal.text) == (
         "no_listener",
-        "Nothing on the robot listens to /second_play/goal.",
+        "No node on the robot subscribes to /second_play/goal.",
     )
 
 
@@ -307,7 +307,7 @@ def test_a_chosen_topic_that_vanishes_halts_the_base_and_input_goes_to_the_defau
     assert (topic, bench.base.sent[sent - 1]) == ("/key_vel", STILL)
     state = bench.core.state(bench.now_s, [])
     assert state.chosen == {}
-    assert state.neutral_needed.text == "/phone_vel is gone: input goes to /key_vel again"
+    assert state.neutral_needed.text == "/phone_vel has no subscriber any more: input goes to /key_vel again"
 
 
 def test_choices_end_with_control_and_a_rolling_base_gets_its_zeros_where_it_got_its_speed(bench):

@@ -170,7 +170,7 @@ def test_a_base_of_which_nothing_was_heard_lately_is_not_said_to_drive(bench):
     bench.now_s += 0.8
     refusal = ask(bench)
     assert refusal.code == "base_moving"
-    assert refusal.text == "Whether the robot stands still is not known: its odometry is late."
+    assert refusal.text == "It is unknown whether the robot stands still: its odometry is late."
 
 
 def test_only_the_holder_is_obeyed(bench):
@@ -183,7 +183,7 @@ def test_a_refusal_for_want_of_room_says_where(bench):
     refusal = denied(bench)
     assert refusal.rule == "gate"
     assert refusal.figures == {"sensor": "laser", "distance_m": 0.24, "side": "ahead"}
-    assert refusal.text == "The arm would sweep where there is something: laser, 0.2 m ahead."
+    assert refusal.text == "An obstacle is in the arm’s way: laser, 0.2 m ahead."
 
 
 @pytest.mark.parametrize("kind", ["scan", "depth"])
@@ -191,7 +191,7 @@ def test_an_arm_does_not_move_where_nobody_looks(bench, kind):
     bench.gate.health = [SensorHealth("eye", kind, False, None, "nothing has come yet")]
     refusal = denied(bench)
     assert refusal.code == "not_watched"
-    assert refusal.text == "What stands around the arm is not known: eye: nothing has come yet."
+    assert refusal.text == "Obstacles around the arm are unknown: eye: nothing has come yet."
     begun(bench, "nod")  # which moves no arm
 
 

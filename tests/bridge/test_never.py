@@ -84,7 +84,7 @@ def test_services_that_undo_it_whatever_they_are_called(type_name):
 )
 @pytest.mark.parametrize("what", ["publish", "call", "set"])
 def test_names_that_ros_would_resolve_to_another_or_that_only_look_like_one(what, name):
-    assert why_denied(what, name, TEXT, PLAIN) == "it is no full ROS name"
+    assert why_denied(what, name, TEXT, PLAIN) == "it is not a full ROS name"
 
 
 def test_what_is_within_a_message_counts_as_much_as_what_it_is_called():

@@ -158,14 +158,14 @@ describe("a text of one's own", () => {
     expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, "true"]);
     form.mayAct = false;
     expect(hint.textContent).toContain("Take control");
-    form.mute = "Nothing on the robot listens to /tts/goal.";
+    form.mute = "No node on the robot subscribes to /tts/goal.";
     form.mayAct = true;
-    expect(hint.textContent).toContain("Nothing on the robot listens");
+    expect(hint.textContent).toContain("No node on the robot subscribes");
     expect(button.getAttribute("aria-disabled")).toBe("true");
     write("Hola");
     press("Enter");
     expect(send).not.toHaveBeenCalled();
-    expect(parts["say-fault"].textContent).toContain("Nothing on the robot listens");
+    expect(parts["say-fault"].textContent).toContain("No node on the robot subscribes");
     form.mute = "";
     expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, null]);
   });

@@ -163,20 +163,20 @@ def test_it_is_empty_by_default(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("fields", "field", "said"),
     [
-        ({"name": "/scan"}, "name", "No allow-list admits /scan: the gate sees by scans and ranges."),
+        ({"name": "/scan"}, "name", "No allow-list admits /scan: the gate uses scans and ranges."),
         ({"type": "geometry_msgs/Twist"}, "name", "velocities move the base"),
         ({"name": "demo/notes"}, "name", "Write a full ROS name"),
         ({"type": "String"}, "type", "Write package and type"),
         ({"type": ""}, "type", "What is published or called needs its type."),
         ({"what": "call", "type": ""}, "type", "What is published or called needs its type."),
         ({"what": "set"}, "type", "A parameter has no type"),
-        ({"name": "/demo/notes\n"}, "name", "it is no full ROS name"),
+        ({"name": "/demo/notes\n"}, "name", "it is not a full ROS name"),
         ({"use": "drive"}, "use", "Only for what is chosen"),
         ({"what": "choose", "name": "/phone_vel", "type": ""}, "use", "Say which input goes there."),
         (
             {"what": "choose", "use": "drive", "name": "/phone_vel"},
             "name",
-            "its type is std_msgs/String, and input for drive is geometry_msgs/Twist",
+            "its type is std_msgs/String, but input for drive needs geometry_msgs/Twist",
         ),
     ],
 )
@@ -192,7 +192,7 @@ def test_a_wrong_entry_is_refused_at_its_field(
 def test_what_a_robot_does_not_do_cannot_be_chosen(staff: User) -> None:
     base = RobotProfile.objects.get(slug="pmb2")
     told = complaint(base, staff, what="choose", use="speech", name="/tts", type="")
-    assert "this robot has nothing that takes input for speech" in told["name"][0]
+    assert "this robot takes no input for speech" in told["name"][0]
 
 
 def test_the_type_of_what_is_chosen_follows_from_the_robot(robot: Robot, staff: User) -> None:
@@ -325,7 +325,7 @@ def test_a_new_robot_may_have_one_at_once(admin: Client, tiago: RobotProfile) ->
 def test_what_no_list_admits_comes_back_with_the_reason(admin: Client, robot: Robot) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     page = admin.post(url, filled(admin, url, **entered(name="/tf", type="std_msgs/String"))).content.decode()
-    assert "No allow-list admits /tf: frames and clocks tie together what the gate sees." in page
+    assert "No allow-list admits /tf: the gate uses frames and clocks." in page
     assert not robot.allowances.exists()
 
 
@@ -346,5 +346,5 @@ def test_the_list_of_all_says_which_entries_count_for_nothing_and_why(
     Allowance.objects.filter(what="publish").update(name="/tf")  # as a console of before may have had it
     Allowance.objects.filter(what="call").update(type="")
     page = admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
-    assert "frames and clocks tie together what the gate sees" in page
+    assert "the gate uses frames and clocks" in page
     assert "it names no type" in page

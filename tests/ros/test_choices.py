@@ -135,7 +135,7 @@ def test_what_the_robot_does_not_have_is_refused(hand):
     refused = answered(hand, wire.Choose(1, "motions", "/nowhere", seq=next(_numbers))).refusal
     assert refused.code == "not_allowed"
     refused = answered(hand, wire.Choose(1, "motions", "/second_play", seq=next(_numbers))).refusal
-    assert refused.text == "Nothing on the robot listens to /second_play/goal."
+    assert refused.text == "No node on the robot subscribes to /second_play/goal."
 
 
 def test_a_text_goes_to_the_chosen_voice_which_is_given_up_when_it_vanishes(ros, hand):

@@ -105,7 +105,7 @@ describe("the list of motions", () => {
     motions.mayAct = motions.mayCancel = true;
     expect(button("Bow").getAttribute("aria-disabled")).toBeNull();
     expect(parts["motions-hint"].hidden).toBe(true);
-    motions.idle = "Nothing on the robot listens to /play_motion/goal.";
+    motions.idle = "No node on the robot subscribes to /play_motion/goal.";
     expect(button("Bow").getAttribute("aria-disabled")).toBe("true");
     expect(parts["motions-hint"].textContent).toContain("/play_motion/goal");
   });
