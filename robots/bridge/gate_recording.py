@@ -1,8 +1,8 @@
-"""Record the inputs and answers of a gate, and replay them.
+"""Record a gate's inputs and verdicts, and replay them.
 
-A file is gzip of frames, each a length (4 bytes, big-endian) and a msgpack value: first the gate's profile, then
-``[method, arguments, answer]`` for each call of ``observe_...``, ``forget`` and ``decide``, in order. Numbers keep
-their last bit, NaN and infinities too.
+A file is gzip of frames. A frame is a length (4 bytes, big-endian) and a msgpack value: first the gate's profile, then
+``[method, arguments, answer]`` for each call of ``observe_...``, ``forget`` and ``decide``, in order. Numbers are exact
+to the last bit, including NaN and infinities.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ import numpy as np
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import GateProfile, Velocity, Verdict
 
-# msgpack's extension: a dtype's name, a zero byte, C or F for the order, the shape as text, a zero byte, the numbers.
-# The order counts: numpy adds up by it, and the last bit may be another one in another order.
+# msgpack extension: dtype name, zero byte, C or F for the order, shape as text, zero byte, numbers. Keep the order:
+# numpy sums in it, and another order may change the last bit.
 _ARRAY = 1
 _LARGEST_FRAME = 16 * 1024 * 1024
 _LENGTH = struct.Struct(">I")
 
 
 class BadRecording(ValueError):
-    """A file that is no recording, or one that was cut or damaged, in words."""
+    """A file that is not a recording, or that is damaged; the text says why."""
 
 
 class Decision(NamedTuple):
-    """One decision, as it was recorded and as it is taken now."""
+    """One decision: as recorded, and as the gate decides now."""
 
     now_s: float
     asked: Velocity
@@ -43,12 +43,12 @@ class Decision(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether every bit of the verdict is the same."""
+        """Whether every bit of the verdict is equal."""
         return _encoder.encode(self.recorded) == _encoder.encode(self.replayed)
 
 
 class Recorder:
-    """Context: writes down all that passes through `recorded(gate)`."""
+    """Context manager: writes all calls of `recorded(gate)` to a file."""
 
     def __init__(self, path: Path, profile: GateProfile) -> None:
         self._file = gzip.open(path, "wb", compresslevel=3)  # noqa: SIM115 - closed on leaving the context
@@ -63,7 +63,7 @@ class Recorder:
         self._file.close()
 
     def recorded(self, gate: Gate) -> Gate:
-        """The same gate; what it is told from now on is written down."""
+        """Return the same gate; its calls are recorded from now on."""
         for method in _methods():
             setattr(gate, method, self._noted(gate, method))
         return gate
@@ -89,7 +89,7 @@ class Recorder:
 
 
 def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterator[Decision]:
-    """Tell a new gate all that the recorded one was told. BadRecording if the file makes no sense."""
+    """Send the recorded inputs to a new gate. Raises BadRecording if the file is damaged."""
     frames = _frames(path)
     try:
         gate = gate_of(msgspec.msgpack.decode(next(frames), type=GateProfile))
@@ -102,7 +102,7 @@ def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterato
             kinds = arguments[method]
             args = [_converted(value, kind) for value, kind in zip(given, kinds, strict=True)]
         except (KeyError, TypeError, ValueError, msgspec.MsgspecError) as error:
-            raise BadRecording(f"{path.name}: call {number} makes no sense: {error}") from error
+            raise BadRecording(f"{path.name}: call {number} cannot be decoded: {error}") from error
         replayed = getattr(gate, method)(*args)
         if method == "decide":
             recorded = msgspec.convert(answer, Verdict)
@@ -110,7 +110,7 @@ def replay(path: Path, gate_of: Callable[[GateProfile], Gate] = Gate) -> Iterato
 
 
 def _with_limits(gate: Gate, verdict: Verdict, now_s: float) -> Verdict:
-    """The verdict with the limits that are shown beside it."""
+    """Return the verdict with the speed limits that are shown next to it."""
     return verdict._replace(limits=gate.limits(now_s))
 
 
@@ -124,7 +124,7 @@ def _frames(path: Path) -> Iterator[bytes]:
                     raise BadRecording(f"{path.name} ends in the middle of a call")
                 yield frame
     except (OSError, EOFError, struct.error) as error:
-        raise BadRecording(f"{path.name} is no recording, or was cut: {error}") from error
+        raise BadRecording(f"{path.name} is not a recording, or is damaged: {error}") from error
 
 
 def _methods() -> list[str]:
@@ -132,7 +132,7 @@ def _methods() -> list[str]:
 
 
 def _kinds(method: Callable[..., Any]) -> list[Any]:
-    """The types of a method's arguments, `self` apart."""
+    """Return the types of a method's arguments without `self`."""
     hints = get_type_hints(method)
     return [hints[name] for name in list(inspect.signature(method).parameters)[1:]]
 

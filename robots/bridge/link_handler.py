@@ -1,8 +1,7 @@
-"""Decode, check and answer each message of a link.
+"""Decode, check and answer the messages of links.
 
-Nothing here waits: a stop is never queued behind other work. A link may send 200 commands a second, far more than a
-stick sends. Each further command is dropped in its own turn of the event loop, so that ticks, stops and sensors keep
-their turns.
+Nothing here blocks, so that a stop never waits. A link may send 200 commands a second, far more than a stick does. Each
+further command is dropped in its own turn of the event loop, so that ticks, stops and sensors are not delayed.
 """
 
 from __future__ import annotations
@@ -21,24 +20,26 @@ from robots.bridge.topics.inspector_client import InspectorClient
 
 log = logging.getLogger(__name__)
 
-DRIVES_PER_S = 200.0  # what a page may send at most; a stick sends 20 to 50
+DRIVES_PER_S = 200.0  # limit of a page; a stick sends 20 to 50
 DRIVES_AT_ONCE = 50.0
-REFUSAL_GAP_S = 0.25  # a link's refused messages of one kind and code are answered this often
+REFUSAL_GAP_S = 0.25  # answer refused messages of one kind and code at most this often per link
 
 _STOP = "link_stop"
-OTHER_ROBOT = wire.Refusal("other_robot", "This is another robot’s bridge: it was not stopped.", "robot")
+OTHER_ROBOT = wire.Refusal(
+    "other_robot", "This bridge belongs to another robot, which was not stopped.", "robot"
+)
 _FLOOD = wire.Refusal(
     "flood", f"More than {DRIVES_PER_S:.0f} commands a second.", "wire", {"limit_per_s": DRIVES_PER_S}
 )
 _FAULT = wire.Refusal(
     "bridge_fault",
-    "The bridge failed at this; its log says how. Whether it was carried out is not known.",
+    "The bridge failed here; its log says why. It is unknown whether the request was carried out.",
     "robot",
 )
 
 
 class LinkHandler:
-    """The door of one bridge."""
+    """Handles the messages of one bridge's links."""
 
     def __init__(self, core: Core, leasing: FenceStore, inspector: InspectorClient) -> None:
         self._core = core
@@ -46,34 +47,36 @@ class LinkHandler:
         self._leasing = leasing
         self._inspector = inspector
         self._drives: dict[Link, Budget] = {}
-        self._refused: dict[Link, dict[tuple[str, str], float]] = {}  # when last, by kind and code
+        self._refused: dict[
+            Link, dict[tuple[str, str], float]
+        ] = {}  # time of the last answer, by kind and code
 
     def opened(self, link: Link) -> None:
-        """The first word to a web process: whose bridge this is, and nothing that the robot told."""
+        """Send the first message to a web process: this robot's id, without any state."""
         self._drives[link] = Budget(DRIVES_PER_S, DRIVES_AT_ONCE)
         self._refused[link] = {}
         link.report(self._core.hello())
 
     def closed(self, link: Link) -> None:
-        """A web process is gone: what was controlled through it stops."""
+        """Handle a closed link: driving through it stops."""
         self._core.link_lost(link.number, time.monotonic())
         self._leasing.forget(link)
         self._inspector.forget(link)
         del self._drives[link], self._refused[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
-        """One message of the WebSocket."""
+        """Handle one message of the WebSocket."""
         if not self.hear(link, raw):
             await asyncio.sleep(0)
 
     def hear(self, link: Link, raw: bytes) -> bool:
-        """One message, by whichever way. False: it was dropped, as one of a flood."""
+        """Handle one message of WebSocket or drive lane. Return False if it was dropped by the flood limit."""
         now_s = time.monotonic()
         try:
             message = wire.link_request(raw)
         except wire.WireError as error:
             kind, seq = wire.heading(raw)
-            if kind == _STOP:  # a stop is never refused for its form
+            if kind == _STOP:  # never refuse a stop for its form
                 self._stop(link, wire.LinkStop("somebody", "the message was damaged", seq or 0), now_s)
                 return True
             self._core.refused[error.refusal.code] += 1
@@ -123,7 +126,7 @@ class LinkHandler:
         return spent
 
     def _take(self, link: Link, order: wire.TaskRequest, now_s: float) -> None:
-        """One order's fault is not the end of a link: pictures and drives of a whole web process come over it."""
+        """Begin a task. A failed task must not end the link: the pictures and drives of a whole web process use it."""
         is_open = True
 
         def answer(refusal: wire.Refusal | None) -> None:
@@ -135,7 +138,7 @@ class LinkHandler:
         try:
             self._core.tasks.take(order, link.number, now_s, answer)
         except Exception:
-            log.exception("an order broke: %s", wire.kind_of(order))
+            log.exception("a task failed: %s", wire.kind_of(order))
             answer(_FAULT)
 
     def _answer(
@@ -144,7 +147,7 @@ class LinkHandler:
         order: wire.TaskRequest | wire.LinkCancel | wire.Refresh,
         refusal: wire.Refusal | None,
     ) -> None:
-        """The one answer that an order gets."""
+        """Send the one answer to a request."""
         kind, fence = wire.kind_of(order), getattr(order, "fence", None)
         if refusal is None:
             link.report(wire.Accepted(kind, order.seq, fence))
@@ -153,7 +156,7 @@ class LinkHandler:
             link.report(wire.Refused(kind, refusal, order.seq, fence))
 
     def _stop(self, link: Link, stop: wire.LinkStop, now_s: float) -> None:
-        """The emergency stop, unless another robot is meant."""
+        """Stop the robot, unless the message names another robot."""
         if stop.robot is not None and stop.robot != self._robot:
             link.report(wire.Refused(_STOP, OTHER_ROBOT, stop.seq))
             return
@@ -176,7 +179,7 @@ class LinkHandler:
         link.report(self._core.tasks.capabilities.now())
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
-        """Answer, but not thirty times a second."""
+        """Answer a refused message, but not thirty times a second."""
         answered, key = self._refused[link], (refused.of, refused.refusal.code)
         if now_s - answered.get(key, float("-inf")) >= REFUSAL_GAP_S:
             answered[key] = now_s

@@ -1,4 +1,4 @@
-"""Request and findings of `robots.bridge.ros.network.probe`: facts, no judgement."""
+"""Questions and answers of `robots.bridge.ros.network.probe` about a robot's ROS: facts only."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ from msgspec import Struct
 
 from robots.bridge.config import ArmSource, Topic
 
-CALLER = "/fleet_check"  # the name under which the probe asks
-BRIDGE = "/fleet_bridge"  # a bridge's, the same from every console: the second one is refused
-WATCHDOG = "/fleet_watchdog"  # how a watchdog's name begins; it publishes nothing but zeros
+CALLER = "/fleet_check"  # the probe's node name
+BRIDGE = "/fleet_bridge"  # the bridge's node name, the same from every console: a second bridge is refused
+WATCHDOG = "/fleet_watchdog"  # prefix of a watchdog's node name; it publishes only zeros
 
 
 def watchdog_name(robot_id: str) -> str:
-    """The node name of this console's watchdog of a robot: no other console has that robot id."""
+    """Return the node name of this console's watchdog of a robot: no other console has that robot id."""
     return f"{WATCHDOG}_{UUID(robot_id).hex[:12]}"
 
 
 class Listened(Struct, frozen=True):
-    """A topic to listen to. `stamped`: its messages begin with a std_msgs/Header."""
+    """A topic to subscribe to. `stamped`: its messages begin with a std_msgs/Header."""
 
     what: str
     topic: str
     type: str
     stamped: bool
-    frames: list[str] = []  # frame ids that should be seen
+    frames: list[str] = []  # expected frame ids
 
 
 class Plan(Struct, frozen=True):
-    """The facts to find."""
+    """The questions."""
 
     master_uri: str
     drive: Topic
     listened: list[Listened]
     listen_s: float = 2.0
-    arm: ArmSource | None = None  # that the robot's description should have
+    arm: ArmSource | None = None  # the arm that the robot's description should have
 
 
 class HostFound(Struct, frozen=True):
-    """A host name that the robot's nodes go by. `address` None: it cannot be resolved; `error`: nor reached."""
+    """A host name of the robot's nodes. `address` None: it does not resolve; `error`: it is not reachable."""
 
     name: str
     nodes: int
@@ -48,11 +48,11 @@ class HostFound(Struct, frozen=True):
 
 
 class CallbackFound(Struct, frozen=True):
-    """Whether the master could call us back under the address that we advertise."""
+    """Whether the master could call us at our advertised address."""
 
     advertised: str
     called: bool
-    route: str | None = None  # our own address on the way to the master
+    route: str | None = None  # our address on the way to the master
     error: str | None = None
 
 
@@ -63,15 +63,15 @@ class TopicFound(Struct, frozen=True):
     publishers: list[str]
     type: str | None = None  # as offered
     md5: str | None = None
-    our_md5: str | None = None  # None: we do not know the type
+    our_md5: str | None = None  # None: the type is unknown here
     messages: int = 0
     frames: list[str] = []
-    skew_s: float | None = None  # stamp less our clock, of the message that hurried most
+    skew_s: float | None = None  # stamp minus our clock, of the message with the largest difference
     error: str | None = None
 
 
 class DriveFound(Struct, frozen=True):
-    """The drive topic: who writes, who reads, and its type as the master knows it."""
+    """The drive topic: publishers, subscribers, and its type at the master."""
 
     publishers: list[str]
     subscribers: list[str]
@@ -79,7 +79,7 @@ class DriveFound(Struct, frozen=True):
 
 
 class DescriptionFound(Struct, frozen=True):
-    """Missing arm links of the robot's description. `error`: the description is not usable."""
+    """Parts of the arm that the robot's description lacks; `error`: there is no usable description."""
 
     links: list[str] = []
     joints: list[str] = []
@@ -87,11 +87,11 @@ class DescriptionFound(Struct, frozen=True):
 
 
 class Findings(Struct, frozen=True):
-    """All of it. `master_error` None: the master answers; otherwise the rest is empty."""
+    """All answers. `master_error` None: the master answers; otherwise the rest is empty."""
 
     master_error: str | None = None
     hosts: list[HostFound] = []
     callback: CallbackFound | None = None
     topics: list[TopicFound] = []
     drive: DriveFound | None = None
-    description: DescriptionFound | None = None  # of a robot with an arm
+    description: DescriptionFound | None = None  # for a robot with an arm

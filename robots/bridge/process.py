@@ -1,4 +1,4 @@
-"""The bridge process: wires the core to its link, to ROS, to the state file and to the clock."""
+"""The bridge process: connects the core to links, ROS, state file, watchdog and clock."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ from robots.stop.pending_stops import PendingStops, Waiting, name_of
 
 log = logging.getLogger(__name__)
 
-# Of memory: it needs a fifth of that, and the inspector that it starts has a ceiling of its own.
+# Memory limit: the bridge needs a fifth of it; the inspector has its own limit.
 MOST_BYTES = 768 * 1024 * 1024
 TICK_S = 0.05
-_VIEW_GAP_S = 0.05  # while somebody looks, a view with each scan, but not more often than this
-_VIEW_LATEST_S = 0.15  # without scans too
-_STATUS_S = 0.5 - TICK_S / 2.0  # a status every 0.5 s in any case
-END_S = 4.0  # from being told to end, whatever hangs: the database, the disk
+_VIEW_GAP_S = 0.05  # while a page watches: a view with each scan, at most this often
+_VIEW_LATEST_S = 0.15  # and at least this often, also without scans
+_STATUS_S = 0.5 - TICK_S / 2.0  # a status at least every 0.5 s
+END_S = 4.0  # time limit of the end, even if database or disk hang
 
 
 class Bridge:
-    """Everything of one bridge process."""
+    """All parts of one bridge process."""
 
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: StateStore) -> None:
         left, presses = heeding(_pending_stops(config), store.load(config.last_fence))
@@ -60,7 +60,8 @@ class Bridge:
         self._records = Records(sink)
         self._gate = Gate(config.gate)
         self._sonars = config.topics.sonars
-        # From the time of day on: no page that saw a stop of an earlier process clears one of this.
+        # Stop numbers start from the time of day: a page that saw a stop of an earlier process must not clear a new
+        # one.
         stops_before = time.time_ns() // 1_000_000
         self._inspector = InspectorClient(config, self._publishing_lost)
         self._core = Core(
@@ -91,11 +92,11 @@ class Bridge:
         self._due: set[Callable[[], None]] = set()
 
     async def run(self) -> int:
-        """Until the supervisor goes or a signal comes; leaves the robot at zero. Returns the exit code."""
+        """Run until the supervisor ends or a signal comes; leave the robot at zero. Return the exit code."""
         self._watch_for_the_end()
         await self._links.start()
         loop = asyncio.get_running_loop()
-        self._beat(time.monotonic())  # what only the watchdog heard is latched before the robot is joined
+        self._beat(time.monotonic())  # latch stops that only the watchdog heard, before the robot is joined
         self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._after_commands, self._node_lost)
         self._garbage = Garbage()
@@ -106,22 +107,22 @@ class Bridge:
             lift_limit()
             self._ended = True
             leave_within(END_S)
-            self._links.shut()  # nobody drives a robot that is being let go of
+            self._links.shut()  # nobody may drive while the bridge ends
             self._let_go(time.monotonic())
             self._beats.close()
             await self._maps.close()
             await asyncio.gather(
                 self._inspector.close(),
-                asyncio.to_thread(self._records.close),  # after it, no record calls the loop
+                asyncio.to_thread(self._records.close),  # afterwards no record calls the loop
             )
             await self._links.close()
             self._leasing.close()
         return self._exit_code
 
-    # --- one piece of work at a time ----------------------------------------------------------------
+    # --- one piece of work at a time --------------------------------------------------------------
 
     def _soon(self, piece: Callable[[], None]) -> None:
-        """Do this once, in a turn of the loop of its own."""
+        """Do this piece once, in its own turn of the loop."""
         if piece not in self._due:
             self._due.add(piece)
             asyncio.get_running_loop().call_soon(self._do_due, piece)
@@ -131,10 +132,10 @@ class Bridge:
         self._after_commands(piece)
 
     def _after_commands(self, piece: Callable[[], None]) -> None:
-        """Commands that came by now go first: they wait for one piece of work at most, not for all that is due."""
+        """Handle waiting commands first: they wait for one piece of work at most."""
         try:
             self._links.read_lanes()
-        finally:  # a piece that is lost would silence its source for good
+        finally:  # always run: a lost piece would silence its source for good
             piece()
 
     def _prepare(self) -> None:
@@ -153,19 +154,21 @@ class Bridge:
             if self._ticks(now_s, now_s - due_s):
                 self._soon(
                     self._base.hear
-                )  # and commands: after a stall they count before their absence does
+                )  # read sensors and commands first: after a stall, they arrived before the dead-man is checked
                 await asyncio.sleep(0.0)
                 now_s = time.monotonic()
                 self._tick(now_s, now_s - due_s)
             self._beat(now_s)
-            due_s = max(due_s, now_s - TICK_S) + TICK_S  # after a stall: on from here, no catching up
+            due_s = (
+                max(due_s, now_s - TICK_S) + TICK_S
+            )  # after a stall, continue from here without catching up
             alarm = loop.call_at(due_s, self._wake.set)
             await self._wake.wait()
             self._wake.clear()
             alarm.cancel()
 
     def _ticks(self, now_s: float, late_s: float) -> bool:
-        """Whether this beat ticks: every second one while nothing goes to the base; each late one, to be told of."""
+        """Whether to tick now: every second time while nothing goes to the base; always when late, to report it."""
         core = self._core
         self._rests = not (self._rests or late_s >= TICK_S or core.hurries or core.publishing(now_s))
         return not self._rests
@@ -179,7 +182,7 @@ class Bridge:
         self._soon(self._collect)
 
     def _beat(self, now_s: float) -> None:
-        """Tell the watchdog that this loop runs, and what it does."""
+        """Send the watchdog a heartbeat with the bridge's state."""
         stop = self._core.stop_state
         beat = Heartbeat(
             publishing=self._core.publishing(now_s) and self._base.listeners > 0,
@@ -192,7 +195,7 @@ class Bridge:
         self._core.alone = self._beats.missing(now_s)
 
     def _pressed(self, press: StopPress) -> None:
-        """A stop that the watchdog heard. It is the watchdog's until it is on disk."""
+        """Latch a stop that the watchdog heard. The watchdog keeps it until it is on disk."""
         self._core.stopped_elsewhere(press.by, press.reason, press.press, time.monotonic(), press.at_s)
         loop = asyncio.get_running_loop()
 
@@ -219,7 +222,7 @@ class Bridge:
             self._announce(wire.Status(self._core.state(now_s, watchers, more)))
 
     def _view(self, gap_s: float) -> None:
-        """Show the robot to who looks, unless the last picture is younger than `gap_s`."""
+        """Send a view to links with watchers, unless the last one is younger than `gap_s`."""
         now_s = time.monotonic()
         looked_at = [link for link in self._links.links if link.watchers]
         if not looked_at or now_s - self._viewed_s < gap_s:
@@ -231,7 +234,7 @@ class Bridge:
             link.show(shown)
 
     def _watchers(self) -> tuple[list[str], int]:
-        """Names of viewers, and the number of further viewers."""
+        """Return the names of watchers, and the number of further ones."""
         links = self._links.links
         return sorted({name for link in links for name in link.watchers}), sum(
             link.watchers_more for link in links
@@ -245,7 +248,7 @@ class Bridge:
     # --- the end -----------------------------------------------------------------------------------
 
     def _watch_for_the_end(self) -> None:
-        """SIGTERM and SIGINT end the process; so does the end of stdin, which the supervisor holds open."""
+        """End on SIGTERM, on SIGINT, and when stdin closes, which the supervisor holds open."""
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(self._failed)
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -259,7 +262,7 @@ class Bridge:
         self._wake.set()
 
     def _let_go(self, now_s: float) -> None:
-        """The robot is left at zero, whatever comes of telling those who still wait for something."""
+        """Leave the robot at zero, even if ending the tasks fails."""
         try:
             self._core.close(now_s)
         finally:
@@ -273,7 +276,7 @@ class Bridge:
         self._end()
 
     def _failed(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """A callback broke: it is logged, and the others go on. Without memory none does."""
+        """Log a failed callback; the others continue. Without memory, end the process."""
         if isinstance(context.get("exception"), MemoryError):
             end_without_memory()
         else:
@@ -283,7 +286,7 @@ class Bridge:
         with contextlib.suppress(BlockingIOError):
             if os.read(lifeline, 1024):
                 return
-            log.info("the supervisor is gone: stopping")
+            log.info("the supervisor ended: stopping")
             asyncio.get_running_loop().remove_reader(lifeline)
             self._end()
 
@@ -295,9 +298,9 @@ def _pending_stops(config: BridgeConfig) -> list[Waiting]:
 
 
 def heeding(pending: Sequence[Waiting], left: Persisted) -> tuple[Persisted, list[UUID]]:
-    """The state at start: latched if a stop is pending. Also returns the pending presses.
+    """Return the state to begin with, and pending presses: latched if a stop is pending, before anybody can drive.
 
-    Their files stay until the stops are delivered: that they were heeded is confirmed then.
+    The files of pending stops stay until the stops are delivered and confirmed.
     """
     if pending:
         left = structs.replace(left, latched=True, by=pending[-1].by, reason=pending[-1].reason)
@@ -305,7 +308,7 @@ def heeding(pending: Sequence[Waiting], left: Persisted) -> tuple[Persisted, lis
 
 
 def run(config: BridgeConfig, sink: RecordSink) -> int:
-    """Be the bridge of one robot; returns the exit code."""
+    """Run the bridge of one robot; return the exit code."""
     store = StateStore(Path(config.state_dir), config.robot_id)
     try:
         store.lock()
@@ -313,7 +316,7 @@ def run(config: BridgeConfig, sink: RecordSink) -> int:
         log.error("%s", error)
         return EXIT_ALREADY_RUNNING
     limit_memory(MOST_BYTES)
-    sys.setswitchinterval(0.001)  # the control loop waits less for rospy's threads
+    sys.setswitchinterval(0.001)  # s: the control loop waits less for rospy's threads
     try:
         return asyncio.run(Bridge(config, sink, store).run())
     finally:

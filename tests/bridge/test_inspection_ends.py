@@ -182,7 +182,7 @@ async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(t
     monkeypatch.setattr(inspector_client, "ANSWER_S", 0.05)
     for seq, ask in enumerate((CALL, wire.SetParameter("/silent", 1)), 1):
         relay.ask(ear, wire.LinkQuery(seq, ask))
-    assert (await ear.answer(1)).refusal.text.endswith("whether it was carried out is not known.")
+    assert (await ear.answer(1)).refusal.text.endswith("it is unknown whether this was carried out.")
 
 
 async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_answer(talk, monkeypatch):

@@ -457,7 +457,7 @@ def test_a_link_lost_for_two_seconds_cancels_it_and_a_shorter_loss_does_not(benc
     end = ends(bench, goal_id)
     assert (end.outcome, end.text) == (
         "link_lost",
-        "The page of who asked for it was out of reach for 2 s.",
+        "The requester’s page was out of reach for 2 s.",
     )
 
 

@@ -45,7 +45,7 @@ def test_motion_and_publishing_end_after_two_seconds_with_the_reason_and_their_o
     told = verdict(bench)
     assert (told.code, told.text) == (
         "not_recorded",
-        "The robot stands still: what it does cannot be recorded (disk full)."
+        "The robot stands still because its actions cannot be recorded (disk full)."
         " Ended: the motion “wave”, publishing on /notes.",
     )
     bench.core.tasks.motions.ended(goal_id, "cancelled", "", bench.now_s)

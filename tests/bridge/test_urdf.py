@@ -53,12 +53,12 @@ def test_many_moments_at_once_are_as_one_by_one():
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("no xml", "makes no sense"),
-        ('<!DOCTYPE r [<!ENTITY a "a">]><robot/>', "declares more than elements"),
+        ("no xml", "cannot be parsed"),
+        ('<!DOCTYPE r [<!ENTITY a "a">]><robot/>', "contains declarations"),
         (ARM.replace('xyz="0 0 2"', 'xyz="0 0 0"'), "axis of no length"),
         (ARM.replace('xyz="0 0 1"', 'xyz="0 nan 1"', 1), "not three numbers"),
         (ARM.replace('<parent link="base"/>', ""), "lacks parent or child"),
-        (ARM.replace('link="base"', 'link="hand"'), "circle"),
+        (ARM.replace('link="base"', 'link="hand"'), "cycle"),
         ("<robot>" + "<x/>" * 2_000_001 + "</robot>", "too large"),
     ],
 )

@@ -173,7 +173,7 @@ class TestPalsVoice:
             status.settle()
             assert answered(hand, wire.SayCancel(1, seq=next(_numbers))).refusal.code == "no_speech"
             refused = answered(hand, wire.Say(1, "hello", "en-GB", seq=next(_numbers)))
-            assert refused.refusal.text == "The robot says something that others asked for: wait."
+            assert refused.refusal.text == "The robot speaks a text from another program: wait."
             voice.cancels.publish(GoalID(id=others))
             status.until(
                 lambda message: all(told.status != GoalStatus.ACTIVE for told in message.status_list)

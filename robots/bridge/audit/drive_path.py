@@ -1,6 +1,6 @@
-"""Figures and path of a drive, from odometry.
+"""Figures and path of a drive from odometry.
 
-A path has few samples, which give the robot's position at every moment to a stated tolerance.
+A path is a few samples that give the robot's position at every moment, within a stated tolerance.
 """
 
 from __future__ import annotations
@@ -15,30 +15,28 @@ from robots.bridge.gate.values import Pose, Velocity
 
 SAMPLE_S = 0.5
 TOLERANCE_M = 0.05
-# what a point so far ahead of the robot's middle misses counts too: so turning on the spot is kept
+# m: the error counts at a point this far in front of the robot's middle, so that turns on the spot are kept
 LEVER_M = 0.25
-MOST_SAMPLES = 600  # of a path, however long the drive
+MOST_SAMPLES = 600  # limit for a path of any length of drive
 
 
 class Sample(NamedTuple):
-    """Where the robot was, in the odometry frame."""
+    """The robot's position in the odometry frame."""
 
     t_s: float  # since the drive began
     x: float  # metres
     y: float
-    yaw: (
-        float  # rad, counted on beyond a full turn, so that what lies between two samples can be interpolated
-    )
+    yaw: float  # rad, continuous beyond a full turn, so that values between samples can be interpolated
     speed: float  # m/s
 
 
 def simplified(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
-    """The fewest of these samples, first and last among them, that Ramer-Douglas-Peucker leaves.
+    """Return the fewest of these samples that Ramer-Douglas-Peucker keeps, with the first and the last.
 
-    Whoever goes evenly from one to the next is at the time of each sample that was left out no farther than
-    `tolerance_m` from it. Lines are halved where they are farthest off, after Ramer (1972) and Douglas and Peucker
-    (1973); "off" is measured at equal times, so that speeds and pauses are kept too, after Meratnia and de By,
-    "Spatiotemporal Compression Techniques for Moving Point Objects" (2004).
+    Linear motion between kept samples is, at the time of each dropped sample, within `tolerance_m` of it. Lines are
+    split at the largest error, after Ramer (1972) and Douglas and Peucker (1973). The error is measured at equal times,
+    so that speeds and pauses are kept, after Meratnia and de By, "Spatiotemporal Compression Techniques for Moving
+    Point Objects" (2004).
     """
     if len(samples) <= 2:
         return list(samples)
@@ -61,37 +59,37 @@ def simplified(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
 
 
 class Path:
-    """The path of one drive, simplified as it grows, to a tolerance that is widened where it would become too long."""
+    """The path of one drive, simplified as it grows. The tolerance is widened when the path becomes too long."""
 
     def __init__(self, most: int = MOST_SAMPLES) -> None:
         self.samples: list[Sample] = []
-        self.tolerance_m = TOLERANCE_M  # no sample that was added is farther than this from the path
+        self.tolerance_m = TOLERANCE_M  # upper limit of the error of all added samples
         self._most = most
 
     def extend(self, fresh: Sequence[Sample]) -> None:
-        """Add samples, each later than the one before it."""
+        """Add samples in order of time."""
         settled, joint = self.samples[:-1], self.samples[-1:]
         self.samples = settled + simplified([*joint, *fresh], self.tolerance_m)
         while len(self.samples) > self._most:
-            # A second simplification may add this error once more.
+            # Simplifying again may add this error once more.
             self.samples = simplified(self.samples, self.tolerance_m)
             self.tolerance_m *= 2.0
 
 
 class Track:
-    """Odometry of one drive, as it comes: distance, top speeds, and samples for the path."""
+    """Odometry of one drive: distance, top speeds, and samples for the path."""
 
     def __init__(self, began_s: float) -> None:
         self.distance_m = 0.0
         self.top_mps = 0.0
         self.top_radps = 0.0
-        self.fresh: list[Sample] = []  # not part of the path yet
+        self.fresh: list[Sample] = []  # not in the path yet
         self._began_s = began_s
         self._last: Sample | None = None
         self._sampled = -math.inf  # `t_s` of the newest sample
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
-        """The robot is there now."""
+        """Take the robot's present position."""
         last, yaw, speed = self._last, pose.yaw, math.hypot(velocity.vx, velocity.vy)
         if last is not None:
             self.distance_m += math.hypot(pose.x - last.x, pose.y - last.y)
@@ -103,7 +101,7 @@ class Track:
             self._sample(self._last)
 
     def taken(self, *, last: bool = False) -> list[Sample]:
-        """The fresh samples, which are forgotten here; with where the robot is now, if they are the `last`."""
+        """Take the fresh samples out; for the `last` time, with the robot's present position."""
         if last and self._last is not None and self._last.t_s > self._sampled:
             self._sample(self._last)
         fresh, self.fresh = self.fresh, []

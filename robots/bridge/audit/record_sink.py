@@ -1,7 +1,7 @@
-"""Interface of the record store, so that the bridge knows no database.
+"""Interface of the audit log, so that the bridge does not depend on a database.
 
-The methods are called from one worker thread, one at a time and in order. A method returns once its record is
-committed. On `RecordError` it is not, and nothing that needs the record happens.
+One worker thread calls the methods, one at a time and in order. A method returns when its record is committed.
+`RecordError` means that it is not committed: then the recorded action must not happen.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ Parameters = Mapping[str, str | float | None]
 
 
 class RecordError(Exception):
-    """A record could not be committed now. The text says why, in words for the operator."""
+    """A record could not be committed now. The text says why, for the operator."""
 
 
 class BadRecord(RecordError):
-    """A record that is never committed, however well the database is: to try again would not help."""
+    """A record that can never be committed: do not try again."""
 
 
 class Holder(Struct, frozen=True):
-    """The person in control, as granted."""
+    """The person in control, from the grant."""
 
     holder_id: str
     holder: str
@@ -35,10 +35,10 @@ class Holder(Struct, frozen=True):
 
 
 class Place(Struct, frozen=True):
-    """Where the robot is, as far as it knows: metres and radians."""
+    """The robot's position as far as known: metres and radians."""
 
     pose: Pose | None = None  # in the odometry frame
-    map_to_odom: Pose | None = None  # that frame in the map's
+    map_to_odom: Pose | None = None  # of the odometry frame in the map frame
 
 
 DriveEnd = Literal["standstill", "halted", "control_changed", "bridge_ended"]
@@ -48,7 +48,7 @@ class DriveSummary(Struct, frozen=True):
     """Summary of a drive from odometry: metres, seconds, m/s, rad/s."""
 
     outcome: DriveEnd
-    ended_by: str  # the same in words
+    ended_by: str  # the outcome in words
     end: Place
     distance_m: float
     duration_s: float
@@ -60,7 +60,7 @@ class DriveSummary(Struct, frozen=True):
 
 
 class GateStart(Struct, frozen=True):
-    """How an intervention of the gate began."""
+    """Begin of a gate intervention."""
 
     verdict: Verdict
     t_s: float  # since the drive began
@@ -71,30 +71,30 @@ class GateSummary(Struct, frozen=True):
     """Summary of a gate intervention."""
 
     duration_s: float  # from its first to its last verdict
-    also: list[str]  # codes of other rules that held back meanwhile
-    nearest: Verdict  # when its obstacle was nearest
+    also: list[str]  # codes of other rules that limited the robot meanwhile
+    nearest: Verdict  # with the nearest obstacle
     pose: Pose | None  # at its end
 
 
 class TakenMap(Struct, frozen=True, tag=True):
-    """The robot's map as a picture. It lies where nav_msgs/OccupancyGrid says: `origin` is its lower left corner."""
+    """The robot's map as a picture. `origin` is its lower left corner, as in nav_msgs/OccupancyGrid."""
 
-    resolution_m: float  # of a cell, a pixel
-    origin: Pose  # in the map's frame
+    resolution_m: float  # of a cell; one cell is one pixel
+    origin: Pose  # in the map frame
     width: int  # cells
     height: int
     picture: bytes  # PNG; the first row is the upper edge
-    digest: str  # of what it shows and where
+    digest: str  # of picture and position
 
 
 class RecordSink(Protocol):
-    """The audit log, as the bridge sees it. Tokens are opaque to the bridge."""
+    """The audit log, as the bridge uses it. Tokens are opaque to the bridge."""
 
     def settle(self) -> None:
-        """Commit the end of what an earlier bridge of this robot left without one. Comes before everything else."""
+        """Commit missing ends of an earlier bridge of this robot. Called before everything else."""
 
     def pulse(self) -> None:
-        """Commit something that is no record, to see whether a record could be committed."""
+        """Test whether a record could be committed."""
 
     def begin_drive(self, holder: Holder, start: Place) -> int:
         """Commit the start of a drive: before its first non-zero Twist."""
@@ -103,24 +103,24 @@ class RecordSink(Protocol):
         """Commit the end of a drive."""
 
     def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
-        """Commit what was asked of the robot besides driving: before it is passed on. None: the bridge does it."""
+        """Commit a request of a task before it is sent to the robot. None: the bridge requests it itself."""
 
     def outcome(
         self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
     ) -> None:
-        """Commit what came of it."""
+        """Commit the outcome of a request."""
 
     def begin_gate(self, drive: int, holder: Holder, start: GateStart) -> int:
-        """Commit that the gate began to hold back, and why."""
+        """Commit that the gate began to limit the robot, and why."""
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
-        """Commit that stop `number` reached the robot, in whose control. The web process records who pressed it.
+        """Commit that stop `number` reached the robot. The web process records who pressed it.
 
-        `was_standing`: the robot stood at the press, and nothing asked it to move.
+        `was_standing`: at the press the robot stood and nothing asked it to move.
         """
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
-        """Commit that it ended, and what it came to."""
+        """Commit the end of an intervention and its summary."""
 
     def keep_map(self, taken: TakenMap) -> None:
-        """Commit that this is the robot's map now. No record: the robot does not wait for it."""
+        """Commit the robot's present map. The robot does not wait for it."""

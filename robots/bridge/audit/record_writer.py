@@ -1,9 +1,9 @@
-"""Write records on one worker thread, in order, while the control loop goes on.
+"""Write records on one worker thread, in order, while the control loop continues.
 
-A request must be written before it is carried out; if it cannot be written, it is refused and forgotten. An outcome
-must be written sooner or later: it is kept and retried, ahead of all later records. No request succeeds in the
-meantime, so the kept records are only the ends of running tasks; callers must bound other records. While the robot
-drives, a pulse tests every half second that the database can be written.
+A request must be written before it is carried out: if writing fails, it is refused and dropped. An event must be
+written sooner or later: it is kept, and tried again before all later records. No request succeeds meanwhile, so the
+kept records are only the ends of work in progress; callers must limit events that the robot causes by itself. While the
+robot drives, a test every half second shows whether the database can be written.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robots.bridge.audit.record_sink import BadRecord, RecordError
 log = logging.getLogger(__name__)
 
 PULSE_S = 0.5
-PATIENCE_S = 2.0  # that the database may not be written before the robot must stand
+PATIENCE_S = 2.0  # s without a writable database until the robot must stand
 _T = TypeVar("_T")
 
 
@@ -41,33 +41,33 @@ class _Job:
 
 
 class RecordWriter:
-    """Hands calls of a sink to the worker. Its methods are called on the control loop's thread, and none waits."""
+    """Passes calls of a sink to the worker thread. Its methods run on the control loop's thread and never wait."""
 
     def __init__(self, pulse: Callable[[], None]) -> None:
-        self.on_done: Callable[[], object] = lambda: None  # on the worker's thread, after what was asked for
+        self.on_done: Callable[[], object] = lambda: None  # on the worker's thread, after each request
         self._pulse = pulse
         self._pulsed: _Job | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
         self._open: list[_Job] = []  # not done yet, as far as the loop knows
-        self._unwritten: deque[_Job] = deque()  # the worker's: in order
+        self._unwritten: deque[_Job] = deque()  # used by the worker only, in order
         self._trouble: Trouble | None = None  # set by the worker
 
     def ask(self, call: Callable[[], _T], now_s: float) -> Future[_T]:
-        """Write what must be written before it is done. A failure is the end of it."""
+        """Write a request before it is carried out. If writing fails, it is dropped."""
         job = _Job(call, now_s, kept=False)
         job.done.add_done_callback(lambda _: self.on_done())
         return self._submit(job)
 
     def keep(self, call: Callable[[], _T], now_s: float, of: Future[Any] | None = None) -> Future[_T]:
-        """Write what has happened, as soon as that can be done; never, if that to which it belongs never was."""
+        """Write an event as soon as possible; never, if the request `of` it was never written."""
         return self._submit(_Job(call, now_s, kept=True, of=of))
 
     def aside(self, call: Callable[[], object]) -> None:
-        """Do there, in the same order, what takes too long for the control loop."""
+        """Run slow work of the control loop on the worker, in the same order."""
         self._worker.submit(_logged, call)
 
     def tick(self, now_s: float, watched: bool) -> None:
-        """Once per period. `watched`: whether it matters that the database can be written."""
+        """Run the periodic work. `watched`: test whether the database can be written."""
         self._open = [job for job in self._open if not job.done.done()]
         last = self._pulsed
         if last and (now_s - last.asked_s < PULSE_S or not last.done.done()):
@@ -78,11 +78,11 @@ class RecordWriter:
 
     @property
     def trouble(self) -> Trouble | None:
-        """The last thing that was to be written could not be."""
+        """The failure of the last write, if it failed."""
         return self._trouble
 
     def overdue(self, now_s: float) -> str | None:
-        """Why nothing could be written for as long as patience lasts."""
+        """Return why nothing could be written for `PATIENCE_S`, if so."""
         trouble = self._trouble
         if trouble and now_s - trouble.since_s > PATIENCE_S:
             return trouble.why
@@ -92,7 +92,7 @@ class RecordWriter:
         return None
 
     def close(self) -> None:
-        """Wait for the worker. Records that are not written by then are lost."""
+        """Wait for the worker. Records that cannot be written by then are lost."""
         self._worker.shutdown(wait=True)
         if self._unwritten:
             log.error("records that could not be written before the end: %d", len(self._unwritten))
@@ -115,8 +115,8 @@ class RecordWriter:
             self._unwritten.popleft()
 
     def _write(self, job: _Job) -> None:
-        """Raises RecordError if it is worth trying again."""
-        lost = job.of and job.of.exception()  # known by now: it came first
+        """Write one record. Raises RecordError if it may be tried again."""
+        lost = job.of and job.of.exception()  # already done: it came first
         if lost:
             job.done.set_exception(lost)
             return
@@ -135,7 +135,7 @@ class RecordWriter:
             job.done.set_result(result)
 
     def _put_off(self, newest: _Job, error: RecordError) -> None:
-        """Nothing can be written now, so what is asked for is not done."""
+        """Refuse the waiting requests, because nothing can be written now."""
         first = self._unwritten[0]
         self._note(first, error)
         if not newest.kept:
@@ -155,4 +155,4 @@ def _logged(call: Callable[[], object]) -> None:
     try:
         call()
     except Exception:
-        log.exception("work beside the records failed")
+        log.exception("background work of the record thread failed")

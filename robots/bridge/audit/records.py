@@ -1,6 +1,6 @@
-"""Records of a bridge: requests before they are carried out, outcomes, stops, the map.
+"""Records of the bridge: requests before they are carried out, their outcomes, stops, the robot's map.
 
-The sink commits them on one worker thread, in order. The control loop checks for completion and never waits.
+The sink commits them in one worker thread, in order; the control loop polls and never waits.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from robots.bridge.audit.record_sink import Holder, Parameters, RecordSink, Take
 from robots.bridge.audit.record_writer import RecordWriter
 from robots.wire import Refusal
 
-Reply = Callable[[Refusal | None], None]  # to what was asked: why not, or None once it is on its way
+Reply = Callable[[Refusal | None], None]  # answers a request: with a refusal, or None when it is sent on
 
 
 class Requester(NamedTuple):
-    """The person who requested a task, their link, and the callback for the answer."""
+    """The person who requests a task, the link, and the reply."""
 
     holder: Holder
     link: int
@@ -28,7 +28,7 @@ class Requester(NamedTuple):
 
 @dataclass(eq=False)
 class RecordedTask:
-    """Something that was asked for, and since when; it is done once it is on record, and then has a number there."""
+    """A requested task and its time. It may begin when it is recorded; then the record has a number."""
 
     requester: Requester
     number: Future[int]
@@ -36,18 +36,18 @@ class RecordedTask:
 
     @property
     def unrecorded(self) -> Refusal | None:
-        """Of what is no longer being put on record: why it could not be."""
+        """The refusal if its record failed, else None."""
         error = self.number.exception()
         if error is None:
             return None
-        return Refusal("not_recorded", f"It was not done, for it cannot be recorded ({error}).", "audit")
+        return Refusal("not_recorded", f"It was not done because it cannot be recorded ({error}).", "audit")
 
 
 A = TypeVar("A", bound=RecordedTask)
 
 
 def pop_due(waiting: list[A]) -> list[A]:
-    """Take out of `waiting` what is on record by now, or cannot be."""
+    """Take out of `waiting` the tasks whose record is done, or has failed."""
     due = [asked for asked in waiting if asked.number.done()]
     waiting[:] = [asked for asked in waiting if asked not in due]
     return due
@@ -61,46 +61,46 @@ class Records(RecordWriter):
         self.sink = sink
 
     def open(self, on_done: Callable[[], object], now_s: float) -> None:
-        """Before anything is asked for. `on_done` is called on the worker's thread once what was asked for is done."""
+        """Start, before any request. `on_done` is called on the worker's thread after each request."""
         self.on_done = on_done
         self.keep(self.sink.settle, now_s)
 
     def request(self, holder: Holder, kind: str, parameters: Parameters, now_s: float) -> Future[int]:
-        """Put on record what is asked of the robot besides driving; its number, once it is committed."""
+        """Record a request of a task; the result is its number when it is committed."""
         return self.ask(lambda: self.sink.request(holder, kind, parameters), now_s)
 
     def outcome(
         self, asked: RecordedTask, kind: str, outcome: str, parameters: Parameters, now_s: float
     ) -> None:
-        """Put on record what came of it; of what is not on record itself nothing came."""
+        """Record the outcome of a request. A request that is not recorded has no outcome."""
         number, holder = asked.number, asked.requester.holder
         self.keep(
             lambda: self.sink.outcome(number.result(), holder, kind, outcome, parameters), now_s, of=number
         )
 
     def cancelled(self, topic: str, goal: str, now_s: float) -> Future[int]:
-        """Put on record that the bridge itself cancels a motion's goal: only afterwards, as it does so for safety."""
+        """Record that the bridge itself cancels a motion's goal. The record follows the cancel: safety comes first."""
         what = {"topic": topic, "goal": goal}
         return self.keep(lambda: self.sink.request(None, "motion.cancel", what), now_s)
 
     def was_cancelled(self, cancel: Future[int], outcome: str, now_s: float) -> None:
-        """Put on record what came of that."""
+        """Record the outcome of that cancel."""
         self.keep(
             lambda: self.sink.outcome(cancel.result(), None, "motion.cancel", outcome, {}), now_s, of=cancel
         )
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool, now_s: float) -> None:
-        """Put on record that the robot was stopped, if only afterwards: a stop waits for nothing."""
+        """Record that the robot was stopped. The record follows the stop: a stop waits for nothing."""
         self.keep(lambda: self.sink.stopped(holder, number, was_standing), now_s)
 
     def keep_map(self, taken: TakenMap) -> None:
-        """Keep the robot's map, between two records."""
+        """Store the robot's map between two records."""
         self.aside(partial(self.sink.keep_map, taken))
 
 
 def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:
-    """Why the robot stands. `ended`: what else was under way, in words."""
-    text = f"The robot stands still: what it does cannot be recorded ({why})."
+    """Return why the robot stands. `ended`: other tasks that ended, in words."""
+    text = f"The robot stands still because its actions cannot be recorded ({why})."
     if ended:
         text += f" Ended: {', '.join(ended)}."
     return Refusal("not_recorded", text, "audit")

@@ -1,1 +1,1 @@
-"""The robot's map: fetched, reduced and kept."""
+"""The robot's map: fetch, reduce and store it."""

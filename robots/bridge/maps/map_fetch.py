@@ -1,6 +1,6 @@
-"""Fetch the robot's map in a short-lived process: the control loop decodes none.
+"""Fetch the robot's map while somebody has control, in a short-lived process: the control loop must decode no map.
 
-It is fetched at the begin of each control session and every few minutes, since a robot may be mapping.
+The map is fetched at the start of each control session and every few minutes, because a robot may be mapping.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from robots.bridge.config import BridgeConfig, Topic
 
 log = logging.getLogger(__name__)
 
-# Behind the control loop from its first line on, as the inspector is once it has started.
+# Lower priority than the control loop from the first line on, like the inspector.
 COMMAND = ("nice", "-n", "10", sys.executable, "-m", "robots.bridge.ros.sensors.map")
-END_S = 15.0  # from its start, whatever hangs
-FRESH_S = 300.0  # a map is taken anew after this
-AGAIN_S = 60.0  # the same, where there was none
+END_S = 15.0  # time limit for the process
+FRESH_S = 300.0  # age at which a map is fetched again
+AGAIN_S = 60.0  # the same after a failure
 LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 
 
 class MapWanted(Struct, frozen=True):
-    """The request to the map process."""
+    """The request to the process."""
 
     master_uri: str
     topic: Topic
 
 
 class NoMap(Struct, frozen=True, tag=True):
-    """There is none that could be drawn, and why."""
+    """There is no usable map; the text says why."""
 
     why: str
 
@@ -45,7 +45,7 @@ _answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
 
 
 class MapFetcher:
-    """Lives on the event loop. `keep` is handed each map that was taken, and must not wait."""
+    """Lives on the event loop. `keep` gets each fetched map and must not block."""
 
     def __init__(
         self, config: BridgeConfig, keep: Callable[[TakenMap], None], command: Sequence[str] = COMMAND
@@ -54,13 +54,13 @@ class MapFetcher:
         self._wanted = MapWanted(config.master_uri, topic) if topic else None
         self._keep = keep
         self._command = command
-        self._fence: int | None = None  # of the control session for which it was taken last
+        self._fence: int | None = None  # control session of the last fetch
         self._due_s = float("-inf")
         self._taking: asyncio.Task[None] | None = None
-        self._told = ""  # why there was no map: said once
+        self._told = ""  # last logged reason why there is no map
 
     def look(self, fence: int | None, now_s: float) -> None:
-        """Once per period. `fence`: the number of who has control, None if nobody has."""
+        """Run the periodic work. `fence`: the fence of the session; None: nobody has control."""
         if self._wanted is None or fence is None or self._taking is not None:
             return
         if fence != self._fence or now_s >= self._due_s:
@@ -68,7 +68,7 @@ class MapFetcher:
             self._taking = asyncio.get_running_loop().create_task(self._take(self._wanted, now_s))
 
     async def close(self) -> None:
-        """The bridge ends."""
+        """End the process: the bridge ends."""
         if self._taking is not None:
             self._taking.cancel()
             with suppress(asyncio.CancelledError):
@@ -83,7 +83,7 @@ class MapFetcher:
                 case NoMap(why=why):
                     self._say(why)
         except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
-            self._say(f"the process that takes it failed ({error!r})")
+            self._say(f"the process that fetches it failed ({error!r})")
         finally:
             self._taking = None
 
@@ -96,18 +96,18 @@ class MapFetcher:
             answer: TakenMap | NoMap = _answer.decode(await _up_to(process.stdout, LARGEST_ANSWER))
             return answer
         finally:
-            if not process.stdout.at_eof():  # else it ends by itself, and may have done so by now
+            if not process.stdout.at_eof():  # else it ends by itself, and may have ended already
                 process.kill()
             await process.wait()
 
     def _say(self, why: str) -> None:
         if why != self._told:
             self._told = why
-            log.info("no map of the robot is put on record: %.300r", why)
+            log.info("no map of the robot is recorded: %.300r", why)
 
 
 async def _up_to(stream: asyncio.StreamReader, most: int) -> bytes:
-    """All that comes; what is more than so many bytes is no answer."""
+    """Read all output; more than `most` bytes are no valid answer."""
     try:
         await stream.readexactly(most + 1)
     except asyncio.IncompleteReadError as end:

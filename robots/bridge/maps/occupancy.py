@@ -1,6 +1,6 @@
-"""A nav_msgs/OccupancyGrid as a small picture, from its serialized bytes. Pure; numpy and the standard library.
+"""Convert a serialized nav_msgs/OccupancyGrid to a small picture. Pure: numpy and the standard library.
 
-Impossible numbers raise `BadMap`, with a sentence for the log.
+Implausible numbers from the robot raise `BadMap`, with a text for the log.
 """
 
 from __future__ import annotations
@@ -18,17 +18,19 @@ from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
 
 MOST_CELLS = 4096 * 4096
-LARGEST_SIDE = 2048  # cells of the picture: what has more is thinned
-MOST_SIDE = 8 * LARGEST_SIDE  # of a map: a long thin one is filled up to whole blocks before it is thinned
-LONGEST_FRAME = 200  # characters of its name
-FRAME = "map"  # of REP 105, in which the bridge knows where the odometry's lies
-FREE_TO, OCCUPIED_FROM = 25, 65  # percent, as map_server draws the line
+LARGEST_SIDE = 2048  # cells of the picture; larger maps are thinned
+MOST_SIDE = (
+    8 * LARGEST_SIDE
+)  # limit of a map's side: a long thin map is filled up to whole blocks before thinning
+LONGEST_FRAME = 200  # characters of the frame's name
+FRAME = "map"  # REP 105: the frame in which the bridge knows the odometry frame
+FREE_TO, OCCUPIED_FROM = 25, 65  # percent, thresholds of map_server
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
-# Greys for a light page and for a dark one: the floor a shade of the page's own, what stands there in full.
+# Greys for light and dark pages: the floor is a shade of the page's colour, obstacles have full contrast.
 _COLOURS = bytes((127, 135, 131)) * 3
 _OPACITY = bytes((0, 34, 255))
 _FARTHEST_M = 1e5
-_TILT = 0.02  # of a quaternion's x and y: a map lies flat
+_TILT = 0.02  # limit of a quaternion's x and y: a map must be horizontal
 
 _HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
 _LENGTH = struct.Struct("<I")
@@ -39,17 +41,17 @@ Cells = NDArray[np.uint8]  # UNKNOWN, FREE or OCCUPIED; row 0 is the lower edge
 
 
 class BadMap(ValueError):
-    """This is no map that could be drawn, and why."""
+    """The message is no usable map; the text says why."""
 
 
 class _Geometry(NamedTuple):
-    """Where cells lie: `origin` is the outer corner of the first one."""
+    """Position of the cells: `origin` is the outer corner of the first one."""
 
     resolution_m: float
     origin: Pose
 
     def from_cell(self, column: int, row: int) -> _Geometry:
-        """The same, if this cell were the first."""
+        """Return the geometry with this cell as the first one."""
         x, y, yaw = self.origin
         along, up = column * self.resolution_m, row * self.resolution_m
         c, s = math.cos(yaw), math.sin(yaw)
@@ -57,7 +59,7 @@ class _Geometry(NamedTuple):
 
 
 def taken(raw: bytes) -> TakenMap:
-    """The map that a message holds, cut to what is known of it. Raises `BadMap`."""
+    """Return the map of a message, cropped to its known part. Raises `BadMap`."""
     geometry, cells = _read(raw)
     geometry, cells = _cut(geometry, cells)
     geometry, cells = _thinned(geometry, cells)
@@ -82,14 +84,14 @@ def _read(raw: bytes) -> tuple[_Geometry, Cells]:
         at += length + _INFO.size
         (count,) = _LENGTH.unpack_from(raw, at)
     except struct.error as error:
-        raise BadMap("it is cut short") from error
+        raise BadMap("the message is incomplete") from error
     if frame != FRAME:
-        raise BadMap(f"it is told in the frame {frame!r}, not in {FRAME!r}")
+        raise BadMap(f"its frame is {frame!r}, not {FRAME!r}")
     _, _, resolution_m, width, height, *origin = info
     if not width or not height or max(width, height) > MOST_SIDE or width * height > MOST_CELLS:
         raise BadMap(f"it has {width} x {height} cells")
     if count != width * height or len(raw) != at + _LENGTH.size + count:
-        raise BadMap(f"it has {width} x {height} cells and tells {count}")
+        raise BadMap(f"it has {width} x {height} cells, but data for {count}")
     percent = np.frombuffer(raw, np.int8, count, at + _LENGTH.size).reshape(height, width)
     return _geometry(resolution_m, *origin), _told(percent)
 
@@ -100,10 +102,10 @@ def _geometry(
     if not 0.001 <= resolution_m <= 10.0:
         raise BadMap(f"its cells are {resolution_m} m wide")
     if not (abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M):
-        raise BadMap(f"it begins at {x}, {y}")
+        raise BadMap(f"its origin is {x}, {y}")
     if not (0.5 < math.hypot(qx, qy, qz, qw) < 2.0 and math.hypot(qx, qy) < _TILT):
-        raise BadMap("it does not lie flat")
-    # The message has single precision: 0.05000000074505806 means 0.05.
+        raise BadMap("it is not horizontal")
+    # The message has single precision: it means 0.05, not 0.05000000074505806.
     return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, 2.0 * math.atan2(qz, qw)))
 
 
@@ -115,16 +117,16 @@ def _told(percent: NDArray[np.int8]) -> Cells:
 
 
 def _cut(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
-    """Without the rows and columns around it of which nothing is known: SLAM begins with a large sheet."""
+    """Crop unknown rows and columns at the edges: SLAM begins with a large sheet."""
     rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     if not rows.size:
-        raise BadMap("nothing is known of any cell")
+        raise BadMap("all its cells are unknown")
     kept = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     return geometry.from_cell(int(columns[0]), int(rows[0])), kept
 
 
 def _thinned(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
-    """Several cells as one, if there are too many: a wall among them stays, and what is known."""
+    """Merge cells if there are too many. A wall among merged cells stays, and so does a known cell."""
     share = -(-max(cells.shape) // LARGEST_SIDE)
     if share == 1:
         return geometry, cells
@@ -135,11 +137,9 @@ def _thinned(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
 
 
 def _png(rows: Cells) -> bytes:
-    """A picture in three colours, its first row on top."""
+    """Encode a picture in three colours, its first row on top."""
     height, width = rows.shape
-    unfiltered = np.pad(
-        rows, ((0, 0), (1, 0))
-    ).tobytes()  # each row begins with the number of its filter: none
+    unfiltered = np.pad(rows, ((0, 0), (1, 0))).tobytes()  # each row begins with its filter number: none
     return b"".join(
         (
             b"\x89PNG\r\n\x1a\n",

@@ -1,7 +1,7 @@
-"""Convert values from people and programs to the fields of a message definition. Pure.
+"""Fit the fields that a person or a program gives to a message's definition. Pure.
 
-Fields are nested, or have dotted keys, or both; an array's elements may be named by their number ("points.0.x").
-A wrong value is refused with the path of its field, written as ``points[0].x``.
+Fields are nested, or have dotted keys, or both; array elements may be named by their number ("points.0.x"). A value
+that does not fit raises `BadField` with the path of the field, written as ``points[0].x``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from robots.wire import Field, Refusal
 
-NOW = "now"  # as a time: when the message is sent
+NOW = "now"  # as a time: the moment of sending
 INTEGERS = {
     "bool": (0, 1),
     "byte": (-128, 127),
@@ -26,10 +26,10 @@ INTEGERS = {
     "int64": (-(2**63), 2**63 - 1),
     "uint64": (0, 2**64 - 1),
 }
-FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # the largest
-STAMPS = {"time": "uint32", "duration": "int32"}  # and what their seconds are
-DEEPEST = 24  # levels of names
-LARGEST_ARRAY = 10_000  # elements; what fits a message to the console is less
+FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # largest value
+STAMPS = {"time": "uint32", "duration": "int32"}  # and the type of their seconds
+DEEPEST = 24  # levels of nesting
+LARGEST_ARRAY = 10_000  # elements; the limit of a message to the console is lower
 
 
 class BadField(ValueError):
@@ -41,13 +41,16 @@ class BadField(ValueError):
 
 
 def fitted(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[str, Any]:
-    """`given` as nested values of the definition's types, constants' names replaced; what is left out stays out."""
+    """Return `given` as nested values of the definition's types, with constants' names replaced.
+
+    Missing fields stay missing. Raises `BadField`.
+    """
     return _message(definition, given, "")
 
 
 def _message(definition: Sequence[Field], given: Any, path: str) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        raise BadField(path, f"{path}: here stand the fields of a message, not {_named(given)}.")
+        raise BadField(path, f"{path}: the fields of a message are needed, not {_named(given)}.")
     known = {field.name: field for field in definition}
     found = {}
     for name, value in _nested(given).items():
@@ -77,7 +80,7 @@ def _elements(given: Any, path: str) -> Sequence[Any]:
             raise BadField(path, f"{path}: an array’s elements are numbered from 0, without a gap.")
         return [given[number] for number in wanted]
     if not isinstance(given, list | tuple):
-        raise BadField(path, f"{path}: here stands an array, not {_named(given)}.")
+        raise BadField(path, f"{path}: an array is needed, not {_named(given)}.")
     return given
 
 
@@ -122,14 +125,14 @@ def _number(type_name: str, given: Any, path: str) -> float:
     except OverflowError:
         value = math.inf
     if not math.isfinite(value):
-        raise BadField(path, f"{path}: a finite number is wanted.")
+        raise BadField(path, f"{path}: a finite number is needed.")
     if abs(value) > FLOATS[type_name]:
         raise BadField(path, f"{path}: {_named(given)} is too large for {type_name}.")
     return value
 
 
 def _stamp(type_name: str, given: Any, path: str) -> Any:
-    """{"secs", "nsecs"}; a time may be "now"."""
+    """Return {"secs", "nsecs"}; a time may be "now"."""
     if given == NOW and type_name == "time":
         return NOW
     if isinstance(given, Mapping):
@@ -144,7 +147,7 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
         also = ' or "now"' if type_name == "time" else ""
         raise BadField(path, f"{path}: seconds, or secs and nsecs{also}, not {_named(given)}.")
     low, high = INTEGERS[STAMPS[type_name]]
-    if not low <= given < high + 1:  # also what is not finite
+    if not low <= given < high + 1:  # false for NaN and infinities as well
         raise BadField(path, f"{path}: a {type_name} has from {low} to {high} seconds, not {_named(given)}.")
     whole, part = divmod(given, 1)
     nanoseconds = round(part * 1_000_000_000)
@@ -160,7 +163,7 @@ def _text(given: Any, path: str) -> str:
 
 
 def _nested(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Without dotted keys: what is given as "a.b" and within "a" comes together."""
+    """Resolve dotted keys: merge "a.b" into "a"."""
     found: dict[str, Any] = {}
     for key, value in given.items():
         _put(found, str(key).split("."), value, "", DEEPEST)
@@ -171,7 +174,7 @@ def _put(into: dict[str, Any], names: list[str], value: Any, path: str, deeper: 
     name, *rest = names
     path = f"{path}.{name}" if path else name
     if not deeper:
-        raise BadField(path, f"{path}: no message is nested so deeply.")
+        raise BadField(path, f"{path}: the fields are nested too deeply.")
     if rest:
         value = {".".join(rest): value}
     if isinstance(value, Mapping):
@@ -187,7 +190,7 @@ def _put(into: dict[str, Any], names: list[str], value: Any, path: str, deeper: 
 
 
 def _named(value: Any) -> str:
-    """A value in a few words, for a person."""
+    """Describe a value in a few words, for a person."""
     match value:
         case None:
             return "nothing"
@@ -199,7 +202,7 @@ def _named(value: Any) -> str:
             return "an array"
         case str():
             return f"the text “{value[:20]}”"
-        case int() if value.bit_length() > 128:  # Python writes out no more than some thousand digits
+        case int() if value.bit_length() > 128:  # Python refuses to print integers with some thousand digits
             return "a very large number"
         case _:
             return str(value)[:40]

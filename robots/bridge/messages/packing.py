@@ -1,7 +1,7 @@
-"""Read and write a message's bytes by its definition. Pure: no class is generated, no foreign code runs.
+"""Read and write a message's bytes by its definition. Pure: generates no classes, runs no foreign code.
 
-Only the beginning of a long array or text is read; the rest is skipped. So a map of a million cells costs no more than
-a short one.
+Messages are read in part: long arrays and texts are read at the beginning, and the rest is skipped. So a map of a
+million cells costs no more than a short message.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robots.bridge.messages.fields import FLOATS, INTEGERS, NOW, STAMPS
 from robots.wire import Field
 
 HEADER = "std_msgs/Header"
-MOST_STEPS = 200_000  # through one message: some tenths of a second
+MOST_STEPS = 200_000  # for one message: some tenths of a second
 LARGEST_WRITTEN = 4 * 1024 * 1024  # bytes
 _LENGTH = struct.Struct("<I")
 _CODES = {
@@ -42,11 +42,11 @@ class Broken(ValueError):
 
 
 class TooLarge(ValueError):
-    """A message that would take too long to be read, or too much room when it is written."""
+    """A message that takes too long to read, or has too many bytes to write."""
 
 
 class Detail(NamedTuple):
-    """How much is read: of arrays longer than `whole` the `first` elements, of texts so many characters."""
+    """The amount to read: `first` elements of arrays longer than `whole`, and `text` characters of texts."""
 
     whole: int
     first: int
@@ -54,7 +54,7 @@ class Detail(NamedTuple):
 
 
 class Reading:
-    """The way through one message's bytes; `shortened` has the whole length of each array that was read in part."""
+    """A position in one message's bytes; `shortened` has the full length of each array that was read in part."""
 
     def __init__(self, data: bytes, detail: Detail) -> None:
         self.data = data
@@ -64,7 +64,7 @@ class Reading:
         self._steps_left = MOST_STEPS
 
     def step(self, size: int) -> int:
-        """Go `size` bytes on; returns where they begin."""
+        """Advance by `size` bytes; return where they begin."""
         self._steps_left -= 1
         if self._steps_left < 0:
             raise TooLarge("The message has too many parts to be shown.")
@@ -75,13 +75,13 @@ class Reading:
         return begin
 
     def length(self) -> int:
-        """Of what follows, as it stands before it."""
+        """Read the length prefix."""
         size: int = _LENGTH.unpack_from(self.data, self.step(4))[0]
         return size
 
 
 class _Kind(Protocol):
-    """A field's type. `size` in bytes, None if that differs from message to message."""
+    """A field's type. `size` in bytes; None: it varies."""
 
     size: int | None
 
@@ -89,7 +89,7 @@ class _Kind(Protocol):
 
     def skip(self, reading: Reading) -> None: ...
 
-    def write(self, value: Any, out: bytearray, now: Time) -> None: ...  # None: nothing was given
+    def write(self, value: Any, out: bytearray, now: Time) -> None: ...  # None: no value was given
 
 
 class _Number:
@@ -109,7 +109,7 @@ class _Number:
         out += self._struct.pack(self._blank if value is None else value)
 
     def plain(self, value: Any) -> Any:
-        """As JSON has it: without the digits that a float32 does not know, and NaN as text."""
+        """Convert for JSON: round a float32 to its digits, NaN and infinities as text."""
         if self._name not in FLOATS:
             return value
         if not math.isfinite(value):
@@ -160,7 +160,7 @@ class _Text:
 class _Array:
     def __init__(self, element: _Kind, length: int) -> None:
         self._element = element
-        self._length = length  # -1: any
+        self._length = length  # -1: any length
         self.size = None if length < 0 or element.size is None else length * element.size
 
     def read(self, reading: Reading, path: str) -> list[Any]:
@@ -198,7 +198,10 @@ class _Array:
             self._element.skip(reading)
 
     def _check_room(self, reading: Reading, length: int) -> None:
-        """Elements of no bytes at all may be as many as they like; they are just not walked."""
+        """Check the length against the bytes left.
+
+        Elements of zero bytes may have any number; they are not iterated.
+        """
         if self._element.size != 0 and length > len(reading.data) - reading.at:
             raise Broken(f"An array says that it has {length} elements; the message is shorter.")
 
@@ -210,7 +213,7 @@ class _Message:
         self.size = None if None in sizes else sum(size or 0 for size in sizes)
 
     def read(self, reading: Reading, path: str) -> dict[str, Any]:
-        reading.step(0)  # a message of no fields counts, too
+        reading.step(0)  # a message without fields counts as a step, too
         before = f"{path}." if path else ""
         return {name: kind.read(reading, before + name) for name, kind in self._fields}
 
@@ -241,13 +244,13 @@ def _kind(field: Field, header: bool) -> _Kind:
 
 
 class Layout:
-    """How messages of one definition lie in bytes."""
+    """Byte layout of messages of one definition."""
 
     def __init__(self, definition: Sequence[Field]) -> None:
         self._message = _Message(definition, header=False)
 
     def read(self, data: bytes, detail: Detail) -> tuple[dict[str, Any], dict[str, int]]:
-        """The fields, and by path the whole lengths of arrays that were shortened. Raises `Broken` or `TooLarge`."""
+        """Return the fields, and by path the full lengths of shortened arrays. Raises `Broken` or `TooLarge`."""
         reading = Reading(data, detail)
         fields = self._message.read(reading, "")
         if reading.at != len(data):
@@ -255,7 +258,7 @@ class Layout:
         return fields, reading.shortened
 
     def write(self, values: dict[str, Any], now: Time) -> bytes:
-        """The bytes of what `fields.fitted` returned: what is left out is zero or empty, a header's stamp now.
+        """Return the bytes of `fields.fitted`'s result; missing values are zero or empty, a header's stamp is now.
 
         Raises `TooLarge`.
         """

@@ -1,6 +1,6 @@
-"""One recorded motion at a time: request, record, start, follow, end, record the end.
+"""Perform one recorded motion at a time: request, record, start, watch, end, record the end.
 
-While the request is being recorded, the robot is asked for the motion's points. The motion starts when both are there.
+While the request is recorded, the robot is asked for the motion's points. The motion starts when both are done.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.wire import Refusal
 
-FARTHEST = 100.0  # rad or m: no joint of an arm goes there
-# Goals that nobody watches, on record or to be put there, at a time: ids are what anybody on the robot's network says.
+FARTHEST = 100.0  # rad or m: no joint of an arm goes farther
+# Limit of unwatched goals in memory: any node on the robot's network can invent goal ids.
 MOST_LEFT = 3
-PATIENCE_S = 3.0  # a robot that does not tell a motion's points by then may be asked anew
+PATIENCE_S = 3.0  # time limit for the motion's points; after it the person may ask again
 
 
 class _Point(Struct):
@@ -33,7 +33,7 @@ class _Point(Struct):
 
 
 class _Recorded(Struct):
-    """The parameters of a motion that describe its movement."""
+    """The part of a motion's parameters that gives its points."""
 
     joints: list[str]
     points: list[_Point]
@@ -50,7 +50,7 @@ class _Meta(Struct, frozen=True):
 
 
 class _Described(Struct):
-    """The parameters of a motion for people."""
+    """The part of a motion's parameters for people."""
 
     meta: _Meta = _Meta()
     points: list[_Time] = []
@@ -59,21 +59,21 @@ class _Described(Struct):
 for _kind in (
     _Recorded,
     _Described,
-):  # learned before there are threads: see robots/registry/profile_schema.py
+):  # create decoders before threads start: see robots/registry/profile_schema.py
     msgspec.json.Decoder(_kind)
 
 
 def recorded(parameters: Any, listed: Collection[str] | None = None) -> dict[str, Motion | None]:
-    """A robot's motions by name, from play_motion's parameters; None: it has one of which no points are known.
+    """Return a robot's motions by name, from play_motion's parameters; None for a motion without known points.
 
-    `listed`: those that its service names; None: it names none, and all that have parameters count.
+    `listed`: the motions that its service names; None: use all that have parameters.
     """
     told = _told(parameters)
     return {name: _recorded(told.get(name)) for name in sorted(told if listed is None else listed)}
 
 
 def offered(parameters: Any, listed: Mapping[str, float] | None = None) -> list[wire.MotionOffer]:
-    """The same motions for people. `listed` has their durations in seconds; 0: the robot does not say."""
+    """Return the same motions for people. `listed` has their durations in seconds; 0: unknown."""
     told = _told(parameters)
     durations = listed or {}
     names = sorted(told if listed is None else listed)
@@ -95,7 +95,7 @@ def _recorded(told: Any) -> Motion | None:
 
 
 def _possible(position: float) -> bool:
-    """Whether a joint can be there; not if it is no number."""
+    """Whether a joint can be there; False if it is not a number."""
     return abs(position) <= FARTHEST
 
 
@@ -128,7 +128,7 @@ class MotionPlayer(Protocol):
 
 @dataclass
 class MotionGoal:
-    """A motion goal with the space that the arm sweeps; None: not known yet."""
+    """A motion to perform and the space that its arm sweeps; None: not known yet."""
 
     name: str
     title: str  # for people
@@ -137,25 +137,27 @@ class MotionGoal:
 
 @dataclass
 class _Left:
-    """A goal that nobody watches, and which is cancelled until the robot obeys."""
+    """A goal that nobody watches; it is cancelled until the robot obeys."""
 
     record: Future[int]
     heard_s: float
-    outcome: str = "unheard"  # until the robot says how it ended
+    outcome: str = "unheard"  # until the robot reports how it ended
 
 
 class Motions(Goals[MotionGoal]):
-    """The motion under way, if any."""
+    """The motion in progress, if any."""
 
     def __init__(self, player: MotionPlayer, records: Records) -> None:
         super().__init__(records, player.cancel)
         self._player = player
-        self.last: wire.MotionEnd | None = None  # how the last one ended, for pages
-        self._strays: dict[str, float] = {}  # actions with a goal that nobody watches: cancelled last
-        self._left: dict[str, _Left] = {}  # such goals, by id, as far as they are put on record
+        self.last: wire.MotionEnd | None = None  # how the last motion ended, for pages
+        self._strays: dict[
+            str, float
+        ] = {}  # actions with a goal that nobody watches: time of the last cancel
+        self._left: dict[str, _Left] = {}  # such goals, by id, as far as their cancels are recorded
 
     def refuse(self, now_s: float) -> Refusal | None:
-        """Why the base must stand, and no other motion may begin: one runs."""
+        """Return why the base must stand and no other motion may begin: a motion runs."""
         goal = self._current
         if goal is not None:
             who = goal.requester.holder.holder
@@ -171,7 +173,7 @@ class Motions(Goals[MotionGoal]):
     def begin(
         self, name: str, title: str, action: str, requester: Requester, now_s: float
     ) -> Goal[MotionGoal]:
-        """Put it on record. `told` follows, and `start` or `deny` once it is due; these answer."""
+        """Record the request. `told` follows, then `start` or `deny` when it is due; these answer the requester."""
         number = self._records.request(
             requester.holder, "motion.start", {"motion": name, "topic": action}, now_s
         )
@@ -181,7 +183,10 @@ class Motions(Goals[MotionGoal]):
     def told(
         self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
     ) -> None:
-        """The swept space by the robot's present recording; None: the robot has no such motion, see `why`."""
+        """Take the space that the arm sweeps by the motion's present points;
+
+        None: no such motion, perhaps because of `why`.
+        """
         if goal is not self._current:
             return
         goal.what.space = space
@@ -192,7 +197,7 @@ class Motions(Goals[MotionGoal]):
 
     @property
     def due(self) -> bool:
-        """Whether a motion waits for nothing more: its record is in, and its points are known or not needed."""
+        """Whether a motion waits for nothing: its record is written, and its points are known or not needed."""
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return False
@@ -201,32 +206,32 @@ class Motions(Goals[MotionGoal]):
 
     @property
     def space(self) -> Sequence[Disc]:
-        """The swept space of the running motion; nothing after its cancel."""
+        """The space that the arm of this console's motion sweeps; empty after a cancel."""
         goal = self._current
         return goal.what.space or () if goal is not None and goal.cancelled is None else ()
 
     @property
     def under_way(self) -> list[str]:
-        """The motion that was asked for here and is not over, in words."""
+        """The motion in progress, in words."""
         return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
 
     def halt(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel the running motion and deny those that did not begin."""
+        """Cancel a running motion; drop one that has not started."""
         if self.begun:
             self.cancel(refusal.code, refusal.text)
         else:
             self.deny(refusal, now_s)
 
     def start(self, now_s: float) -> None:
-        """Send the goal of what is due; what could not be recorded, or was cancelled meanwhile, is not done."""
+        """Send the goal that is due. Drop it if its record failed or if it was cancelled meanwhile."""
         if goal := self._recorded(now_s):
             self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
 
     def tick(self, now_s: float) -> None:
-        """Give up what the robot does not speak of: a goal, or its points."""
+        """Give up a goal, or a request for points, that the robot does not answer."""
         goal = self._current
         if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
-            text = "The robot took too long to tell how it would move: ask again."
+            text = "The robot took too long to send the motion’s points: ask again."
             self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
         for goal_id, left in list(self._left.items()):
             if left.record.done() and now_s - left.heard_s > UNHEARD_S:
@@ -234,18 +239,18 @@ class Motions(Goals[MotionGoal]):
         super().tick(now_s)
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """The robot says that a goal has ended."""
+        """Take the robot's report that a goal has ended."""
         if goal_id in self._left:
             self._left[goal_id].outcome = outcome
         super().ended(goal_id, outcome, text, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
-        """The robot says which goals are under way."""
+        """Take the robot's report of active goals."""
         self._heard(action, goal_ids, now_s)
         self._cancel_strays(action, goal_ids, now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
-        """The bridge ends, and with it whoever could watch the motion."""
+        """Cancel the motion: the bridge ends, and nobody else watches the arm."""
         self.deny(refusal, now_s)
         self.cancel("control_ended", "The bridge ended.")
         self._end("cancelled", "", now_s)
@@ -253,14 +258,14 @@ class Motions(Goals[MotionGoal]):
             self._end_left(goal_id, refusal.code, now_s)
 
     def view(self, now_s: float) -> wire.Motion | None:
-        """The running motion, for pages."""
+        """Return the motion in progress, for pages."""
         goal = self._current
         if goal is None:
             return None
         return wire.Motion(goal.what.name, goal.requester.holder.holder, round(now_s - goal.since_s, 1))
 
     def _cancel_strays(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
-        """A motion of an earlier bridge still runs, and nobody checks the arm's space: cancel it."""
+        """Cancel goals that a killed bridge left or this one gave up: nobody watches the arm."""
         known = {self._current.id if self._current else None, self._ended}
         strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
         for goal_id in strays:
@@ -276,7 +281,7 @@ class Motions(Goals[MotionGoal]):
                 self._withdraw(goal_id, action)
 
     def _end_left(self, goal_id: str, outcome: str, now_s: float) -> None:
-        """Put on record what came of cancelling it."""
+        """Record the result of this cancel."""
         self._records.was_cancelled(self._left.pop(goal_id).record, outcome, now_s)
 
     def _tell(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:

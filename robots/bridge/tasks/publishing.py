@@ -1,4 +1,4 @@
-"""Messages that the holder publishes: checked, put on record, then sent once or at a rate until they are stopped."""
+"""Messages that the holder publishes: checked, recorded, then sent once or at a rate until stopped."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from robots.bridge.audit.records import RecordedTask, Records, Requester, pop_du
 from robots.wire import Refusal
 
 NOT_SENT = Refusal(
-    "inspector_silent", "Nothing was published: the robot’s inspector is gone. Ask again.", "robot"
+    "inspector_silent", "The message was not published: the robot’s inspector ended. Ask again.", "robot"
 )
 HALTED = Refusal(
-    "halted", "It was not done: control ended, or the robot was stopped, before it was on record.", "robot"
+    "halted", "It was not done: control ended or the robot was stopped before it was recorded.", "robot"
 )
 
 
@@ -25,19 +25,19 @@ class Publisher(Protocol):
     """Sends messages of any type."""
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
-        """Whether the fields fit the type's definition; `then` is called once, with what does not, and the time."""
+        """Check the fields against the type's definition; call `then` once, with a refusal or None, and the time."""
 
     def publish(self, order: wire.Publish) -> bool:
-        """Send it once, or at its rate in the place of what was sent there at a rate before. False: it is not sent."""
+        """Send once, or at a rate instead of an earlier message on this topic. Return False if it is not sent."""
 
     def publish_stop(self, topic: str) -> None:
-        """Send no more there."""
+        """Stop sending on this topic."""
 
     def halt(self) -> None:
-        """Send nothing of what was given until now: neither at a rate nor what still waits for its listeners."""
+        """Send nothing that was given until now: neither at a rate nor messages that wait for subscribers."""
 
     def keep_alive(self) -> None:
-        """Allow repeated messages to go on. Call it regularly: without it they pause."""
+        """Allow sending at a rate to continue. Call it every tick: sending pauses without it."""
 
 
 @dataclass(eq=False)
@@ -46,7 +46,7 @@ class _Publication(RecordedTask):
 
 
 class Publications:
-    """Publications of the person in control, by topic."""
+    """The holder's publications, by topic."""
 
     def __init__(self, publisher: Publisher, records: Records) -> None:
         self._publisher = publisher
@@ -55,7 +55,7 @@ class Publications:
         self._running: dict[str, _Publication] = {}  # at a rate
 
     def begin(self, order: wire.Publish, requester: Requester, now_s: float) -> None:
-        """Put it on record; it is sent, and the question answered, once that is done."""
+        """Record the request; when that is done, the message is sent and the requester answered."""
         parameters: Parameters = {
             "topic": order.topic,
             "type": order.type,
@@ -66,7 +66,7 @@ class Publications:
         self._waiting.append(_Publication(requester, number, now_s, order))
 
     def tick(self, why_not: Callable[[Requester, float], Refusal | None], now_s: float) -> None:
-        """Send what is on record now; what could not be recorded, or may not begin any more, is not sent."""
+        """Send recorded messages. Drop one if its record failed or if a rule now forbids it."""
         for publishing in pop_due(self._waiting):
             refusal = publishing.unrecorded or why_not(publishing.requester, now_s)
             refusal = refusal or self._send(publishing, now_s)
@@ -77,21 +77,21 @@ class Publications:
             self._publisher.keep_alive()
 
     def stop(self, topic: str, now_s: float) -> Refusal | None:
-        """Its holder ends what is published there."""
+        """End the holder's publication on a topic."""
         if topic not in self._running:
             return Refusal("not_publishing", f"Nothing is published on {topic} at a rate.", "robot")
         self._end(topic, "cancelled", now_s)
         return None
 
     def halt(self, why: str, now_s: float, refusal: Refusal = HALTED) -> None:
-        """All of it ends, also what waits for its record, or for its listeners; `refusal` answers who waits."""
+        """End all publications and drop waiting messages; `refusal` answers their requesters."""
         self._publisher.halt()
         self.deny(why, now_s, refusal)
         for topic in list(self._running):
             self._end(topic, why, now_s)
 
     def deny(self, why: str, now_s: float, refusal: Refusal) -> None:
-        """Deny publications that wait for their record."""
+        """Drop messages that wait for their record."""
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.requester.answer(refusal)
@@ -99,13 +99,13 @@ class Publications:
 
     @property
     def under_way(self) -> list[str]:
-        """Repeated and waiting publications, in words."""
+        """Publications at a rate and waiting messages, in words."""
         topics = {*self._running, *(publishing.order.topic for publishing in self._waiting)}
         return [f"publishing on {topic}" for topic in sorted(topics)]
 
     @property
     def view(self) -> list[wire.Publishing]:
-        """Repeated publications, for pages."""
+        """Publications at a rate, for pages."""
         return [
             wire.Publishing(topic, publishing.order.type, publishing.order.rate_hz)
             for topic, publishing in self._running.items()
@@ -129,7 +129,7 @@ class Publications:
             self._tell_end(publishing, outcome, now_s)
 
     def _tell_end(self, publishing: _Publication, outcome: str, now_s: float) -> None:
-        """Put it on record."""
+        """Record the end."""
         figures: Parameters = {
             "topic": publishing.order.topic,
             "duration_s": round(now_s - publishing.since_s, 2),

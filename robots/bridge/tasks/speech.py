@@ -1,7 +1,7 @@
-"""One text at a time for the robot's voice: which texts can be spoken, and the result of each.
+"""Speak one text at a time: which texts can be spoken, and the progress of the text being spoken.
 
-A text is recorded before it is sent. It is spoken to its end, also when its holder leaves; only a cancel and the
-emergency stop end it, by its goal id.
+A text is recorded before it is sent. It is spoken to its end even when its holder loses control; only a cancel and the
+emergency stop end it, by its goal's id.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ from robots.bridge.tasks.goals import Goal, Goals
 from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
-# a topic that tells nothing is left no sooner: its text waits a second for who begins to listen
+# Keep a plain topic connected this long: its text waits one second for new subscribers.
 LINGER_S = 1.5
 _LAYOUT = frozenset("\n\t")
 
 
 def why_not_speakable(text: str) -> Refusal | None:
-    """Why a robot should not be asked to say this; None if it may be."""
+    """Return why a robot cannot speak this text; None if it can."""
     for position, character in enumerate(text):
         if character not in _LAYOUT and unicodedata.category(character) in {"Cc", "Cs"}:
             told = f"Character {position + 1} (U+{ord(character):04X}) cannot be spoken: delete it."
             return Refusal("control_characters", told, "robot", {"position": position})
     if not any(character.isprintable() and not character.isspace() for character in text):
-        return Refusal("empty_text", "There is nothing to say: write a text first.", "robot")
+        return Refusal("empty_text", "The text is empty: write a text first.", "robot")
     if len(text) > LONGEST_CHARACTERS:
-        told = f"The text has {len(text)} characters; at most {LONGEST_CHARACTERS} are said at once."
+        told = f"The text has {len(text)} characters; the limit is {LONGEST_CHARACTERS}."
         figures = {"length": len(text), "limit": LONGEST_CHARACTERS}
         return Refusal("text_too_long", told, "robot", figures)
     return None
 
 
 def own_language(asked: str, own: Sequence[str]) -> str:
-    """The robot's own tag (BCP 47) for a language if it is among `own`; else the requested tag.
+    """Return the robot's tag (BCP 47) for a language among `own`; else the tag that was asked for.
 
-    The same tag, in whichever case; else the first that is the same language: voices know es-ES, and neither es nor
+    Prefer the same tag in any case, else the first tag of the same language: voices may know es-ES, but neither es nor
     es-MX.
     """
     same = [tag for tag in own if tag.lower() == asked.lower()]
@@ -57,9 +57,9 @@ def _primary(tag: str) -> str:
 
 
 def word_said(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
-    """Where in `text` the last word of `said` stands: its first and its last + 1 character.
+    """Return where the last word of `said` stands in `text`: first character and end.
 
-    Some robots tell all that was said so far, some only the newest word, which is then looked for from `after` on.
+    Some robots report all words so far, others only the newest word; the latter is searched from `after` on.
     """
     told = said.split()
     if not told:
@@ -72,7 +72,7 @@ def word_said(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
 
 
 class Utterance(Struct, frozen=True):
-    """A text and its topic; `topic` is an action name if the robot's voice is an action."""
+    """A text and its topic; an action's name if the robot's voice is an action."""
 
     text: str
     language: str
@@ -80,10 +80,10 @@ class Utterance(Struct, frozen=True):
 
 
 class SpeechOutput(Protocol):
-    """The robot's voice."""
+    """Speaks texts."""
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Pass it on. Whether the robot tells what becomes of it."""
+        """Send the text. Return whether the robot reports its progress."""
 
     def cancel_speech(self, goal_id: str, topic: str) -> None:
         """Cancel this goal and no other."""
@@ -91,7 +91,7 @@ class SpeechOutput(Protocol):
 
 @dataclass
 class _SpeechGoal:
-    """A text, and how far the robot is with it."""
+    """A text and its progress."""
 
     utterance: Utterance
     status: wire.SpeechStatus = "sent"
@@ -99,39 +99,39 @@ class _SpeechGoal:
 
 
 class SpeechTasks(Goals[_SpeechGoal]):
-    """The text that is being said, if any."""
+    """The text being spoken, if any."""
 
     def __init__(self, voice: SpeechOutput, records: Records) -> None:
         super().__init__(records, voice.cancel_speech)
         self._voice = voice
-        self._sent: dict[str, float] = {}  # to topics that tell nothing: when
-        self.last: wire.SpeechEnd | None = None  # how the last one ended, for pages
+        self._sent: dict[str, float] = {}  # by plain topic: time of the last text
+        self.last: wire.SpeechEnd | None = None  # how the last text ended, for pages
 
     def topics(self, now_s: float) -> set[str]:
-        """Where a text is under way, or on its way still."""
+        """Return topics on which a text is being spoken or is about to be."""
         self._sent = {topic: sent_s for topic, sent_s in self._sent.items() if now_s - sent_s <= LINGER_S}
         return {*self._sent, *([self.topic] if self.topic else [])}
 
     def refuse(self, now_s: float) -> Refusal | None:
-        """Why nothing else can be said: the robot speaks."""
+        """Return why no other text can be spoken: the robot speaks."""
         goal = self._current
         if goal is not None:
             who, text = goal.requester.holder.holder, goal.what.utterance.text
             told = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
             return Refusal("speaking", told, "robot", {"who": who, "text": text})
         if self._busy(now_s):
-            return Refusal("speaking", "The robot says something that others asked for: wait.", "robot")
+            return Refusal("speaking", "The robot speaks a text from another program: wait.", "robot")
         return None
 
     def begin(self, utterance: Utterance, requester: Requester, now_s: float) -> None:
-        """Put it on record; it is sent, and the question answered, once that is done."""
+        """Record the request; when that is done, the text is sent and the requester answered."""
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
         number = self._records.request(requester.holder, "speech.start", parameters, now_s)
         self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
     def start(self, connected: Collection[str], now_s: float) -> None:
-        """Send what is on record now and was not cancelled meanwhile, if its topic is one of the `connected`."""
+        """Send a recorded text that was not cancelled meanwhile, if its topic is among the `connected`."""
         goal = self._recorded(now_s)
         if goal is not None and goal.topic in connected:
             tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
@@ -140,12 +140,12 @@ class SpeechTasks(Goals[_SpeechGoal]):
                 self._end("sent", "", now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
-        """The bridge ends: the robot may go on, unheard from here."""
+        """End the task: the bridge ends. The robot may speak on, but nobody observes it."""
         self.deny(refusal, now_s)
         self._end("unheard", "The bridge ended while the robot spoke.", now_s)
 
     def view(self, now_s: float) -> wire.Speech | None:
-        """The text that is spoken now, for pages."""
+        """Return the text being spoken, for pages, from the moment it was sent."""
         goal = self._current
         if goal is None or goal.id is None:
             return None
@@ -162,13 +162,13 @@ class SpeechTasks(Goals[_SpeechGoal]):
         )
 
     def running(self, topic: str, goals: Mapping[str, wire.SpeechStatus], now_s: float) -> None:
-        """Which goals are under way on a topic, and how each is: accepted or speaking."""
+        """Take the robot's report of active goals on a topic: accepted or speaking."""
         goal = self._heard(topic, goals, now_s)
         if goal is not None and goal.id is not None:
             goal.what.status = goals[goal.id]
 
     def said(self, goal_id: str, said: str, now_s: float) -> None:
-        """A word was begun: `said` ends with it."""
+        """Note that the robot began a word: `said` ends with it."""
         goal = self._current
         if goal is not None and goal.id == goal_id:
             goal.heard_s = now_s
@@ -184,6 +184,9 @@ class SpeechTasks(Goals[_SpeechGoal]):
 
 
 def _short(text: str) -> str:
-    """As much of it as a sentence about it can carry. It runs its own way, as Arabic does in an English sentence."""
+    """Shorten a text to fit into a sentence.
+
+    Keep its direction of writing apart, such as Arabic in an English sentence.
+    """
     one_line = " ".join(text.split())
     return f"\u2068{one_line if len(one_line) <= 60 else f'{one_line[:59]}…'}\u2069"

@@ -1,7 +1,7 @@
-"""Tasks of the person in control: head, motions, speech, publishing, topic choice.
+"""Tasks of the holder besides driving: look, perform, speak, publish, choose topics.
 
-Each task passes the same chain as the stick (lease, stop, robot online), is recorded, and is then sent to the robot.
-Nothing here waits, and no ended task starts again by itself.
+Each task passes the same checks as a stick position (lease, stop, robot online), is recorded, and only then sent to the
+robot. Nothing here blocks, and an ended task never begins again by itself.
 """
 
 from __future__ import annotations
@@ -32,43 +32,47 @@ from robots.bridge.tasks.publishing import HALTED, Publications, Publisher
 from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, own_language, why_not_speakable
 from robots.wire import Grant, Refusal
 
-LINK_PATIENCE_S = 2.0  # a motion goes on for so long without the page that asked for it
+LINK_PATIENCE_S = 2.0  # a motion continues this long without the page of its requester
 ENDED = Refusal("bridge_ended", "It was not done: the robot’s bridge ended.", "robot")
 LEFT = Refusal("link_lost", "It was not done: the page that asked for it was left.", "lease")
-OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}  # of a motion, by what ends it
+OUTCOMES = {
+    "motion_blocked": "intruder",
+    "not_watched": "not_watched",
+}  # of a motion, by the code that ends it
 
-# Called later, on the loop: the space from where the arm is, None if the action offers no such motion; and the time.
+# Called later, on the loop: the space that the arm sweeps from its present position (None: the action has no such
+# motion), and the time.
 Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
 class TaskRules(input_routing.RoutingRules, Protocol):
-    """Further rules that tasks need: `Core`."""
+    """The core, as tasks use it."""
 
     lease: LeaseGuard
 
     def why_closed(self, now_s: float) -> Refusal | None:
-        """Why nothing is passed on to the robot, whoever asks: the stop is latched, it is away, nothing is recorded."""
+        """Return why the robot takes no request from anybody: stopped, offline, or records cannot be written."""
 
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
-        """A velocity from the holder's tools: as if the stick had asked for it."""
+        """Take a velocity from a program of the holder. It passes the same rules as a stick position."""
 
 
 class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Protocol):
-    """The commands that tasks send to the robot."""
+    """The robot, as tasks use it."""
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head there."""
 
     def sweep(self, motion: str, action: str, then: Swept) -> None:
-        """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them.
+        """Ask the robot for a motion's present points; call `then` with the space that the arm would sweep.
 
-        Returns at once. Where the points are others than those of the list, the list is read again. Where nobody took
-        the action's goals at the last survey, `InputRouting.surveyed` hears first who does now.
+        Returns at once. If the points have changed, the list of motions is read again. If the action had no subscriber
+        at the last survey, `InputRouting.surveyed` is called first with the present subscribers.
         """
 
 
 class Tasks:
-    """Tasks of one robot."""
+    """The tasks of one robot's holder."""
 
     def __init__(
         self,
@@ -94,12 +98,12 @@ class Tasks:
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
         self._gate = gate
-        # what is being put on record, to be done at once then; and the rules that may forbid it, beside those of all
+        # Requests that wait for their record and are then done at once; and the extra rules of each kind.
         self._asked: dict[str, list[RecordedTask]] = {"head.look_ahead": [], "memory.forget": []}
         self._why_not = {"head.look_ahead": self._why_no_look, "memory.forget": self._why_not_forget}
 
     def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
-        """Begin what is asked for. `answer` is called once, now or later: with why not, if a rule forbids it."""
+        """Begin a task. `answer` is called once, now or later: with a refusal, or None."""
         refusal = self._rules.lease.refuse_drive(order.fence or 0, link, now_s)
         grant = self._rules.lease.current
         if refusal is not None or grant is None:
@@ -135,12 +139,12 @@ class Tasks:
                 return Refusal("not_offered", "This robot does not do that.", "robot")
 
     def cancel(self, what: str, by: str) -> Refusal | None:
-        """Cancel by one who need not have control; the web process has checked the right."""
+        """Cancel for a person who need not have control; the web process has checked the right."""
         why = f"Cancelled by {by}."
         return self._cancel_motion(why) if what == "motion" else self._cancel_speech(why)
 
     def refresh(self) -> None:
-        """Read again what the robot offers, and tell it."""
+        """Read the robot's capabilities again and report them."""
         if "motions" in self.routing.uses:
             self.capabilities.asked()
             self._performer.read_motions()
@@ -148,23 +152,23 @@ class Tasks:
             self.capabilities.tell(anyway=True)
 
     def why_stand(self, now_s: float) -> Refusal | None:
-        """Why the base must stand: a motion runs."""
+        """Return why the base must stand: a motion runs."""
         return self.motions.refuse(now_s)
 
     @property
     def under_way(self) -> list[str]:
-        """Unfinished tasks, in words. Speech is not among them: it ends by itself."""
+        """Tasks in progress, in words. A text being spoken is not included: it ends by itself."""
         return self.motions.under_way + self.publications.under_way
 
-    # --- what happens meanwhile ---------------------------------------------------------------------
+    # --- events -----------------------------------------------------------------------------------
 
     def tick(self, sent: Velocity, page_gone_s: float | None, now_s: float) -> None:
-        """Pass on what is on record now, cancel what must not go on.
+        """Send recorded tasks to the robot; cancel tasks that must not continue.
 
-        `sent`: what the base was told last; `page_gone_s`: when the holder's page was lost, None while it is there.
+        `sent`: the last twist to the base. `page_gone_s`: when the holder's page was lost; None while it is there.
         """
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
-            why = f"The page of who asked for it was out of reach for {LINK_PATIENCE_S:.0f} s."
+            why = f"The requester’s page was out of reach for {LINK_PATIENCE_S:.0f} s."
             self.motions.cancel("link_lost", why)
             self.publications.halt("link_lost", now_s)
         self.publications.tick(self._rules.why_not_begin, now_s)
@@ -177,14 +181,14 @@ class Tasks:
             self._gate.forget()
 
     def stopped(self, by: str, now_s: float) -> None:
-        """The emergency stop was pressed."""
+        """End tasks: stop was pressed."""
         self._deny_asked(now_s)
         self.publications.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speech.cancel("stopped", f"The robot was stopped by {by}.")
 
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
-        """Nothing can be recorded. A text that is being said already is said to its end."""
+        """End tasks: records cannot be written. A text being spoken is spoken to its end."""
         self._deny_asked(now_s, refusal)
         self.publications.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
@@ -192,7 +196,7 @@ class Tasks:
         self.routing.withdraw(refusal, now_s)
 
     def page_left(self, now_s: float) -> None:
-        """The page is gone: deny tasks that did not begin. `tick` tolerates running ones for a while."""
+        """Drop tasks that have not begun: their page is gone. `tick` handles running tasks."""
         self._deny_asked(now_s, LEFT)
         self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
@@ -200,7 +204,7 @@ class Tasks:
         self.routing.withdraw(LEFT, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
-        """Nobody answers for what is under way. A text that is being said already is said to its end."""
+        """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
         self._deny_asked(now_s)
         self.publications.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
@@ -209,17 +213,17 @@ class Tasks:
         self.routing.control_ended(reason, now_s)
 
     def close(self, now_s: float) -> None:
-        """The bridge ends."""
+        """End all tasks: the bridge ends."""
         self._deny_asked(now_s, ENDED)
         self.publications.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
         self.speech.close(ENDED, now_s)
         self.routing.close(ENDED, now_s)
 
-    # --- what is done at once -------------------------------------------------------------------------
+    # --- requests that are done at once -----------------------------------------------------------
 
     def _ask(self, kind: str, requester: Requester, now_s: float) -> None:
-        """Put it on record; it is done, and the question answered, once that is there."""
+        """Record a request; when that is done, it is carried out and the requester answered."""
         refusal = self._rules.why_not_begin(requester, now_s) or self._why_not[kind](now_s)
         if refusal is not None:
             requester.answer(refusal)
@@ -228,19 +232,19 @@ class Tasks:
         self._asked[kind].append(RecordedTask(requester, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
-        """Deny tasks that are not recorded yet."""
+        """Refuse requests that are not recorded yet."""
         for kind, waiting in self._asked.items():
             denied, waiting[:] = list(waiting), []
             for asked in denied:
                 self._tell(kind, asked, refusal, now_s)
 
     def _tell(self, kind: str, asked: RecordedTask, refusal: Refusal | None, now_s: float) -> None:
-        """Answer, and put on record what came of it."""
+        """Answer the requester and record the result."""
         asked.requester.answer(refusal)
         self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
 
     def _granted(self, kind: str, now_s: float) -> bool:
-        """Answer what is on record now. Whether something was asked for that nothing forbids."""
+        """Answer recorded requests of this kind. Return whether one of them may be carried out."""
         granted = False
         for asked in pop_due(self._asked[kind]):
             refusal = asked.unrecorded or self._rules.why_not_begin(asked.requester, now_s)
@@ -250,13 +254,13 @@ class Tasks:
         return granted
 
     def _why_not_forget(self, now_s: float) -> Refusal | None:
-        """Keep the memory while base or arm move: their safety depends on it."""
+        """Return why the gate's memory is needed: the base or the arm moves through what it saw."""
         if self.motions.refuse(now_s):
-            text = "The robot performs a motion: what it saw is needed for that."
+            text = "The robot performs a motion, which needs the gate’s memory."
             return Refusal("motion_running", text, "robot")
         return self._rules.why_not_still(now_s)
 
-    # --- head -----------------------------------------------------------------------------------------
+    # --- head -------------------------------------------------------------------------------------
 
     def _why_no_look(self, now_s: float) -> Refusal | None:
         if self._head is None:
@@ -264,12 +268,12 @@ class Tasks:
         if refusal := self._rules.why_closed(now_s):
             return refusal
         if self.motions.refuse(now_s):
-            text = "The robot performs a motion: its head belongs to that."
+            text = "The robot performs a motion, which may move its head."
             return Refusal("motion_running", text, "robot")
         return None
 
     def _move_head(self, sent: Velocity, now_s: float) -> None:
-        """Where it was asked to look and that is on record now; else, by setting, into the turn."""
+        """Move the head: straight ahead after a recorded request; else, if configured, into the turn."""
         if self._head is None:
             return
         aim = None
@@ -292,7 +296,7 @@ class Tasks:
             return
 
         def checked(refusal: Refusal | None, now_s: float) -> None:
-            # Meanwhile control may have gone elsewhere, or the stop been pressed.
+            # Check again: control may be lost, or stop pressed meanwhile.
             refusal = refusal or self._rules.why_not_begin(requester, now_s)
             if refusal is None:
                 self.publications.begin(order, requester, now_s)
@@ -302,21 +306,24 @@ class Tasks:
         self._publisher.check(order, checked)
 
     def _why_not_publish(self, order: wire.Publish) -> Refusal | None:
-        """Refuse topics that are not on the allow-list."""
+        """Return a refusal if the allow-list does not have this topic and type."""
         wanted = ("publish", order.topic, order.type)
         if any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._config.allowed):
             return None
-        text = f"Nobody may publish {order.type} on {order.topic}: the allow-list does not have it."
+        text = f"The allow-list does not contain {order.topic} with type {order.type}."
         return Refusal("not_allowed", text, "robot", {"topic": order.topic, "type": order.type})
 
     def _twist(self, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
-        """A velocity goes through the gate, so there is one topic for it, and it must be asked for again and again."""
+        """Pass a velocity through the gate.
+
+        Only one topic takes velocities, and each velocity must be sent again in time.
+        """
         topic, type_name = self.routing.topic("drive"), self._config.topics.drive.type
         if (order.topic, order.type) != (topic, type_name):
-            text = f"Velocities go to {topic} as {type_name}, through the gate, and nowhere else."
+            text = f"Publish velocities on {topic} as {type_name} only: they pass the gate there."
             return Refusal("around_the_gate", text, "gate", {"topic": topic, "type": type_name})
         if order.rate_hz:
-            text = f"A velocity is valid for {COMMAND_LIFE_S} s: send each one, the console repeats none."
+            text = f"A velocity is valid for {COMMAND_LIFE_S} s: send it again yourself, without a rate."
             return Refusal("dead_man", text, "dead-man")
         velocity = twists.velocity_from(order.fields, order.type)
         if isinstance(velocity, Refusal):
@@ -326,9 +333,9 @@ class Tasks:
     # --- motions --------------------------------------------------------------------------------------
 
     def _play(self, order: wire.Play, requester: Requester, now_s: float) -> None:
-        """Put it on record and have its points read, as the robot has them now: side by side, for both take a while."""
+        """Record the motion and read its present points in parallel, because both take a while."""
         refusal = self.motions.refuse(now_s) or self._why_no_motion(requester, None, now_s)
-        # The last survey is seconds old: a listener may have joined since.
+        # The last survey is seconds old: a subscriber may have joined since.
         if refusal is not None and refusal.code != "no_listener":
             requester.answer(refusal)
             return
@@ -345,10 +352,10 @@ class Tasks:
     def _cancel_motion(self, why: str) -> Refusal | None:
         if self.motions.cancel("cancelled", why):
             return None
-        return Refusal("no_motion", "No motion that was started here runs.", "robot")
+        return Refusal("no_motion", "No motion of this console runs.", "robot")
 
     def _why_no_motion(self, requester: Requester, action: str | None, now_s: float) -> Refusal | None:
-        """The first rule that keeps the arm where it is; other motions and the arm's space apart."""
+        """Return the first rule that forbids a motion. Other motions and the arm's space are checked elsewhere."""
         return (
             self._rules.why_not_begin(requester, now_s)
             or self.routing.refuse("motions", action)
@@ -356,7 +363,7 @@ class Tasks:
         )
 
     def _watch_motion(self, now_s: float) -> None:
-        """Begin what is due, if nothing stands against it; cancel what must not go on."""
+        """Start the motion that is due, if no rule forbids it; cancel a motion that must not continue."""
         motions = self.motions
         if motions.due:
             if requester := motions.waiting:
@@ -384,10 +391,10 @@ class Tasks:
     def _cancel_speech(self, why: str) -> Refusal | None:
         if self.speech.cancel("cancelled", why):
             return None
-        return Refusal("no_speech", "Nothing that was asked for here is being said.", "robot")
+        return Refusal("no_speech", "The robot speaks no text of this console.", "robot")
 
     def _watch_speech(self, now_s: float) -> None:
-        """Say what is on record, if nothing has come in between."""
+        """Speak a recorded text, unless a rule now forbids it."""
         requester = self.speech.waiting
         if requester and (refusal := self._rules.why_not_begin(requester, now_s)):
             self.speech.cancel("cancelled", refusal.text)
@@ -396,5 +403,5 @@ class Tasks:
 
 
 def holder_of(grant: Grant) -> Holder:
-    """The person who is responsible under a grant."""
+    """Return the person who is responsible for tasks under this grant."""
     return Holder(grant.holder_id, grant.holder, grant.session, grant.fence)

@@ -1,4 +1,4 @@
-"""A robot's kinematic tree from its description (URDF), and the positions of its links.
+"""A robot's kinematic tree from its description (URDF): positions of its links for given joint positions.
 
 A joint's frame is its origin in the parent's frame, then moved along or about its axis (wiki.ros.org/urdf/XML/joint).
 Metres and radians.
@@ -18,11 +18,11 @@ LARGEST = 8_000_000  # characters
 MOST_JOINTS = 2_000
 
 Matrix = NDArray[np.float64]
-Position = float | Matrix  # of a joint: one, or one for each of several moments
+Position = float | Matrix  # of a joint: one value, or an array over moments
 
 
 class BadDescription(ValueError):
-    """A description that cannot be used, and why, in words."""
+    """A description that cannot be used; the text says why."""
 
 
 class _Joint(NamedTuple):
@@ -37,27 +37,27 @@ class Tree:
     """Links and the joints between them."""
 
     def __init__(self, text: str) -> None:
-        """BadDescription if `text` is no URDF."""
+        """Parse `text`. Raises BadDescription if it is not a URDF."""
         if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
-            raise BadDescription("the robot’s description is too large, or declares more than elements")
+            raise BadDescription("the robot’s description is too large or contains declarations")
         try:
             elements = ElementTree.fromstring(text).findall("joint")  # noqa: S314 - no declarations, see above
             if len(elements) > MOST_JOINTS:
                 raise BadDescription(f"the robot’s description has more than {MOST_JOINTS} joints")
             self._above = dict(map(_joint, elements))
         except (ElementTree.ParseError, KeyError, ValueError) as error:
-            raise BadDescription(f"the robot’s description makes no sense: {error}") from error
+            raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
 
     def moving(self, links: Sequence[str]) -> set[str]:
-        """The joints that move any of `links`. BadDescription if a link hangs on nothing."""
+        """Return the joints that move any of `links`. Raises BadDescription if a link has no parent."""
         return {joint.name for link in links for joint in self._chain(link) if joint.kind != "fixed"}
 
     def __contains__(self, link: object) -> bool:
-        """Whether this link hangs on another one."""
+        """Whether this link has a parent."""
         return link in self._above
 
     def moved_by(self, joints: Collection[str]) -> list[str]:
-        """The links that any of these joints moves; those of one branch in a row, the upper ones first."""
+        """Return the links that any of these joints moves, branch by branch, upper links first."""
         below: dict[str, list[str]] = {}
         for link, joint in self._above.items():
             below.setdefault(joint.parent, []).append(link)
@@ -74,21 +74,21 @@ class Tree:
         return moved
 
     def ends(self, links: Sequence[str]) -> list[bool]:
-        """Which of `links` have none of the others hanging on them."""
+        """Return for each link whether it carries none of the others."""
         carrying = {self._above[link].parent for link in links}
         return [link not in carrying for link in links]
 
     def places(self, links: Sequence[str], positions: Mapping[str, Position]) -> Matrix:
-        """Where the links' origins are in the frame of the root, (N, 3); with joints that move, (moments, N, 3).
+        """Return the origins of the links in the root frame, (N, 3); with arrays of joint positions (moments, N, 3).
 
-        KeyError names a joint without a position.
+        Raises KeyError with the name of a joint without a position.
         """
         frames: dict[str, Matrix] = {}
         origins = [self._frame(link, positions, frames)[..., :3, 3] for link in links]
         return np.stack(np.broadcast_arrays(*origins), axis=-2)
 
     def _frame(self, link: str, positions: Mapping[str, Position], frames: dict[str, Matrix]) -> Matrix:
-        """The link's frame; `frames` keeps those behind each joint, which its neighbours share."""
+        """Return the link's frame; `frames` caches the frame behind each joint, which neighbours share."""
         frame = np.eye(4)
         for joint in reversed(self._chain(link)):
             if joint.name not in frames:
@@ -98,20 +98,20 @@ class Tree:
         return frame
 
     def _chain(self, link: str) -> list[_Joint]:
-        """From a link up to the root."""
+        """Return the joints from a link up to the root."""
         chain: list[_Joint] = []
         while joint := self._above.get(link):
             chain.append(joint)
             link = joint.parent
             if len(chain) > len(self._above):
-                raise BadDescription("the robot’s description goes round in a circle")
+                raise BadDescription("the robot’s description contains a cycle")
         if not chain:
-            raise BadDescription(f"the robot’s description has no link {link!r} that hangs on another")
+            raise BadDescription(f"the robot’s description has no link {link!r} with a parent")
         return chain
 
 
 def _joint(element: Element) -> tuple[str, _Joint]:
-    """The child link, and the joint that it hangs on."""
+    """Return the child link and its joint."""
     found = {tag: element.find(tag) for tag in ("parent", "child", "origin", "axis")}
     parent, child = found["parent"], found["child"]
     if parent is None or child is None:
@@ -138,7 +138,7 @@ def _numbers(text: str) -> Matrix:
 
 
 def _rotation(roll: float, pitch: float, yaw: float) -> Matrix:
-    """About the fixed axes x, then y, then z."""
+    """Rotate about the fixed axes x, then y, then z."""
     return _about((0.0, 0.0, 1.0), yaw) @ _about((0.0, 1.0, 0.0), pitch) @ _about((1.0, 0.0, 0.0), roll)
 
 

@@ -1,7 +1,8 @@
-"""The bridge's client of its inspector. The process runs only while somebody needs it.
+"""The bridge's client of its inspector: a process that runs only while somebody watches, asks or publishes.
 
-Queries and subscriptions of all links go in; answers and samples come out and go to the links that asked
-(`robots.bridge.topics.inspector_messages`). The control loop passes bytes, decodes no ROS message and never waits.
+It passes queries and subscriptions of all links to the inspector, and hands answers and samples to the links that
+wanted them (`robots.bridge.topics.inspector_messages`). It handles bytes only: the control loop decodes no ROS message
+and waits for nothing.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ from robots.wire import MOST_SUBSCRIPTIONS, Refusal
 log = logging.getLogger(__name__)
 
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.inspector")
-LINGER_S = 60.0  # an inspector that nobody needs ends after this
-ANSWER_S = 2.0  # a question is answered within this, or refused
-START_S = 10.0  # the same, while the process still starts
-SILENCE_S = 1.0  # a publishing ends within this, or the process does
-MOST_ASKED = 32  # questions of one link under way
-MOST_UNSENT = 200  # requests, while there is no process
+LINGER_S = 60.0  # an unused inspector ends after this time
+ANSWER_S = 2.0  # a query is answered within this time, or refused
+START_S = 10.0  # the same while the process starts
+SILENCE_S = 1.0  # publishing stops within this time, or the process is killed
+MOST_ASKED = 32  # limit of pending queries per link
+MOST_UNSENT = 200  # limit of requests while there is no process
 
 
 _report = msgspec.json.Decoder(Report)
@@ -48,23 +49,23 @@ _report = msgspec.json.Decoder(Report)
 _SILENT = Refusal("inspector_silent", "The robot’s inspector did not answer in time: ask again.", "robot")
 _NOT_KNOWN = Refusal(
     "inspector_silent",
-    "The robot’s inspector did not answer in time: whether it was carried out is not known.",
+    "The robot’s inspector did not answer in time: it is unknown whether this was carried out.",
     "robot",
 )
 
 
 class InspectorViewer(Protocol):
-    """A viewer of topics: a `Link`."""
+    """A subscriber of samples: a `Link`."""
 
     def report(self, message: Struct) -> None:
         """Queue an answer."""
 
     def see(self, topic: str, seen: bytes) -> None:
-        """Make this the topic's next message; an older one not yet sent is dropped."""
+        """Make this the topic's next sample; it replaces an older one that is not sent yet."""
 
 
 class _Waiting:
-    """Something that the inspector was asked, and who wants to know."""
+    """A request to the inspector and its callback."""
 
     def __init__(
         self,
@@ -74,13 +75,13 @@ class _Waiting:
         silence: Refusal,
     ) -> None:
         self.viewer = viewer
-        self.answer = answer  # with a `Refusal`, or what the report holds
+        self.answer = answer  # called with a `Refusal`, or with the report's content
         self.timer = timer
-        self.silence = silence  # the answer if there is none
+        self.silence = silence  # the answer if none arrives
 
 
 class InspectorClient:
-    """The inspector of one robot. Lives on the event loop; `lost` is called when what was published ended by itself."""
+    """The inspector of one robot. Lives on the event loop. `lost` is called when publishing ended by itself."""
 
     def __init__(
         self,
@@ -93,26 +94,26 @@ class InspectorClient:
         self._lost = lost
         self._linger_s = linger_s
         self._looks: dict[InspectorViewer, Mapping[str, float]] = {}
-        self._talking: set[str] = set()  # topics that are published on at a rate
-        self._has_published = False  # since the last halt: it may still wait there
+        self._talking: set[str] = set()  # topics published at a rate
+        self._has_published = False  # since the last halt: messages may still wait in the inspector
         self._waiting: dict[int, _Waiting] = {}
         self._count = 0
-        self._unsent: dict[int, bytes] = {}  # by number, until the process is there
+        self._unsent: dict[int, bytes] = {}  # by number, until the process runs
         self._ready = False
         self._idle: asyncio.TimerHandle | None = None
 
     async def close(self) -> None:
-        """The bridge ends."""
+        """End the process: the bridge ends."""
         for waiting in self._waiting.values():
             waiting.timer.cancel()
         if self._idle is not None:
             self._idle.cancel()
         await self._helper.close()
 
-    # --- who looks -----------------------------------------------------------------------------------
+    # --- subscriptions and queries ----------------------------------------------------------------
 
     def ask(self, viewer: InspectorViewer, inspect: wire.LinkQuery) -> None:
-        """A question; its answer is reported to the viewer within `ANSWER_S`."""
+        """Send a query; its answer is reported to the viewer within `ANSWER_S`."""
 
         def answer(given: msgspec.Raw | Refusal) -> None:
             if isinstance(given, Refusal):
@@ -121,7 +122,7 @@ class InspectorClient:
             viewer.report(wire.LinkAnswer(inspect.seq, given))
 
         if sum(waiting.viewer is viewer for waiting in self._waiting.values()) >= MOST_ASKED:
-            text = f"More than {MOST_ASKED} questions at once: wait for the answers."
+            text = f"More than {MOST_ASKED} queries at once: wait for the answers."
             answer(Refusal("busy", text, "wire", {"limit": MOST_ASKED}))
             return
         acts = isinstance(inspect.ask, wire.SetParameter | wire.CallService)
@@ -130,7 +131,7 @@ class InspectorClient:
         self._ask(number, InspectorQuery(number, inspect.ask, time.monotonic() + within_s))
 
     def look_at(self, viewer: InspectorViewer, topics: Mapping[str, float]) -> None:
-        """Exactly these topics are looked at through this viewer now, each at so many messages a second."""
+        """Set this viewer's subscriptions to exactly these topics, each with its rate in messages a second."""
         before = self._wanted()
         self._looks[viewer] = topics
         self._look_anew(before)
@@ -138,7 +139,7 @@ class InspectorClient:
             viewer.see(topic, _not_shown(topic))
 
     def forget(self, viewer: InspectorViewer) -> None:
-        """The viewer is gone."""
+        """Forget a viewer that is gone."""
         before = self._wanted()
         self._looks.pop(viewer, None)
         for number in [number for number, waiting in self._waiting.items() if waiting.viewer is viewer]:
@@ -146,17 +147,20 @@ class InspectorClient:
             self._unsent.pop(number, None)
         self._look_anew(before)
 
-    # --- what is published (`robots.bridge.tasks.publishing.Publisher`) --------------------------------------
+    # --- publishing (`robots.bridge.tasks.publishing.Publisher`) ----------------------------------
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
-        """Whether the fields fit the definition; `then` is called once, with what does not, and the time."""
+        """Check the fields against the definition; call `then` once, with a refusal or None, and the time."""
         number = self._expect(None, lambda given: then(given, time.monotonic()), self._patience_s)
         self._ask(number, Check(number, order))
 
     def publish(self, order: wire.Publish) -> bool:
-        """Send it now, or from now on. False: there is no process that would; it is not sent later either."""
+        """Publish once, or at a rate from now on.
+
+        Return False if there is no process; then it is not sent later either.
+        """
         if not self._send(order):
-            log.warning("the inspector is gone: nothing is published on %s", order.topic)
+            log.warning("the inspector ended: no message is published on %s", order.topic)
             return False
         self._has_published = True
         if order.rate_hz:
@@ -164,18 +168,21 @@ class InspectorClient:
         return True
 
     def keep_alive(self) -> None:
-        """Allow repeated publications for another `LIFE_S`."""
+        """Allow publishing at a rate to continue for the inspector's `LIFE_S`."""
         if self._talking:
             self._send(KeepAlive())
 
     def publish_stop(self, topic: str) -> None:
-        """Send no more there. A process that does not say so in time is killed."""
+        """Stop publishing on this topic. The process is killed if it does not confirm in time."""
         if topic in self._talking:
             self._talking.discard(topic)
             self._silence(topic)
 
     def halt(self) -> None:
-        """Send nothing of what was given until now, also of what waits. The same for who does not say so in time."""
+        """Publish nothing that was given until now, waiting messages included.
+
+        Without confirmation the process is killed.
+        """
         if self._has_published:
             self._has_published = False
             self._talking.clear()
@@ -188,16 +195,16 @@ class InspectorClient:
 
     def _silent(self, given: Refusal | None) -> None:
         if given is not None:
-            self._helper.kill("it does not stop publishing")
+            self._helper.kill("it did not confirm that publishing stopped")
 
-    # --- the process (helper.Partner) -------------------------------------------------------------------
+    # --- the process (line_process.LineProcessOwner) ----------------------------------------------
 
     def needed(self) -> bool:
-        """While somebody looks or publishes, and for a while after a question."""
+        """Whether to keep the process: subscriptions, publishing, or a recent query."""
         return bool(self._wanted() or self._talking or self._waiting or self._idle)
 
     def began(self) -> None:
-        """It is told what is looked at, and asked what waits."""
+        """Send a new process the subscriptions and the waiting requests."""
         self._ready = False
         self._send(wire.LinkSubscribe(self._wanted()))
         if self._unsent:
@@ -205,10 +212,10 @@ class InspectorClient:
             self._unsent.clear()
 
     def hear(self, line: bytes) -> None:
-        """An answer, or a message."""
+        """Take an answer or a sample."""
         match _report.decode(line):
             case wire.LinkSample(topic=topic):
-                seen = line.rstrip()  # as it came: the link's report is the same
+                seen = line.rstrip()  # unchanged: the link's report has the same bytes
                 for viewer, topics in self._looks.items():
                     if topic in topics:
                         viewer.see(topic, seen)
@@ -220,7 +227,7 @@ class InspectorClient:
                 self._ready = True
 
     def ended(self) -> None:
-        """The inspector ended, and all publications with it. None restarts by itself."""
+        """Note that the process ended: its publications ended too, and none begins again by itself."""
         self._ready = self._has_published = False
         if self._talking:
             self._talking.clear()
@@ -230,7 +237,7 @@ class InspectorClient:
 
     @property
     def _patience_s(self) -> float:
-        """How long an answer may take."""
+        """Time limit of an answer."""
         return ANSWER_S if self._ready and self._helper.listens else START_S
 
     def _expect(
@@ -240,7 +247,7 @@ class InspectorClient:
         within_s: float,
         silence: Refusal = _SILENT,
     ) -> int:
-        """A number whose answer goes to `answer`: `silence`, if there is none in time."""
+        """Return a number whose answer goes to `answer`; without an answer in time, `silence` goes there."""
         self._need()
         self._count += 1
         timer = asyncio.get_running_loop().call_later(within_s, partial(self._give_up, self._count))
@@ -248,18 +255,18 @@ class InspectorClient:
         return self._count
 
     def _give_up(self, number: int) -> None:
-        """No answer came in time. A request that was not sent is dropped, and its asker is told so."""
+        """Answer a request that timed out. A request that was never sent was certainly not carried out."""
         unsent = self._unsent.pop(number, None)
         self._answer(number, self._waiting[number].silence if unsent is None else _SILENT)
 
     def _answer(self, number: int, given: Any) -> None:
         waiting = self._waiting.pop(number, None)
-        if waiting is not None:  # else too late
+        if waiting is not None:  # else the answer is too late
             waiting.timer.cancel()
             waiting.answer(given)
 
     def _wanted(self) -> dict[str, float]:
-        """The topics that anybody looks at, first come first served, with the highest rate."""
+        """Return the subscribed topics of all viewers, first come first served, each with its highest rate."""
         wanted: dict[str, float] = {}
         for topics in self._looks.values():
             for topic, rate_hz in topics.items():
@@ -271,21 +278,21 @@ class InspectorClient:
         wanted = self._wanted()
         if wanted != before:
             self._need()
-            self._send(wire.LinkSubscribe(wanted))  # one that is not there yet is told when it starts
+            self._send(wire.LinkSubscribe(wanted))  # a process that is not there yet gets them when it starts
 
     def _ask(self, number: int, request: InspectorQuery | Check) -> None:
-        """Send it now, or once there is a process."""
+        """Send the request now, or when a process runs."""
         if self._helper.listens:
             self._send(request)
         elif len(self._unsent) < MOST_UNSENT:
             self._unsent[number] = wire.encode(request)
 
     def _send(self, request: Request) -> bool:
-        """To the process that is there now; what concerns publishing is for no other. False: none hears it."""
+        """Send to the present process. Publishing must not reach a later process. Return False if none takes it."""
         return self._helper.send(wire.encode(request))
 
     def _need(self) -> None:
-        """Have a process, for another while."""
+        """Keep a process for another `linger_s`."""
         if self._idle is not None:
             self._idle.cancel()
         self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end_if_idle)
@@ -298,7 +305,7 @@ class InspectorClient:
 
 
 def _not_shown(topic: str) -> bytes:
-    text = f"{MOST_SUBSCRIPTIONS} topics of this robot are looked at already: close some, here or on other pages."
+    text = f"{MOST_SUBSCRIPTIONS} topics of this robot are open already: close some, here or on other pages."
     refusal = Refusal("too_many_looks", text, "robot", {"limit": MOST_SUBSCRIPTIONS})
     shown = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
     return wire.encode(wire.LinkSample(topic, msgspec.Raw(wire.encode(shown))))

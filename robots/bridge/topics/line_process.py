@@ -1,4 +1,4 @@
-"""A process that helps the bridge and speaks in lines: kept while it is needed, followed by another where it ends."""
+"""A child process that exchanges lines with the bridge: started while needed, restarted when it ends."""
 
 from __future__ import annotations
 
@@ -13,30 +13,33 @@ from typing import Protocol
 
 log = logging.getLogger(__name__)
 
-RESTART_S = (1.0, 10.0)  # the pause before another process, doubled while none lives for as long
-END_S = 2.0  # after its stdin was closed
+RESTART_S = (
+    1.0,
+    10.0,
+)  # pause before a restart; doubled while no process lives longer than the second number
+END_S = 2.0  # time limit after its stdin was closed
 LARGEST_LINE = 4 * 1024 * 1024  # bytes
 LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
 
 
 class LineProcessOwner(Protocol):
-    """The owner of a line process."""
+    """The user of a line process."""
 
     def needed(self) -> bool:
-        """Whether there must be one."""
+        """Whether a process must run."""
 
     def began(self) -> None:
-        """One is there, and can be told what it must know."""
+        """Send a new process its initial messages."""
 
     def hear(self, line: bytes) -> None:
-        """Handle one line. A ValueError ends the process."""
+        """Take a line from it. A ValueError ends the process."""
 
     def ended(self) -> None:
-        """It has ended, and with it whatever it was told."""
+        """Note that the process ended and has forgotten everything."""
 
 
 class LineProcess:
-    """Lives on the event loop. Each process is told `first_line` first."""
+    """Keeps the process; lives on the event loop. Each new process gets `first_line` first."""
 
     def __init__(self, command: Sequence[str], first_line: bytes, partner: LineProcessOwner) -> None:
         self._command = command
@@ -44,37 +47,37 @@ class LineProcess:
         self._partner = partner
         self._process: Process | None = None
         self._stdin: asyncio.StreamWriter | None = None
-        self._let_go = False  # the process was told to end
+        self._let_go = False  # the process was asked to end
         self._running: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
 
     @property
     def lives(self) -> bool:
-        """Whether there is a process, which may have been told to end."""
+        """Whether a process exists, which may be ending."""
         return self._process is not None
 
     @property
     def listens(self) -> bool:
-        """Whether there is one that can be told something."""
+        """Whether a process exists that takes lines."""
         return self._stdin is not None
 
     def need(self) -> None:
-        """Have a process; returns at once."""
+        """Make sure that a process runs; returns at once."""
         if self._running is None and not self._closing.is_set():
             self._running = asyncio.get_running_loop().create_task(self._run())
 
     def send(self, line: bytes) -> bool:
-        """To the process that is there now. False: none hears it."""
+        """Send to the present process. Return False if none takes it."""
         if self._stdin is None or self._stdin.is_closing():
             return False
         if self._stdin.transport.get_write_buffer_size() > LARGEST_BACKLOG:
-            self.kill("it does not read")
+            self.kill("it does not read its input")
             return False
         self._stdin.write(line + b"\n")
         return True
 
     def let_go(self) -> None:
-        """Close stdin, so that the process ends; kill it after a while. A new need starts a new process."""
+        """Close its stdin, so that it ends; kill it after a while. A later `need` starts a new process."""
         self._let_go = True
         if self._stdin is not None:
             self._stdin.close()
@@ -83,13 +86,13 @@ class LineProcess:
             asyncio.get_running_loop().call_later(END_S, partial(_kill, self._process))
 
     def kill(self, why: str) -> None:
-        """At once. Another follows."""
+        """Kill the process at once. A new one follows."""
         log.error("%s is killed: %s", self._command[-1], why)
         if self._process is not None:
             _kill(self._process)
 
     async def close(self) -> None:
-        """The bridge ends."""
+        """End the process: the bridge ends."""
         self._closing.set()
         self.let_go()
         if self._running is not None:
@@ -99,14 +102,14 @@ class LineProcess:
         return self._partner.needed() and not self._closing.is_set()
 
     async def _run(self) -> None:
-        """One process after the other, for as long as one is needed."""
+        """Run one process after the other while one is needed."""
         pause_s, longest_s = RESTART_S
         try:
             while self._needed():
                 began_s = time.monotonic()
                 try:
                     await self._one()
-                except (OSError, ValueError):  # it cannot be started, or does not speak as it should
+                except (OSError, ValueError):  # it cannot start, or sent an invalid line
                     log.exception("%s broke", self._command[-1])
                 lived_s = time.monotonic() - began_s
                 pause_s = RESTART_S[0] if lived_s > longest_s else min(2 * pause_s, longest_s)
@@ -117,7 +120,7 @@ class LineProcess:
             self._running = None
 
     async def _one(self) -> None:
-        """A process from its beginning to its end."""
+        """Run one process from begin to end."""
         process = await asyncio.create_subprocess_exec(
             *self._command, stdin=PIPE, stdout=PIPE, limit=LARGEST_LINE
         )
@@ -125,7 +128,7 @@ class LineProcess:
         self._process, self._stdin, self._let_go = process, process.stdin, False
         try:
             self.send(self._first_line)
-            if self._closing.is_set():  # while this was being started, so that `close` found nothing to end
+            if self._closing.is_set():  # `close` was called during the start and found no process to end
                 self.let_go()
             else:
                 self._partner.began()
@@ -135,13 +138,13 @@ class LineProcess:
             self._process = self._stdin = None
             process.stdin.close()
             await _ended(process)
-            with suppress(OSError):  # at what it read no more
+            with suppress(OSError):  # unread input is lost
                 await process.stdin.wait_closed()
             self._partner.ended()
 
 
 async def _ended(process: Process) -> None:
-    """It has closed its stdout: it ends, or is made to."""
+    """Wait for a process that has closed its stdout; kill it after the time limit."""
     try:
         await asyncio.wait_for(process.wait(), END_S)
     except asyncio.TimeoutError:

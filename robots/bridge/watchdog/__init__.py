@@ -1,4 +1,4 @@
-"""The watchdog: a small process for each bridge. It hears stops, and repeats zeros while the bridge cannot.
+"""The watchdog: a small process next to each bridge. It takes stops and repeats zeros when the bridge cannot.
 
-It subscribes to nothing on the robot, so that no sensor can block it. The bridge sends it a heartbeat with each tick.
+It subscribes to no topic of the robot, so that no sensor can delay it. The bridge sends it a heartbeat with each tick.
 """

@@ -1,4 +1,4 @@
-"""The bridge's end of the watchdog's socket: beats out, stops in. Lives on the event loop; nothing here waits."""
+"""The bridge's end of the watchdog's socket: heartbeats out, stops in. Lives on the event loop; never blocks."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from robots.bridge.watchdog.socket import LARGEST
 
 log = logging.getLogger(__name__)
 
-MISSING_S = 5.0  # one that ended is back within about a second
+MISSING_S = 5.0  # s: a watchdog that ended is back within about one second
 
 _decoder = msgspec.json.Decoder(StopPress)
 
 
 class WatchdogClient:
-    """Connects whenever a watchdog is there. `on_press` is told each stop that the watchdog heard, once."""
+    """Connects whenever a watchdog runs. `on_press` is called once for each stop that the watchdog heard."""
 
     def __init__(self, path: str, on_press: Callable[[StopPress], None]) -> None:
         self._path = path
         self._on_press = on_press
         self._socket: socket.socket | None = None
-        self._told = 0  # number of the newest press that was handed on
-        self._heard = 0  # and of the one that was written to the state file last
-        self._missed = False  # that no watchdog is there was said
-        self._taken_s = float("-inf")  # when a beat was taken last
-        self._since_s = float("inf")  # of the first one that was sent
+        self._told = 0  # number of the newest press handed on
+        self._heard = 0  # number of the last press written to the state file
+        self._missed = False  # the missing watchdog was logged
+        self._taken_s = float("-inf")  # time of the last accepted heartbeat
+        self._since_s = float("inf")  # time of the first heartbeat sent
 
     @property
     def connected(self) -> bool:
-        """Whether a watchdog is there."""
+        """Whether a watchdog is connected."""
         return self._socket is not None
 
     def missing(self, now_s: float) -> bool:
-        """Whether no watchdog took a beat for `MISSING_S`: none is there, or it is frozen."""
+        """Whether no watchdog took a heartbeat for `MISSING_S`: none runs, or it is frozen."""
         return now_s - max(self._taken_s, self._since_s) > MISSING_S
 
     def beat(self, beat: Heartbeat, now_s: float) -> None:
-        """Say what the bridge does now."""
+        """Send the bridge's present state."""
         self._since_s = min(self._since_s, now_s)
         if self._socket is None:
             self._connect()
@@ -53,17 +53,17 @@ class WatchdogClient:
         try:
             self._socket.send(wire.encode(structs.replace(beat, heard=self._heard)), socket.MSG_NOSIGNAL)
             self._taken_s = now_s
-        except BlockingIOError:  # it is frozen
+        except BlockingIOError:  # the watchdog is frozen
             pass
         except OSError:
             self._lost()
 
     def heard(self, number: int) -> None:
-        """The stop of this number is latched here and written."""
+        """Note that the stop of this number is latched here and written to disk."""
         self._heard = number
 
     def close(self) -> None:
-        """The bridge ends."""
+        """Close the connection: the bridge ends."""
         if self._socket is not None:
             asyncio.get_running_loop().remove_reader(self._socket)
             self._socket.close()
@@ -78,9 +78,9 @@ class WatchdogClient:
             connection.close()
             if not self._missed:
                 self._missed = True
-                log.warning("no watchdog is there (%s): a stop depends on this process alone", error.strerror)
+                log.warning("no watchdog runs (%s): a stop depends on this process alone", error.strerror)
             return
-        log.info("a watchdog is there")
+        log.info("connected to the watchdog")
         self._missed = False
         self._socket = connection
         asyncio.get_running_loop().add_reader(connection, self._read)
@@ -100,15 +100,17 @@ class WatchdogClient:
         try:
             press = _decoder.decode(message)
         except msgspec.DecodeError:
-            log.exception("the watchdog was not understood")
+            log.exception("a message of the watchdog could not be handled")
             return
         if (
             press.number != self._told
-        ):  # no order: the clock may have been set back since the last watchdog began
+        ):  # compare for equality only: the clock may have been set back since the last watchdog began
             self._on_press(press)
-            self._told = press.number  # one that broke is told again with the next beat
+            self._told = (
+                press.number
+            )  # only after success: a failed press is sent again with the next heartbeat
 
     def _lost(self) -> None:
         self.close()
         self._missed = True
-        log.warning("the watchdog is gone: a stop depends on this process alone until it is back")
+        log.warning("the watchdog ended: a stop depends on this process alone until it is back")

@@ -1,4 +1,4 @@
-"""Configuration of a watchdog: a small part of the bridge's."""
+"""Configuration of a watchdog: a small part of the bridge's configuration."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from robots.bridge.probe_findings import watchdog_name
 
 
 class WatchdogConfig(Struct, frozen=True):
-    """Everything one watchdog needs."""
+    """The whole configuration of one watchdog."""
 
     robot_id: UUID
     slug: str
     master_uri: str
-    node: str  # its name on the robot's master
+    node: str  # its node name at the robot's master
     drive: Topic
-    actions: tuple[str, ...]  # their goals are cancelled while a stop is latched
-    lane: str  # path of the socket on which it hears
+    actions: tuple[str, ...]  # names of actions whose goals are cancelled while a stop is latched
+    lane: str  # path of its socket
     state_dir: str
 
     def digest(self) -> str:
-        """Differs when anything the watchdog was told differs."""
+        """Return a hash of the configuration: it differs when any setting differs."""
         return hashlib.sha256(msgspec.json.encode(self)).hexdigest()
 
 
 def lane_path(config: BridgeConfig) -> str:
-    """Where the robot's watchdog listens: beside the bridge's socket, or in the state directory if it has none."""
+    """Return the path of the watchdog's socket: next to the bridge's socket, or in the state directory."""
     if config.link.unix_path:
         return str(Path(config.link.unix_path).with_suffix(".stop"))
     return str(Path(config.state_dir) / f"{UUID(config.robot_id).hex[:12]}.stop")
 
 
 def watchdog_config(config: BridgeConfig) -> WatchdogConfig:
-    """The watchdog's part of a bridge's config."""
+    """Return the watchdog's part of a bridge's configuration."""
     topics = config.topics
     actions = {*topics.cancel_on_stop}
     actions |= {

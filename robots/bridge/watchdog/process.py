@@ -1,4 +1,4 @@
-"""The watchdog process: wires the rules to the socket, to ROS and to the clock."""
+"""The watchdog process: wires the rules to socket, ROS and clock."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
 log = logging.getLogger(__name__)
 
-PERIOD_S = 0.05  # of zeros
-IDLE_S = 1.0  # without a bridge and without a stop nothing is due
-LAST_S = 2.0  # from the end of the life line: the bridge's own end is awaited so long
+PERIOD_S = 0.05  # s between zeros
+IDLE_S = 1.0  # s: without a bridge and without a stop there is no work
+LAST_S = 2.0  # s after the life line closed: time for the bridge's own end
 END_S = 3.0
-MOST_BYTES = 512 * 1024 * 1024  # it needs a fifth of that
+MOST_BYTES = 512 * 1024 * 1024  # it needs a fifth of it
 
 _OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire")
 _decoder: msgspec.json.Decoder[LinkStop | Heartbeat] = msgspec.json.Decoder(LinkStop | Heartbeat)
 
 
 class RobotOutput(Protocol):
-    """The commands that the watchdog may send to the robot."""
+    """The watchdog's actions on the robot."""
 
     def zero(self) -> int:
-        """Publish a zero velocity wherever the robot is driven; returns how many nodes it was written to."""
+        """Publish a zero velocity on all drive topics; return the number of nodes that got it."""
 
     def cancel(self) -> None:
-        """Cancel everybody's goals."""
+        """Cancel the goals of all nodes."""
 
     def drive_to(self, topic: str) -> None:
-        """The robot is driven on this topic now, beside the default. Returns at once."""
+        """Use this drive topic, too, next to the default. Returns at once."""
 
 
 class Watchdog:
@@ -68,7 +68,7 @@ class Watchdog:
         self._zero_s = self._cancelled_s = float("-inf")
 
     def run(self) -> None:
-        """Until the life line closes; then the bridge, which lets go of the robot, is seen out."""
+        """Run until the life line closes; then wait for the end of the bridge, which stops the robot."""
         end_s = float("inf")
         while time.monotonic() < end_s and not (self._lane.ended and self._bridge is None):
             now_s = time.monotonic()
@@ -77,7 +77,7 @@ class Watchdog:
                 end_s = min(end_s, time.monotonic() + LAST_S)
 
     def step(self, heard: list[ReceivedMessage], now_s: float) -> None:
-        """Everything that came is judged before silence is: what waits in a queue was said."""
+        """Handle messages, then act. Queued messages come first: a queued heartbeat is not silence."""
         for connection, message in heard:
             self._hear(connection, message, now_s)
         self._act(now_s)
@@ -106,15 +106,15 @@ class Watchdog:
             self._bridge = None
             self._rules.bridge_gone(
                 now_s
-            )  # what it had latched is in its state file: it is not kept here as well
-            log.warning("the bridge is gone%s", ": the robot stays stopped" if self._rules.latched else "")
+            )  # its latched stop is in its state file and is not kept here as well
+            log.warning("the bridge ended%s", ": the robot stays stopped" if self._rules.latched else "")
 
     def _stop(self, connection: socket.socket, stop: LinkStop, now_s: float) -> None:
         if stop.robot is not None and stop.robot != self._config.robot_id:
             self._lane.send(connection, wire.encode(Refused("link_stop", _OTHER, stop.seq)))
             return
         press = self._rules.press(stop.by, stop.reason, stop.press, None if stop.waited else now_s)
-        self._zero_s = self._cancelled_s = float("-inf")  # both are due
+        self._zero_s = self._cancelled_s = float("-inf")  # send both at once
         self._unanswered.append((connection, stop))
         if self._bridge is not None:
             self._lane.send(self._bridge, wire.encode(press))
@@ -123,7 +123,7 @@ class Watchdog:
 
     def _beat(self, connection: socket.socket, beat: Heartbeat, now_s: float) -> None:
         if connection is not self._bridge:
-            log.info("a bridge is there")
+            log.info("a bridge connected")
             self._bridge = connection
             self._rules.bridge_came(now_s)
         news = self._rules.beat(beat, now_s)
@@ -135,9 +135,9 @@ class Watchdog:
             self._robot.drive_to(beat.drive)
 
     def _act(self, now_s: float) -> None:
-        """Zeros, cancels, and an answer to each stop that has reached the robot."""
+        """Send zeros and cancels when due; answer each stop that has reached the robot."""
         if self._rules.zeros(now_s) and now_s - self._zero_s >= PERIOD_S:
-            self._zero_s = max(self._zero_s + PERIOD_S, now_s - PERIOD_S)  # at the pace, without catching up
+            self._zero_s = max(self._zero_s + PERIOD_S, now_s - PERIOD_S)  # keep the pace without catching up
             if self._robot.zero():
                 self._answer()
         if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
@@ -152,23 +152,23 @@ class Watchdog:
 
 
 def _understood(message: bytes) -> LinkStop | Heartbeat | None:
-    """None: it is neither. A stop is never refused for its form."""
+    """Decode a message; None: unknown. Never refuse a stop for its form."""
     try:
         return _decoder.decode(message)
     except msgspec.DecodeError as error:
         kind, seq = wire.heading(message)
         if kind == "link_stop":
             return LinkStop("somebody", "the message was damaged", seq or 0)
-        log.warning("a message on the stop socket was not understood: %s", error)
+        log.warning("a message on the stop socket could not be decoded: %s", error)
         return None
 
 
 def run(config: WatchdogConfig) -> int:
-    """Be the watchdog of one robot; returns the exit code."""
+    """Run the watchdog of one robot; return the exit code."""
     logging.basicConfig(format=f"watchdog of {config.slug}: %(message)s")
     logging.getLogger("robots").setLevel(logging.INFO)
     limit_memory(MOST_BYTES)
-    sys.setswitchinterval(0.001)  # zeros wait less for rospy's threads
+    sys.setswitchinterval(0.001)  # s: zeros wait less for rospy's threads
     kept = StopFile(config.state_dir, config.robot_id)
     rules = StopRules(time.time_ns() // 1_000_000, kept.load(), kept.before())
     kept.start()

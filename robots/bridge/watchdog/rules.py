@@ -1,8 +1,8 @@
-"""The watchdog's decisions: presses and heartbeats in, "publish zeros? cancel goals?" out. Pure; time is an argument.
+"""Decide from presses and heartbeats: publish zeros? cancel goals? Pure: time is an argument.
 
-The watchdog owns a stop until a bridge has taken it. From then on it follows the latch in the bridge's heartbeats, so
-that a clear needs no watchdog. When the bridge dies with a latched stop, the watchdog owns the stop again and reports
-it to the next bridge.
+The watchdog owns a stop until a bridge has taken it. From then on the latch follows the bridge's heartbeats, so that
+clearing works as without a watchdog. When a bridge dies with its stop latched, the watchdog owns the stop again and
+sends it to the next bridge.
 """
 
 from __future__ import annotations
@@ -11,35 +11,35 @@ from uuid import UUID
 
 from msgspec import Struct, structs
 
-SILENT_S = 0.15  # three beats of the bridge: it is dead, frozen, or its loop is held up
-QUIET_AFTER_S = 1.0  # zeros are repeated this long for a robot that was driven and is not stopped
+SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
+QUIET_AFTER_S = 1.0  # s: zeros are repeated this long for a robot that was driven and is not stopped
 
 
 class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
-    """Bridge to watchdog, with each tick: what the bridge does now."""
+    """Bridge to watchdog, with each tick: the bridge's present state."""
 
-    publishing: bool = False  # twists reach the robot: for control, a stop, or the moment after
-    latched: bool = False  # its stop, `by` whom and for what `reason`
+    publishing: bool = False  # twists reach the robot: during control, a stop, or shortly after
+    latched: bool = False  # the bridge's stop is latched; `by` and `reason` belong to it
     by: str = ""
     reason: str = ""
-    heard: int = 0  # number of the `StopPress` that was latched there and written to its state file last
-    drive: str = ""  # the topic in use
+    heard: int = 0  # number of the last `StopPress` that the bridge latched and wrote to its state file
+    drive: str = ""  # the present drive topic
 
 
 class StopPress(Struct, frozen=True, tag_field="t", tag="press"):
-    """Watchdog to bridge: a stop that the watchdog heard. No two have one number, also not of two watchdogs."""
+    """Watchdog to bridge: a stop that the watchdog heard. Numbers are unique, also across restarts of the watchdog."""
 
     number: int
     by: str
     reason: str = ""
     press: UUID | None = None  # as in `wire.LinkStop`
-    at_s: float | None = None  # of this computer's monotonic clock: when it was heard
+    at_s: float | None = None  # when it was heard, this computer's monotonic clock
 
 
 class StopRules:
     """One robot's latch. Presses are numbered from `first` on.
 
-    `kept` is a stop that no bridge has taken yet, `before` what the last bridge did as far as its state file tells.
+    `kept`: a stop that no bridge has taken yet. `before`: the last bridge's state, from its state file.
     """
 
     def __init__(self, first: int, kept: StopPress | None = None, before: Heartbeat | None = None) -> None:
@@ -61,22 +61,22 @@ class StopRules:
 
     @property
     def drive(self) -> str:
-        """The drive topic that the bridge used last; empty: none was told."""
+        """The bridge's last drive topic; empty: unknown."""
         return self._beat.drive
 
     def press(self, by: str, reason: str, press: UUID | None = None, at_s: float | None = None) -> StopPress:
-        """Somebody stops the robot. Returns what the bridge must be told."""
+        """Take a stop. Return the message for the bridge."""
         self._number += 1
         self._own = StopPress(self._number, by, reason, press, at_s)
         return self._own
 
     def bridge_came(self, now_s: float) -> None:
-        """A bridge connected; its first beat follows."""
+        """Note that a bridge connected; its first heartbeat follows."""
         self._bridge_lives = True
         self._beat_s = now_s
 
     def bridge_gone(self, now_s: float) -> None:
-        """The bridge ended, whatever it had latched stays latched here."""
+        """Note that the bridge ended. Its latched stop stays latched here."""
         self._bridge_lives = False
         self._beat_s = min(self._beat_s, now_s - SILENT_S)
         if self._beat.latched and self._own is None:
@@ -84,18 +84,18 @@ class StopRules:
         self._beat = structs.replace(self._beat, latched=False)
 
     def beat(self, beat: Heartbeat, now_s: float) -> StopPress | None:
-        """The bridge lives. Returns a stop that it must still be told."""
+        """Take a heartbeat. Return a stop that the bridge has not taken yet."""
         self._beat, self._beat_s = beat, now_s
         if self._own is not None and beat.heard == self._own.number:
             self._own = None
         return self._own
 
     def zeros(self, now_s: float) -> bool:
-        """Whether to publish zeros: while a stop is latched, and for a moment after a driving bridge fell silent."""
+        """Whether to publish zeros: while a stop is latched, and shortly after a driving bridge fell silent."""
         silent_s = now_s - self._beat_s - SILENT_S
         return self.latched or (self._beat.publishing and 0.0 <= silent_s < QUIET_AFTER_S)
 
     def cancel(self, now_s: float) -> bool:
-        """Whether goals must be cancelled from here, since no bridge that reaches the robot does it."""
+        """Whether to cancel goals from here: no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
         return self.latched and (self._own is not None or not works)

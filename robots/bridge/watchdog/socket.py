@@ -1,4 +1,4 @@
-"""The watchdog's socket: one datagram is one message, on connections that tell when their other end is gone."""
+"""The watchdog's socket: one datagram is one message; connections show when their other end closes."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 LARGEST = 16 * 1024  # bytes of a message
-MOST = 100  # connections; beyond it the one that came first is closed
+MOST = 100  # limit of connections; beyond it the oldest is closed
 BACKLOG = 32
 
 
 class ReceivedMessage(NamedTuple):
-    """A message; None: the other end is gone."""
+    """A message; None: the other end closed."""
 
     connection: socket.socket
     message: bytes | None
 
 
 class WatchdogSocket:
-    """Server of a SEQPACKET Unix socket that only its owner can open. Nothing here blocks, apart from `wait`."""
+    """Server of a SEQPACKET Unix socket that only its owner can open. Only `wait` blocks."""
 
     def __init__(self, path: str, life_line: int | None = None) -> None:
         Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -37,7 +37,7 @@ class WatchdogSocket:
         self._file = _file_at(path)
         self._listener.listen(BACKLOG)
         self._listener.setblocking(False)
-        self._connections: dict[socket.socket, None] = {}  # in order of their coming
+        self._connections: dict[socket.socket, None] = {}  # in order of arrival
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._life_line = life_line
@@ -47,7 +47,7 @@ class WatchdogSocket:
             self._selector.register(life_line, selectors.EVENT_READ)
 
     def wait(self, timeout_s: float) -> list[ReceivedMessage]:
-        """Everything that came meanwhile; waits for it at most so long."""
+        """Return everything that arrived; wait at most `timeout_s` for it."""
         heard: list[ReceivedMessage] = []
         for key, _ in self._selector.select(max(timeout_s, 0.0)):
             if key.fileobj is self._listener:
@@ -59,7 +59,7 @@ class WatchdogSocket:
         return heard
 
     def send(self, connection: socket.socket, message: bytes) -> None:
-        """Send it; who does not read misses it."""
+        """Send without blocking; a receiver that does not read misses it."""
         with contextlib.suppress(OSError):
             connection.send(message, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
 
@@ -71,20 +71,20 @@ class WatchdogSocket:
             connection.close()
 
     def close(self) -> None:
-        """Close everything, and remove the socket file, unless it is another watchdog's by now."""
+        """Close everything; remove the socket file, unless a newer watchdog has replaced it."""
         for connection in list(self._connections):
             self.drop(connection)
         self._selector.close()
         if (
             _file_at(self._path) == self._file
-        ):  # before the listener closes: until then no other file has this number
+        ):  # check before the listener closes: until then no other file can have this inode
             Path(self._path).unlink(missing_ok=True)
         self._listener.close()
 
     def _accept(self) -> None:
         try:
             connection, _ = self._listener.accept()
-        except OSError:  # who called has gone again
+        except OSError:  # the client has closed already
             return
         connection.setblocking(False)
         if len(self._connections) >= MOST:
@@ -93,7 +93,7 @@ class WatchdogSocket:
         self._selector.register(connection, selectors.EVENT_READ)
 
     def _read(self, connection: socket.socket) -> list[ReceivedMessage]:
-        """All that waits there: a beat that is queued up is no silence."""
+        """Read all waiting messages: a queued heartbeat is not silence."""
         heard: list[ReceivedMessage] = []
         while connection in self._connections:
             try:
@@ -116,7 +116,7 @@ class WatchdogSocket:
 
 
 def _file_at(path: str) -> tuple[int, int] | None:
-    """Which file is there; None: there is none."""
+    """Return device and inode of the file; None if it does not exist."""
     try:
         found = Path(path).stat()
     except FileNotFoundError:

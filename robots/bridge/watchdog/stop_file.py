@@ -1,4 +1,4 @@
-"""The file in which a stop survives its watchdog, until a bridge has latched it."""
+"""A file that keeps a stop across a restart of the watchdog, until a bridge has latched it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 
 class StopFile:
-    """Written on a thread of its own: no disk that hangs holds up zeros."""
+    """Writes on its own thread, so that a hanging disk cannot delay zeros."""
 
     def __init__(self, state_dir: str, robot_id: UUID) -> None:
         self._path = Path(state_dir) / f"{robot_id.hex[:12]}.pressed"
@@ -26,7 +26,7 @@ class StopFile:
         self._news = threading.Event()
 
     def load(self) -> StopPress | None:
-        """The stop that the last watchdog left to a bridge, if any. A file that makes no sense is a stop as well."""
+        """Return the stop that the last watchdog left, if any. A damaged file counts as a stop."""
         try:
             self._newest = msgspec.json.decode(self._path.read_bytes(), type=StopPress)
         except FileNotFoundError:
@@ -37,16 +37,16 @@ class StopFile:
         return self._newest
 
     def before(self) -> Heartbeat:
-        """Read the bridge's state file: a stop that is already there needs no second report."""
+        """Return the bridge's state from its state file. A stop written there needs no second report."""
         left = self._bridge.load(0)
         return Heartbeat(latched=left.latched, by=left.by, reason=left.reason)
 
     def start(self) -> None:
-        """Begin to write."""
+        """Start the writing thread."""
         threading.Thread(target=self._write, name="kept", daemon=True).start()
 
     def keep(self, press: StopPress | None) -> None:
-        """Write this stop, or that there is none. Returns at once."""
+        """Write this stop, or None for no stop. Returns at once."""
         if press != self._newest:
             self._newest = press
             self._news.set()
@@ -59,7 +59,7 @@ class StopFile:
             try:
                 self._write_one(newest)
             except OSError as error:
-                log.error("a stop was not written: %s", error)
+                log.error("writing a stop failed: %s", error)
 
     def _write_one(self, press: StopPress | None) -> None:
         if press is None:
